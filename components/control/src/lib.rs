@@ -1,0 +1,1 @@
+//! Optimisation-based control for motorium: tasks, limits, differential inverse kinematics

@@ -1,0 +1,1 @@
+//! Interfaces between motorium graphs and people

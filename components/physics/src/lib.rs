@@ -1,0 +1,1 @@
+//! Physics for motorium: simulated robots and worlds

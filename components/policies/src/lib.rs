@@ -1,0 +1,1 @@
+//! Policies for motorium: movement primitives

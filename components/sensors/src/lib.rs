@@ -1,0 +1,1 @@
+//! Sensor models for motorium: noise, resolution, latency

@@ -1,0 +1,1 @@
+//! Robot models for motorium: URDF, kinematics and dynamics, without any runtime

@@ -1,0 +1,1 @@
+//! The motorium runtime: components as real-time processes that share state

@@ -1,0 +1,2 @@
+//! The `motorium` command.
+fn main() {}
