@@ -1,1 +1,10 @@
-//! The motorium runtime: components as real-time processes that share state
+//! The motorium runtime: a graph of components, each its own real-time process, sharing state buffers in memory.
+//!
+//! Start reading at [`component`]: it holds the trait a user implements. [`graph`] turns a graph file into a
+//! checked [`plan`], [`launcher`] turns a plan into running processes, and [`worker`] is the loop inside each of
+//! them. [`state`] are the types they exchange, [`transport`] the shared memory they exchange them through.
+
+pub mod component;
+pub mod graph;
+pub mod plan;
+pub mod state;

@@ -1,0 +1,286 @@
+//! What a component says of itself before it runs: ports, parameters, what it needs.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::state::{StateBuffer, TypeLayout};
+
+/// Whether a port reads or writes its topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// Reads.
+    Input,
+    /// Writes.
+    Output,
+}
+
+/// How a topic carries its samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TopicPattern {
+    /// The newest value, read in place; older ones are gone.
+    State,
+    /// A queue of this many samples per reader; what does not fit is dropped, oldest first, and counted.
+    Stream {
+        /// Samples a reader may lag behind before it loses the oldest.
+        capacity: usize,
+    },
+}
+
+/// A declared port.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PortDeclaration {
+    /// Name of the port in the component's `subscribe` or `publish` table.
+    pub name: String,
+    /// Reads or writes.
+    pub direction: Direction,
+    /// State or stream.
+    pub pattern: TopicPattern,
+    /// The type it carries.
+    pub layout: TypeLayout,
+    /// Whether the graph must wire it.
+    pub required: bool,
+    /// One line of explanation.
+    pub doc: String,
+}
+
+/// The type of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterKind {
+    /// A 64-bit float.
+    Float,
+    /// A 64-bit signed integer.
+    Integer,
+    /// True or false.
+    Boolean,
+}
+
+/// The value of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(untagged)]
+pub enum ParameterValue {
+    /// True or false.
+    Boolean(bool),
+    /// A 64-bit signed integer.
+    Integer(i64),
+    /// A 64-bit float.
+    Float(f64),
+}
+
+impl ParameterValue {
+    /// The kind of this value.
+    pub fn kind(&self) -> ParameterKind {
+        match self {
+            Self::Boolean(_) => ParameterKind::Boolean,
+            Self::Integer(_) => ParameterKind::Integer,
+            Self::Float(_) => ParameterKind::Float,
+        }
+    }
+}
+
+impl core::fmt::Display for ParameterValue {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Boolean(value) => write!(f, "{value}"),
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Float(value) => write!(f, "{value}"),
+        }
+    }
+}
+
+/// A declared parameter: a value that may change while the component runs, applied between two steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ParameterDeclaration {
+    /// Name of the parameter, unique in its component.
+    pub name: String,
+    /// Value unless the graph file sets another.
+    pub default: ParameterValue,
+    /// Smallest value allowed.
+    pub min: Option<f64>,
+    /// Largest value allowed.
+    pub max: Option<f64>,
+    /// Unit, or empty.
+    pub unit: String,
+    /// One line of explanation.
+    pub doc: String,
+}
+
+impl ParameterDeclaration {
+    /// Checks a value against type and range; an integer is taken where a float is wanted.
+    ///
+    /// # Errors
+    /// Says what was found and what was expected.
+    pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
+        let value = match (self.default.kind(), value) {
+            (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
+            (_, value) => value,
+        };
+        if value.kind() != self.default.kind() {
+            return Err(format!(
+                "parameter `{}` is {value}, expected {}",
+                self.name,
+                match self.default.kind() {
+                    ParameterKind::Float => "a number",
+                    ParameterKind::Integer => "a whole number",
+                    ParameterKind::Boolean => "true or false",
+                }
+            ));
+        }
+        let number = match value {
+            ParameterValue::Float(x) => x,
+            ParameterValue::Integer(i) => i as f64,
+            ParameterValue::Boolean(_) => return Ok(value),
+        };
+        let (low, high) = (self.min.unwrap_or(f64::NEG_INFINITY), self.max.unwrap_or(f64::INFINITY));
+        if !number.is_finite() || number < low || number > high {
+            let range = match (self.min, self.max) {
+                (Some(low), Some(high)) => format!("from {low} to {high}"),
+                (Some(low), None) => format!("at least {low}"),
+                (None, Some(high)) => format!("at most {high}"),
+                (None, None) => "a finite number".to_string(),
+            };
+            return Err(format!("parameter `{}` is {value}, expected {range}", self.name));
+        }
+        Ok(value)
+    }
+}
+
+/// The robot a component works on, as far as the runtime knows it: a name and where its model is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RobotReference {
+    /// Its name in the graph file.
+    pub name: String,
+    /// What the graph file says: a catalogue name, a folder or a URDF file.
+    pub urdf: String,
+    /// Folder against which a relative path is resolved: that of the graph file.
+    pub base: PathBuf,
+}
+
+/// Everything a component declares.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Declaration {
+    /// Ports in the order of their declaration.
+    pub ports: Vec<PortDeclaration>,
+    /// Parameters in the order of their declaration.
+    pub parameters: Vec<ParameterDeclaration>,
+    /// True for the side that applies commands (physics, drives): it must reach the safe state by itself.
+    pub actuator: bool,
+}
+
+/// Takes the declarations of a component.
+#[derive(Debug)]
+pub struct Declare {
+    pub(crate) declaration: Declaration,
+    robot: Option<RobotReference>,
+}
+
+impl Declare {
+    /// An empty declaration for a component that works on `robot`.
+    pub fn new(robot: Option<RobotReference>) -> Self {
+        Self { declaration: Declaration::default(), robot }
+    }
+
+    /// What was declared.
+    pub fn into_declaration(self) -> Declaration {
+        self.declaration
+    }
+
+    /// The robot the graph file gives this component, if any.
+    pub fn robot(&self) -> Option<&RobotReference> {
+        self.robot.as_ref()
+    }
+
+    /// An input that the graph must wire: the newest value of a topic.
+    pub fn input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::State, true, doc);
+    }
+
+    /// An input that the graph may leave out.
+    pub fn optional_input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
+    }
+
+    /// An output. Leaving it unwired is allowed: what is published there is then read by nobody.
+    pub fn output<T: StateBuffer>(&mut self, name: &str, doc: &str) {
+        self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
+    }
+
+    /// An input that reads every sample of a stream topic.
+    pub fn stream_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::Stream { capacity }, true, doc);
+    }
+
+    /// An output whose readers may ask for every sample.
+    pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
+    }
+
+    /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
+    pub fn actuator(&mut self) {
+        self.declaration.actuator = true;
+    }
+
+    /// A number that may change while the component runs, within `range`, in `unit`.
+    pub fn float(
+        &mut self,
+        name: &str,
+        default: f64,
+        range: core::ops::RangeInclusive<f64>,
+        unit: &str,
+        doc: &str,
+    ) {
+        self.parameter(name, ParameterValue::Float(default), Some((*range.start(), *range.end())), unit, doc);
+    }
+
+    /// A whole number that may change while the component runs, within `range`.
+    pub fn integer(&mut self, name: &str, default: i64, range: core::ops::RangeInclusive<i64>, doc: &str) {
+        let range = Some((*range.start() as f64, *range.end() as f64));
+        self.parameter(name, ParameterValue::Integer(default), range, "", doc);
+    }
+
+    /// A switch that may change while the component runs.
+    pub fn boolean(&mut self, name: &str, default: bool, doc: &str) {
+        self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
+    }
+
+    fn port<T: StateBuffer>(
+        &mut self,
+        name: &str,
+        direction: Direction,
+        pattern: TopicPattern,
+        required: bool,
+        doc: &str,
+    ) {
+        debug_assert!(self.declaration.ports.iter().all(|port| port.name != name), "port `{name}` declared twice");
+        self.declaration.ports.push(PortDeclaration {
+            name: name.to_string(),
+            direction,
+            pattern,
+            layout: T::layout(),
+            required,
+            doc: doc.to_string(),
+        });
+    }
+
+    fn parameter(
+        &mut self,
+        name: &str,
+        default: ParameterValue,
+        range: Option<(f64, f64)>,
+        unit: &str,
+        doc: &str,
+    ) {
+        let finite = |x: f64| x.is_finite().then_some(x);
+        self.declaration.parameters.push(ParameterDeclaration {
+            name: name.to_string(),
+            default,
+            min: range.and_then(|(low, _)| finite(low)),
+            max: range.and_then(|(_, high)| finite(high)),
+            unit: unit.to_string(),
+            doc: doc.to_string(),
+        });
+    }
+}

@@ -1,0 +1,127 @@
+//! What a component is: the one place to start reading.
+//!
+//! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs as
+//! a process of its own or hosted with others in one process, in real time or in lockstep, without change.
+//!
+//! * [`Component`] is the trait to implement;
+//! * [`Declare`] takes its ports and parameters, so that a graph can be checked while nothing runs;
+//! * [`Setup`](crate::worker::Setup) hands out the ports when it is configured;
+//! * [`Kind`] and [`Registry`] make a component type known by name, such as `physics.rapier`.
+
+mod declaration;
+mod error;
+mod registry;
+
+pub use declaration::{
+    Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
+    RobotReference, TopicPattern,
+};
+pub use error::{ConfigError, ConfigureError, StepError};
+pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
+
+use std::time::Duration;
+
+/// One step in the life of a component: the time it is for, not the time it runs at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tick {
+    /// Counts the steps of this component from 0, through restarts.
+    pub index: u64,
+    /// Nanoseconds since the run began for which the step computes: the scheduled release of a time-triggered
+    /// component, the publish time of the sample that woke a triggered one.
+    pub time_ns: u64,
+    /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
+    /// time-triggered component at the head of its chain.
+    pub period: Duration,
+}
+
+impl Tick {
+    /// Nominal time between two steps, s.
+    pub fn dt(&self) -> f64 {
+        self.period.as_secs_f64()
+    }
+
+    /// Time since the run began, s.
+    pub fn time(&self) -> f64 {
+        self.time_ns as f64 * 1e-9
+    }
+}
+
+/// A component of a graph.
+///
+/// ```
+/// use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+/// use motorium::state::JointState;
+/// use motorium::worker::{Input, Output, Setup};
+///
+/// #[derive(serde::Deserialize, schemars::JsonSchema)]
+/// #[serde(deny_unknown_fields)]
+/// struct MirrorConfig {}
+///
+/// /// Publishes the joint state with all velocities reversed.
+/// struct Mirror {
+///     state: Input<JointState>,
+///     mirrored: Output<JointState>,
+/// }
+///
+/// impl Component for Mirror {
+///     const KIND: &'static str = "example.mirror";
+///     const SUMMARY: &'static str = "reverses velocities";
+///     type Config = MirrorConfig;
+///
+///     fn declare(_: &MirrorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+///         declare.input::<JointState>("state", "joint state to mirror");
+///         declare.output::<JointState>("mirrored", "joint state, velocities reversed");
+///         Ok(())
+///     }
+///
+///     fn configure(_: MirrorConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+///         Ok(Self { state: setup.input("state")?, mirrored: setup.output("mirrored")? })
+///     }
+///
+///     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+///         let Some(state) = self.state.latest() else { return Ok(()) };
+///         let mut mirrored = self.mirrored.loan()?;
+///         *mirrored = *state;
+///         mirrored.velocity_mut().iter_mut().for_each(|v| *v = -*v);
+///         mirrored.publish()?;
+///         Ok(())
+///     }
+/// }
+/// ```
+pub trait Component: Sized + 'static {
+    /// The name of this kind of component in graph files, `family.name`.
+    const KIND: &'static str;
+
+    /// One line for lists and completions.
+    const SUMMARY: &'static str;
+
+    /// The `config` table of the component in the graph file. Use `#[serde(deny_unknown_fields)]`, so that a
+    /// misspelt key is an error.
+    type Config: serde::de::DeserializeOwned + schemars::JsonSchema;
+
+    /// Declares ports and parameters, and checks the configuration as far as that is possible without running.
+    ///
+    /// # Errors
+    /// What in the configuration cannot be: the graph is then refused before anything starts.
+    fn declare(config: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError>;
+
+    /// Builds the component. All memory it will ever need is allocated here.
+    ///
+    /// # Errors
+    /// Whatever keeps the component from running.
+    fn configure(config: Self::Config, setup: &mut crate::worker::Setup) -> Result<Self, ConfigureError>;
+
+    /// Computes one step: read inputs, compute, publish. No allocation, no lock, no log, no system call.
+    ///
+    /// # Errors
+    /// A step that failed; what then happens is the policy of the graph file (`on_error`).
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
+
+    /// Runs once when the run ends in an orderly way. Not called when the process is killed.
+    fn stop(&mut self) {}
+
+    /// What the component has to say about the finished run: its entry under `results` in the report.
+    fn result(&self) -> Option<serde_json::Value> {
+        None
+    }
+}

@@ -1,0 +1,165 @@
+//! What a state buffer may consist of.
+
+#![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
+
+use super::FieldLayout;
+
+/// A value that may be part of a state buffer.
+///
+/// # Safety
+/// The type must be valid for every bit pattern, hold no pointer or reference, need no `Drop`, and `describe` must
+/// report every field at its true offset.
+pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
+    /// The value whose bytes are all zero.
+    const ZERO: Self;
+
+    /// Appends the layout of this field (or of its parts) under the name `prefix`, at `offset` bytes.
+    fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>);
+
+    /// Finds what must never reach a reader: a number that is not finite, a count beyond its capacity.
+    fn check(&self) -> Result<(), Defect>;
+
+    /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
+    fn digest(&self, digest: &mut Digest);
+}
+
+/// A running 64-bit digest (XXH3) of published content, equal for equal runs.
+pub struct Digest(twox_hash::XxHash3_64);
+
+impl Default for Digest {
+    fn default() -> Self {
+        Self(twox_hash::XxHash3_64::with_seed(0))
+    }
+}
+
+impl Digest {
+    /// Adds bytes.
+    pub fn write(&mut self, bytes: &[u8]) {
+        core::hash::Hasher::write(&mut self.0, bytes);
+    }
+
+    /// Adds an integer.
+    pub fn write_u64(&mut self, value: u64) {
+        self.write(&value.to_le_bytes());
+    }
+
+    /// The digest of everything written so far.
+    pub fn finish(&self) -> u64 {
+        core::hash::Hasher::finish(&self.0)
+    }
+}
+
+impl core::fmt::Debug for Digest {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Digest({:016x})", self.finish())
+    }
+}
+
+/// What is wrong with the content of a state buffer. Holds no heap memory: it is made on the hot path.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Defect {
+    /// A number is NaN or infinite.
+    #[error("`{field}`[{index}] is {value}, not a finite number")]
+    NotFinite {
+        /// The field's name.
+        field: &'static str,
+        /// Its index when it is an array, else 0.
+        index: usize,
+        /// What was found.
+        value: f64,
+    },
+    /// A count is larger than the buffer behind it.
+    #[error("`{field}` counts {found} entries, but the buffer holds at most {capacity}")]
+    Count {
+        /// The field's name.
+        field: &'static str,
+        /// The count found.
+        found: usize,
+        /// The largest valid count.
+        capacity: usize,
+    },
+}
+
+impl Defect {
+    /// Names the field in which the defect was found; the innermost name wins.
+    #[must_use]
+    pub fn inside(self, name: &'static str) -> Self {
+        match self {
+            Self::NotFinite { field: "", index, value } => Self::NotFinite { field: name, index, value },
+            other => other,
+        }
+    }
+}
+
+/// Checks that all numbers of a slice are finite.
+pub(super) fn all_finite(field: &'static str, values: &[f64]) -> Result<(), Defect> {
+    // One pass without branches first: this runs at every publish.
+    if values.iter().fold(0.0, |sum, value| sum + value * 0.0) == 0.0 {
+        return Ok(());
+    }
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(Defect::NotFinite { field, index, value: values[index] }),
+        None => Ok(()),
+    }
+}
+
+macro_rules! number {
+    ($($type:ident),*) => { $(
+        // SAFETY: a primitive number is valid for every bit pattern and holds no pointer.
+        unsafe impl Field for $type {
+            const ZERO: Self = 0 as $type;
+
+            fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
+                out.push(FieldLayout::new(prefix, offset, stringify!($type), size_of::<$type>()));
+            }
+
+            fn check(&self) -> Result<(), Defect> {
+                number!(@check $type, self)
+            }
+
+            fn digest(&self, digest: &mut Digest) {
+                digest.write(&self.to_le_bytes());
+            }
+        }
+    )* };
+    (@check f64, $value:ident) => { all_finite("", core::slice::from_ref($value)) };
+    (@check f32, $value:ident) => { all_finite("", &[f64::from(*$value)]) };
+    (@check $type:ident, $value:ident) => {{ let _ = $value; Ok(()) }};
+}
+
+number!(f64, f32, u8, u16, u32, u64, i8, i16, i32, i64);
+
+// SAFETY: an array of values that are valid for every bit pattern is too.
+unsafe impl<T: Field, const N: usize> Field for [T; N] {
+    const ZERO: Self = [T::ZERO; N];
+
+    fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
+        let mut element = Vec::new();
+        T::describe("", 0, &mut element);
+        match element.as_slice() {
+            [single] if single.name.is_empty() => out.push(FieldLayout::new(
+                prefix,
+                offset,
+                &format!("[{}; {N}]", single.kind),
+                size_of::<Self>(),
+            )),
+            _ => (0..N).for_each(|i| T::describe(&format!("{prefix}[{i}]"), offset + i * size_of::<T>(), out)),
+        }
+    }
+
+    fn check(&self) -> Result<(), Defect> {
+        for (i, value) in self.iter().enumerate() {
+            value.check().map_err(|defect| match defect {
+                Defect::NotFinite { field: "", value, .. } => Defect::NotFinite { field: "", index: i, value },
+                other => other,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn digest(&self, digest: &mut Digest) {
+        for value in self {
+            value.digest(digest);
+        }
+    }
+}

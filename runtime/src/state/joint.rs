@@ -1,0 +1,119 @@
+//! Joint-space state and command.
+
+#![allow(unsafe_code)] // two `Field` implementations that look only at the used part of their arrays
+
+use super::field::all_finite;
+use super::{Defect, Digest, Field, FieldLayout};
+
+/// The most joints one joint buffer holds.
+pub const MAX_JOINTS: usize = 64;
+
+crate::state_buffer! {
+    @layout
+    /// Positions, velocities and efforts of a robot's joints, in the order of its model's `q`.
+    ///
+    /// Only the first `count` entries mean anything; the accessors never show the others.
+    pub struct JointState as "motorium.JointState" {
+        count: u32,
+        reserved: u32,
+        position: [f64; MAX_JOINTS],
+        velocity: [f64; MAX_JOINTS],
+        effort: [f64; MAX_JOINTS],
+    }
+}
+
+crate::state_buffer! {
+    @layout
+    /// Setpoints for a robot's joints, in the order of its model's `q`.
+    ///
+    /// The actuator side applies `tau = Kp (position - q) + Kd (velocity - v) + effort`, clamped to the effort
+    /// limit. Position control is `Kp, Kd > 0`; velocity control is `Kp = 0`; effort control is `Kp = Kd = 0`.
+    pub struct JointCommand as "motorium.JointCommand" {
+        count: u32,
+        reserved: u32,
+        position: [f64; MAX_JOINTS],
+        velocity: [f64; MAX_JOINTS],
+        effort: [f64; MAX_JOINTS],
+        stiffness: [f64; MAX_JOINTS],
+        damping: [f64; MAX_JOINTS],
+    }
+}
+
+macro_rules! joint_buffer {
+    ($name:ident { $( $(#[$doc:meta])* $field:ident, $field_mut:ident );* $(;)? }) => {
+        impl $name {
+            /// Number of joints, never more than [`MAX_JOINTS`].
+            pub fn count(&self) -> usize {
+                (self.count as usize).min(MAX_JOINTS)
+            }
+
+            /// Sets the number of joints. Entries that become visible hold what was written there before.
+            ///
+            /// # Panics
+            /// When `count` exceeds [`MAX_JOINTS`]; check a model's size when it is configured.
+            pub fn set_count(&mut self, count: usize) {
+                assert!(count <= MAX_JOINTS, "{count} joints, but a buffer holds {MAX_JOINTS}");
+                self.count = count as u32;
+            }
+
+            $(
+                $(#[$doc])*
+                pub fn $field(&self) -> &[f64] {
+                    &self.$field[..self.count()]
+                }
+
+                $(#[$doc])*
+                pub fn $field_mut(&mut self) -> &mut [f64] {
+                    let count = self.count();
+                    &mut self.$field[..count]
+                }
+            )*
+        }
+
+        // SAFETY: `repr(C)`, and every field is itself a `Field`.
+        unsafe impl Field for $name {
+            const ZERO: Self = Self { count: 0, reserved: 0, $( $field: [0.0; MAX_JOINTS] ),* };
+
+            fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
+                crate::state_buffer!(@describe $name, prefix, offset, out,
+                    count: u32, reserved: u32, $( $field: [f64; MAX_JOINTS] ),*);
+            }
+
+            fn check(&self) -> Result<(), Defect> {
+                let count = self.count as usize;
+                if count > MAX_JOINTS {
+                    return Err(Defect::Count { field: "count", found: count, capacity: MAX_JOINTS });
+                }
+                $( all_finite(stringify!($field), &self.$field[..count])?; )*
+                Ok(())
+            }
+
+            fn digest(&self, digest: &mut Digest) {
+                digest.write_u64(u64::from(self.count));
+                $( for value in self.$field() { digest.write(&value.to_le_bytes()); } )*
+            }
+        }
+    };
+}
+
+joint_buffer!(JointState {
+    /// Joint positions `q`: rad, or m for a prismatic joint.
+    position, position_mut;
+    /// Joint velocities `v`: rad/s or m/s.
+    velocity, velocity_mut;
+    /// Joint efforts `tau`: N m or N.
+    effort, effort_mut;
+});
+
+joint_buffer!(JointCommand {
+    /// Position setpoints: rad or m.
+    position, position_mut;
+    /// Velocity setpoints: rad/s or m/s.
+    velocity, velocity_mut;
+    /// Feed-forward efforts: N m or N.
+    effort, effort_mut;
+    /// Kp: N m/rad or N/m.
+    stiffness, stiffness_mut;
+    /// Kd: N m s/rad or N s/m.
+    damping, damping_mut;
+});

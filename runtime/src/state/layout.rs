@@ -1,0 +1,82 @@
+//! The layout of a state buffer: what two processes must agree on before they share one.
+
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Digest, StateBuffer};
+
+/// One field of a state buffer.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct FieldLayout {
+    /// Dotted path of the field.
+    pub name: String,
+    /// Bytes from the start of the buffer.
+    pub offset: usize,
+    /// Type: a primitive such as `f64`, or an array such as `[f64; 64]`.
+    pub kind: String,
+    /// Bytes it takes.
+    pub size: usize,
+}
+
+impl FieldLayout {
+    pub(super) fn new(name: &str, offset: usize, kind: &str, size: usize) -> Self {
+        Self { name: name.to_string(), offset, kind: kind.to_string(), size }
+    }
+}
+
+/// The layout of a state buffer, readable by tools that do not know the type.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TypeLayout {
+    /// The type's fixed name.
+    pub type_name: String,
+    /// Bytes of the whole buffer.
+    pub size: usize,
+    /// Alignment, bytes.
+    pub alignment: usize,
+    /// Fields in order of their offsets.
+    pub fields: Vec<FieldLayout>,
+}
+
+impl TypeLayout {
+    /// The layout of a type.
+    pub fn of<T: StateBuffer>() -> Self {
+        let mut fields = Vec::new();
+        T::describe("", 0, &mut fields);
+        Self { type_name: T::NAME.to_string(), size: size_of::<T>(), alignment: align_of::<T>(), fields }
+    }
+
+    /// A hash over the type's name and the names, offsets and types of all fields, as 16 hexadecimal digits.
+    pub fn hash(&self) -> String {
+        let mut digest = Digest::default();
+        digest.write(self.to_string().as_bytes());
+        format!("{:016x}", digest.finish())
+    }
+
+    /// Both layouts side by side, the differing lines marked, for an error message.
+    pub fn difference(&self, mine: &str, other: &Self, theirs: &str) -> String {
+        let (left, right) = (self.to_string(), other.to_string());
+        let width = left.lines().map(str::len).max().unwrap_or(0).max(mine.len());
+        let mut text = format!("    {mine:width$}   {theirs}\n");
+        let (mut left, mut right) = (left.lines(), right.lines());
+        loop {
+            let (a, b) = (left.next(), right.next());
+            if a.is_none() && b.is_none() {
+                return text;
+            }
+            let mark = if a == b { ' ' } else { '!' };
+            let line = format!("  {mark} {:width$}   {}", a.unwrap_or(""), b.unwrap_or(""));
+            let _ = writeln!(text, "{}", line.trim_end());
+        }
+    }
+}
+
+impl core::fmt::Display for TypeLayout {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        writeln!(f, "{}: {} bytes, aligned to {}", self.type_name, self.size, self.alignment)?;
+        for field in &self.fields {
+            writeln!(f, "{:>6}  {}: {}", field.offset, field.name, field.kind)?;
+        }
+        Ok(())
+    }
+}

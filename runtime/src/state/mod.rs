@@ -1,0 +1,135 @@
+//! State buffers: the plain-old-data types that components share, their layouts and their stamps.
+//!
+//! A state buffer is a `#[repr(C)]` type without pointers and without padding of meaning, valid for every bit
+//! pattern, so that it can live in shared memory and be read in place by another process. Use
+//! [`state_buffer!`](crate::state_buffer) to define one.
+//!
+//! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
+
+mod field;
+mod joint;
+mod layout;
+mod motion;
+mod stamp;
+
+pub use field::{Defect, Digest, Field};
+pub use joint::{JointCommand, JointState, MAX_JOINTS};
+pub use layout::{FieldLayout, TypeLayout};
+pub use motion::{ImuSample, Phase, PoseTarget, Wrench};
+pub use stamp::Stamp;
+
+#[doc(hidden)]
+pub use iceoryx2::prelude::ZeroCopySend as __ZeroCopySend;
+
+/// A type that can be published on a topic.
+///
+/// Implemented by [`state_buffer!`](crate::state_buffer), which checks what the trait promises: a fixed name,
+/// `#[repr(C)]`, and fields that are all [`Field`]s.
+pub trait StateBuffer: Field + __ZeroCopySend {
+    /// The name by which other languages and processes know the type, such as `motorium.JointState`.
+    const NAME: &'static str;
+
+    /// Names, offsets and types of the fields.
+    fn layout() -> TypeLayout;
+}
+
+/// Defines a state buffer.
+///
+/// The fields may be numbers, arrays of numbers, or other state buffers. The type gets `Clone`, `Copy`, `Debug`,
+/// `PartialEq`, `Default` (all zero) and [`StateBuffer`].
+///
+/// ```
+/// motorium::state_buffer! {
+///     /// Contact of one foot with the ground.
+///     pub struct FootContact as "example.FootContact" {
+///         /// Normal force, N.
+///         pub normal_force: f64,
+///         /// Centre of pressure in the foot frame, m.
+///         pub centre_of_pressure: [f64; 2],
+///     }
+/// }
+/// use motorium::state::StateBuffer;
+/// assert_eq!(FootContact::layout().fields[1].offset, 8);
+/// ```
+#[macro_export]
+macro_rules! state_buffer {
+    (
+        $(#[$meta:meta])*
+        $vis:vis struct $name:ident as $type_name:literal {
+            $( $(#[$field_meta:meta])* $field_vis:vis $field:ident : $field_type:ty ),* $(,)?
+        }
+    ) => {
+        $crate::state_buffer! {
+            @layout $(#[$meta])*
+            $vis struct $name as $type_name { $( $(#[$field_meta])* $field_vis $field : $field_type ),* }
+        }
+
+        #[allow(unsafe_code)]
+        // SAFETY: `repr(C)`, and every field is itself a `Field`.
+        unsafe impl $crate::state::Field for $name {
+            const ZERO: Self = Self { $( $field: <$field_type as $crate::state::Field>::ZERO ),* };
+
+            fn describe(prefix: &str, offset: usize, out: &mut Vec<$crate::state::FieldLayout>) {
+                $crate::state_buffer!(@describe $name, prefix, offset, out, $( $field : $field_type ),*);
+            }
+
+            fn check(&self) -> Result<(), $crate::state::Defect> {
+                $( $crate::state::Field::check(&self.$field).map_err(|defect| defect.inside(stringify!($field)))?; )*
+                Ok(())
+            }
+
+            fn digest(&self, digest: &mut $crate::state::Digest) {
+                $( $crate::state::Field::digest(&self.$field, digest); )*
+            }
+        }
+    };
+    (
+        @layout $(#[$meta:meta])*
+        $vis:vis struct $name:ident as $type_name:literal {
+            $( $(#[$field_meta:meta])* $field_vis:vis $field:ident : $field_type:ty ),* $(,)?
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[repr(C)]
+        $vis struct $name {
+            $( $(#[$field_meta])* $field_vis $field : $field_type ),*
+        }
+
+        #[allow(unsafe_code)]
+        // SAFETY: `repr(C)`, `'static`, no pointers and no `Drop`, since every field is a `Field`.
+        unsafe impl $crate::state::__ZeroCopySend for $name {
+            unsafe fn type_name() -> &'static str {
+                $type_name
+            }
+        }
+
+        impl $crate::state::StateBuffer for $name {
+            const NAME: &'static str = $type_name;
+
+            fn layout() -> $crate::state::TypeLayout {
+                $crate::state::TypeLayout::of::<$name>()
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                <Self as $crate::state::Field>::ZERO
+            }
+        }
+    };
+    (@describe $name:ident, $prefix:ident, $offset:ident, $out:ident, $( $field:ident : $field_type:ty ),*) => {
+        $(
+            let path = if $prefix.is_empty() {
+                stringify!($field).to_string()
+            } else {
+                format!("{}.{}", $prefix, stringify!($field))
+            };
+            <$field_type as $crate::state::Field>::describe(
+                &path,
+                $offset + core::mem::offset_of!($name, $field),
+                $out,
+            );
+        )*
+    };
+}

@@ -1,0 +1,55 @@
+//! Cartesian state: poses, twists, wrenches, inertial measurements, phases.
+
+crate::state_buffer! {
+    /// Where a frame should be and how it should move, expressed in the world frame.
+    pub struct PoseTarget as "motorium.PoseTarget" {
+        /// Position of the frame's origin, m.
+        pub position: [f64; 3],
+        /// Orientation as a unit quaternion, x y z w.
+        pub orientation: [f64; 4],
+        /// Linear velocity of the frame's origin, m/s.
+        pub linear_velocity: [f64; 3],
+        /// Angular velocity, rad/s.
+        pub angular_velocity: [f64; 3],
+        /// Counts the goals that this target leads to: it changes when a new goal is set out for.
+        pub goal: u64,
+        /// 1 when the target rests at its goal, else 0.
+        pub at_goal: u64,
+    }
+}
+
+crate::state_buffer! {
+    /// A force and a torque on a body, at the origin and in the axes of the measuring frame.
+    pub struct Wrench as "motorium.Wrench" {
+        /// Force, N.
+        pub force: [f64; 3],
+        /// Torque, N m.
+        pub torque: [f64; 3],
+    }
+}
+
+crate::state_buffer! {
+    /// One sample of an inertial measurement unit, in the axes of the sensor.
+    pub struct ImuSample as "motorium.ImuSample" {
+        /// Specific force (acceleration minus gravity), m/s^2.
+        pub specific_force: [f64; 3],
+        /// Angular velocity, rad/s.
+        pub angular_velocity: [f64; 3],
+        /// Orientation of the sensor in the world as a unit quaternion, x y z w.
+        pub orientation: [f64; 4],
+    }
+}
+
+crate::state_buffer! {
+    /// Phase of a periodic or one-shot motion.
+    pub struct Phase as "motorium.Phase" {
+        /// Phase: rad for a periodic motion; from 0 at the start to 1 at the end for a one-shot motion.
+        pub phase: f64,
+        /// Rate of the phase, 1/s or rad/s.
+        pub rate: f64,
+        /// Amplitude scale of the motion.
+        pub amplitude: f64,
+        /// Counts the repetitions.
+        pub cycle: u64,
+    }
+}
