@@ -1,1 +1,3 @@
 //! Optimisation-based control for motorium: tasks, limits, differential inverse kinematics
+
+pub mod solver;

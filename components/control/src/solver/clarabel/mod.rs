@@ -1,0 +1,187 @@
+//! Clarabel, an interior-point solver, behind [`QpSolver`].
+//!
+//! Goulart and Chen, *Clarabel: An interior-point solver for conic programs with quadratic objectives*, 2024.
+//! It needs about the same time whatever the active set, finds certificates of infeasibility, and cannot be
+//! warm-started. The solver object is built once; each update overwrites its numbers. Three things make that
+//! safe: its presolve and zero-dropping stay off, the sparsity pattern comes from the [`Structure`] alone
+//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh for
+//! each problem, because Clarabel's own is fixed by the first one.
+
+mod layout;
+mod scaling;
+
+use clarabel::solver::{DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus};
+
+use super::{Accuracy, Conflict, Problem, QpSolver, Solution, SolveError, Structure, UpdateError};
+use layout::Layout;
+use scaling::Scaling;
+
+/// When Clarabel stops, on the problem scaled to numbers around one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClarabelSettings {
+    /// Largest duality gap, absolute or relative.
+    pub gap: f64,
+    /// Largest relative residual of the constraints and of stationarity.
+    pub feasibility: f64,
+    /// Most iterations allowed.
+    pub max_iterations: u32,
+}
+
+impl Default for ClarabelSettings {
+    /// Tight enough that the error is far below what a joint can resolve; one or two iterations more than
+    /// Clarabel's own defaults.
+    fn default() -> Self {
+        Self { gap: 1e-11, feasibility: 1e-9, max_iterations: 50 }
+    }
+}
+
+impl ClarabelSettings {
+    /// How much looser the tolerances become where rounding ends progress ([`Accuracy::Reduced`]).
+    const REDUCED: f64 = 1e3;
+
+    fn build(&self) -> DefaultSettings<f64> {
+        DefaultSettingsBuilder::default()
+            .max_iter(self.max_iterations)
+            .verbose(false)
+            .tol_gap_abs(self.gap)
+            .tol_gap_rel(self.gap)
+            .tol_feas(self.feasibility)
+            .reduced_tol_gap_abs(self.gap * Self::REDUCED)
+            .reduced_tol_gap_rel(self.gap * Self::REDUCED)
+            .reduced_tol_feas(self.feasibility * Self::REDUCED)
+            .equilibrate_enable(false)
+            .max_threads(1)
+            .direct_solve_method("qdldl".to_owned())
+            .presolve_enable(false)
+            .input_sparse_dropzeros(false)
+            .build()
+            .expect("every value is one the builder accepts")
+    }
+}
+
+/// A [`QpSolver`] made of one Clarabel instance.
+pub struct ClarabelSolver {
+    structure: Structure,
+    layout: Layout,
+    scaling: Scaling,
+    solver: DefaultSolver<f64>,
+    hessian: Vec<f64>,
+    gradient: Vec<f64>,
+    constraints: Vec<f64>,
+    limits: Vec<f64>,
+    solution: Solution,
+    updated: bool,
+}
+
+impl ClarabelSolver {
+    /// Builds the solver for `structure`; everything it needs is allocated and its pattern is factored here.
+    pub fn new(structure: Structure, settings: ClarabelSettings) -> Self {
+        let layout = Layout::new(&structure);
+        let scaling = Scaling::new(&layout);
+        // numbers that make a valid problem; the first update replaces them all
+        let hessian = layout.hessian_pattern();
+        let constraints = layout.constraint_pattern();
+        let gradient = vec![0.0; structure.variables()];
+        let limits = vec![1.0; layout.constraint_count()];
+        let solver =
+            DefaultSolver::new(&hessian, &gradient, &constraints, &limits, &layout.cones(), settings.build())
+                .expect("the layout is consistent and the settings are valid");
+        Self {
+            hessian: hessian.nzval,
+            constraints: constraints.nzval,
+            gradient,
+            limits,
+            solution: Solution::new(&structure),
+            solver,
+            scaling,
+            layout,
+            structure,
+            updated: false,
+        }
+    }
+
+    fn conflict(&self) -> Conflict {
+        let certificate = &self.solver.solution.z;
+        let mut taken = [usize::MAX; Conflict::CAPACITY];
+        let mut strongest = 0.0;
+        for slot in 0..taken.len() {
+            let next = (0..certificate.len())
+                .filter(|row| !taken[..slot].contains(row))
+                .max_by(|&a, &b| certificate[a].abs().total_cmp(&certificate[b].abs()));
+            let Some(row) = next else { break };
+            let weight = certificate[row].abs();
+            strongest = f64::max(strongest, weight);
+            // what carries less than a hundredth is rounding or a bystander
+            if weight < 1e-2 * strongest {
+                break;
+            }
+            taken[slot] = row;
+        }
+        Conflict::new(taken.into_iter().filter(|&row| row != usize::MAX).map(|row| self.layout.name(row)))
+    }
+
+    fn steepest(&self) -> usize {
+        let direction = &self.solver.solution.x;
+        (0..direction.len())
+            .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()))
+            .unwrap_or_default()
+    }
+}
+
+impl QpSolver for ClarabelSolver {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn update(&mut self, problem: &Problem) -> Result<(), UpdateError> {
+        self.updated = false;
+        problem.check(&self.structure)?;
+        self.scaling.fit(&self.layout, problem);
+        self.layout.fill_hessian(problem, &self.scaling, &mut self.hessian);
+        self.layout.fill_constraints(problem, &self.scaling, &mut self.constraints);
+        self.layout.fill_limits(problem, &self.scaling, &mut self.limits);
+        self.scaling.scale_gradient(problem, &mut self.gradient);
+        self.solver
+            .update_data(&self.hessian, &self.gradient, &self.constraints, &self.limits)
+            .expect("presolve and zero-dropping are off and the vectors have the lengths of the pattern");
+        self.updated = true;
+        Ok(())
+    }
+
+    fn solve(&mut self) -> Result<&Solution, SolveError> {
+        if !self.updated {
+            return Err(SolveError::NotUpdated);
+        }
+        self.solver.solve();
+        let found = &self.solver.solution;
+        let iterations = found.iterations;
+        self.solution.iterations = iterations;
+        self.solution.accuracy = match found.status {
+            SolverStatus::Solved => Accuracy::Full,
+            SolverStatus::AlmostSolved => Accuracy::Reduced,
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+                return Err(SolveError::Infeasible { conflict: self.conflict() });
+            }
+            SolverStatus::DualInfeasible | SolverStatus::AlmostDualInfeasible => {
+                return Err(SolveError::Unbounded { variable: self.steepest() });
+            }
+            SolverStatus::MaxIterations => return Err(SolveError::MaxIterations { iterations }),
+            SolverStatus::Unsolved
+            | SolverStatus::MaxTime
+            | SolverStatus::NumericalError
+            | SolverStatus::InsufficientProgress
+            | SolverStatus::CallbackTerminated => return Err(SolveError::Numerical { iterations }),
+        };
+        self.layout.read(found, &self.scaling, &mut self.solution);
+        Ok(&self.solution)
+    }
+}
+
+impl std::fmt::Debug for ClarabelSolver {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ClarabelSolver")
+            .field("structure", &self.structure)
+            .field("solution", &self.solution)
+            .finish_non_exhaustive()
+    }
+}

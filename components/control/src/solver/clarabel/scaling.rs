@@ -1,0 +1,76 @@
+//! Brings a problem to numbers around one before Clarabel's absolute tolerances judge it.
+//!
+//! `x = length D x'` with `D` from the diagonal of `P` (Jacobi), `length` from the farthest limit, and each
+//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control problem
+//! posed in radians per tick or in radians per second would stop at errors a hundred times apart.
+
+use super::{
+    super::{Constraint, Problem},
+    layout::{Layout, signed_limit},
+};
+
+/// Factors between a problem and its scaled form.
+#[derive(Debug)]
+pub(super) struct Scaling {
+    /// `D`, one per variable.
+    pub(super) variable: Vec<f64>,
+    /// One per row of the layout; zero for a side that is infinite at this tick.
+    pub(super) constraint: Vec<f64>,
+    /// Factor of the cost; `D` already does its work wherever there is curvature.
+    pub(super) cost: f64,
+    /// Typical size of `D^-1 x`.
+    pub(super) length: f64,
+}
+
+impl Scaling {
+    /// Smallest diagonal entry of `P` believed, relative to the largest.
+    const SMALLEST_CURVATURE: f64 = 1e-8;
+
+    pub(super) fn new(layout: &Layout) -> Self {
+        Self {
+            variable: vec![1.0; layout.variables()],
+            constraint: vec![1.0; layout.constraint_count()],
+            cost: 1.0,
+            length: 1.0,
+        }
+    }
+
+    /// Chooses the factors for `problem`.
+    pub(super) fn fit(&mut self, layout: &Layout, problem: &Problem) {
+        let curvature = (0..self.variable.len()).fold(0.0, |most: f64, i| most.max(problem.hessian[(i, i)]));
+        for (i, d) in self.variable.iter_mut().enumerate() {
+            let p = problem.hessian[(i, i)].max(Self::SMALLEST_CURVATURE * curvature);
+            *d = if p > 0.0 { p.sqrt().recip() } else { 1.0 };
+        }
+        // the largest limit, as a distance in x'
+        let mut reach: f64 = 0.0;
+        for (row, e) in self.constraint.iter_mut().enumerate() {
+            let name = layout.name(row);
+            let limit = signed_limit(problem, name);
+            *e = if limit >= Problem::INFINITE {
+                0.0
+            } else {
+                let size = match name {
+                    Constraint::Equality(i) => largest(&self.variable, |j| problem.equality_matrix[(i, j)]),
+                    Constraint::Row(i, _) => largest(&self.variable, |j| problem.row_matrix[(i, j)]),
+                    Constraint::Bound(i, _) => self.variable[i],
+                };
+                if size > 0.0 { size.recip() } else { 1.0 }
+            };
+            reach = reach.max((*e * limit).abs());
+        }
+        let pull = largest(&self.variable, |j| problem.gradient[j]);
+        self.length = [reach, pull, 1.0].into_iter().find(|&size| size > 0.0).unwrap_or(1.0);
+        self.cost = if curvature == 0.0 && pull > 0.0 { self.length / pull } else { 1.0 };
+    }
+
+    pub(super) fn scale_gradient(&self, problem: &Problem, out: &mut [f64]) {
+        for (slot, (q, d)) in out.iter_mut().zip(problem.gradient.iter().zip(&self.variable)) {
+            *slot = self.cost * d * q / self.length;
+        }
+    }
+}
+
+fn largest(variable: &[f64], entry: impl Fn(usize) -> f64) -> f64 {
+    variable.iter().enumerate().fold(0.0, |largest, (j, d)| largest.max((d * entry(j)).abs()))
+}

@@ -1,0 +1,154 @@
+//! Why a quadratic program could not be taken or solved.
+
+use std::fmt;
+
+use super::Side;
+
+/// One scalar constraint of a problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Constraint {
+    /// Row of `A`.
+    Equality(usize),
+    /// Row of `G`, on one side.
+    Row(usize, Side),
+    /// Bound of a variable, on one side.
+    Bound(usize, Side),
+}
+
+impl fmt::Display for Constraint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Equality(i) => write!(f, "equality {i}"),
+            Self::Row(i, Side::Lower) => write!(f, "lower side of row {i}"),
+            Self::Row(i, Side::Upper) => write!(f, "upper side of row {i}"),
+            Self::Bound(i, Side::Lower) => write!(f, "lower bound of variable {i}"),
+            Self::Bound(i, Side::Upper) => write!(f, "upper bound of variable {i}"),
+        }
+    }
+}
+
+/// The constraints that carry most of a certificate of infeasibility, strongest first.
+///
+/// A certificate is a combination of constraints that no `x` satisfies; those with the largest multipliers
+/// (after scaling each row to unit size) are the ones to relax.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Conflict {
+    constraints: [Option<Constraint>; Self::CAPACITY],
+}
+
+impl Conflict {
+    /// Largest number of constraints named.
+    pub const CAPACITY: usize = 4;
+
+    /// Takes up to [`Conflict::CAPACITY`] constraints, strongest first.
+    pub fn new(strongest_first: impl IntoIterator<Item = Constraint>) -> Self {
+        let mut conflict = Self::default();
+        for (slot, constraint) in conflict.constraints.iter_mut().zip(strongest_first) {
+            *slot = Some(constraint);
+        }
+        conflict
+    }
+
+    /// The named constraints, strongest first.
+    pub fn constraints(&self) -> impl Iterator<Item = Constraint> + '_ {
+        self.constraints.iter().flatten().copied()
+    }
+}
+
+impl fmt::Display for Conflict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (count, constraint) in self.constraints().enumerate() {
+            if count > 0 {
+                f.write_str(", ")?;
+            }
+            constraint.fmt(f)?;
+        }
+        Ok(())
+    }
+}
+
+/// Why the numbers of a problem were refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum UpdateError {
+    /// A matrix or vector does not have the size the structure asks for.
+    #[error(
+        "{what} is {}x{}, the solver was built for {}x{}; build a solver for the new structure",
+        found.0, found.1, expected.0, expected.1
+    )]
+    Shape {
+        /// Which one, by its letter in the problem statement.
+        what: &'static str,
+        /// Rows and columns found.
+        found: (usize, usize),
+        /// Rows and columns expected.
+        expected: (usize, usize),
+    },
+    /// NaN or infinity where a number is needed.
+    #[error(
+        "{what}[{row}, {column}] is {value}, expected a finite number; check the robot state and the targets"
+    )]
+    NotFinite {
+        /// Which one, by its letter in the problem statement.
+        what: &'static str,
+        /// Row of the offending number.
+        row: usize,
+        /// Column of the offending number.
+        column: usize,
+        /// The offending number.
+        value: f64,
+    },
+    /// Lower bound above upper bound, or one that nothing satisfies.
+    #[error("{constraint}: {lower} <= ... <= {upper} has no solution; expected lower <= upper")]
+    Crossed {
+        /// The constraint, named by its lower side.
+        constraint: Constraint,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// A finite bound on a side the structure does not declare.
+    #[error(
+        "{constraint} is {value}, but the structure has no bound there; declare the side in the structure"
+    )]
+    Undeclared {
+        /// The constraint.
+        constraint: Constraint,
+        /// Its finite value.
+        value: f64,
+    },
+}
+
+/// Why a problem has no solution to offer.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// No `x` satisfies the constraints.
+    #[error(
+        "infeasible: no x satisfies all constraints; the conflict is carried by {conflict}; relax one of them"
+    )]
+    Infeasible {
+        /// The constraints that carry the certificate.
+        conflict: Conflict,
+    },
+    /// The cost falls for ever along a direction that no constraint blocks.
+    #[error("unbounded: the cost falls for ever along variable {variable}; regularise it or bound it")]
+    Unbounded {
+        /// The variable with the largest share in that direction.
+        variable: usize,
+    },
+    /// The iteration limit came first.
+    #[error("no solution within {iterations} iterations; scale the problem or allow more")]
+    MaxIterations {
+        /// Iterations done.
+        iterations: u32,
+    },
+    /// The arithmetic broke down or stopped making progress.
+    #[error("numerical breakdown after {iterations} iterations; regularise or scale the problem")]
+    Numerical {
+        /// Iterations done.
+        iterations: u32,
+    },
+    /// The solver holds no valid numbers.
+    #[error("nothing to solve: the last update failed or there was none; update first")]
+    NotUpdated,
+}

@@ -1,0 +1,47 @@
+//! Quadratic programs with a fixed structure, solved once a tick.
+//!
+//! ```text
+//! minimise    1/2 x'Px + q'x
+//! subject to  A x = b,   lg <= G x <= ug,   lb <= x <= ub
+//! ```
+//!
+//! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on which
+//! rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each tick; a
+//! [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
+//! [`KktResidual`] judges any claimed solution without trusting the solver that made it.
+
+pub mod clarabel;
+mod error;
+mod kkt;
+mod problem;
+mod solution;
+mod structure;
+
+pub use self::clarabel::{ClarabelSettings, ClarabelSolver};
+pub use error::{Conflict, Constraint, SolveError, UpdateError};
+pub use kkt::KktResidual;
+pub use problem::Problem;
+pub use solution::{Accuracy, Solution};
+pub use structure::{Side, Sides, Structure};
+
+/// A solver for one [`Structure`], reused tick after tick.
+///
+/// `update` hands over the numbers, `solve` works on what was handed over last. A solver may start from the
+/// solution of the previous tick; it must reach the same optimum without it.
+pub trait QpSolver: Send {
+    /// The structure this solver was built for.
+    fn structure(&self) -> &Structure;
+
+    /// Takes the numbers of `problem` in place of the previous ones.
+    ///
+    /// # Errors
+    /// [`UpdateError`] if the problem has another structure or numbers no solver could use. The previous
+    /// numbers are then in an unspecified state: update again before solving.
+    fn update(&mut self, problem: &Problem) -> Result<(), UpdateError>;
+
+    /// Solves the problem of the last update.
+    ///
+    /// # Errors
+    /// [`SolveError`] if there is no solution, or none was found.
+    fn solve(&mut self) -> Result<&Solution, SolveError>;
+}

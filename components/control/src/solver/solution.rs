@@ -1,0 +1,49 @@
+//! What a solver returns.
+
+use nalgebra::DVector;
+
+use super::Structure;
+
+/// How closely the solver's own tolerances were met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accuracy {
+    /// As asked for.
+    #[default]
+    Full,
+    /// The looser tolerances only, where rounding allowed no more.
+    Reduced,
+}
+
+/// An optimum and its multipliers.
+///
+/// Multipliers are signed so that `P x + q + A'y + G'z + w = 0`, where `z` and `w` are positive at an active
+/// upper side, negative at an active lower side, and zero in between.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// The optimum.
+    pub x: DVector<f64>,
+    /// `y`, one per equality.
+    pub equality_dual: DVector<f64>,
+    /// `z`, one per row of `G`.
+    pub row_dual: DVector<f64>,
+    /// `w`, one per variable.
+    pub bound_dual: DVector<f64>,
+    /// Iterations the solver needed.
+    pub iterations: u32,
+    /// How closely the tolerances were met.
+    pub accuracy: Accuracy,
+}
+
+impl Solution {
+    /// A solution of this structure with all numbers zero.
+    pub fn new(structure: &Structure) -> Self {
+        Self {
+            x: DVector::zeros(structure.variables()),
+            equality_dual: DVector::zeros(structure.equality_count()),
+            row_dual: DVector::zeros(structure.row_sides().len()),
+            bound_dual: DVector::zeros(structure.variables()),
+            iterations: 0,
+            accuracy: Accuracy::Full,
+        }
+    }
+}
