@@ -1,1 +1,51 @@
-//! Robot models for motorium: URDF, kinematics and dynamics, without any runtime
+//! Robot models for motorium: URDF, kinematics and dynamics, without any runtime.
+//!
+//! [`load`] turns a catalogue name, a folder or a URDF file into a [`Model`]. [`Kinematics`] and [`Dynamics`] are
+//! preallocated workspaces over it: after `new` they never allocate.
+//!
+//! # Conventions
+//!
+//! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link.
+//! - `q`, `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before
+//!   children, siblings in the order of the URDF file. A continuous joint is one unbounded angle, so `nq == nv`.
+//! - A mimic joint stands at `multiplier * q[of] + offset`; its motion, forces and inertia fold into the column of the
+//!   joint it follows.
+//! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
+//! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
+//! - Joint damping and friction are read but never part of a dynamics quantity here: they belong to who simulates them.
+//!
+//! ```
+//! use motorium_robots::{Kinematics, load};
+//!
+//! let panda = load("panda", std::path::Path::new(".")).unwrap();
+//! let model = &panda.model;
+//! let home = panda.profile.as_ref().unwrap().home(model).unwrap();
+//! let hand = model.frame("panda_hand_tcp").unwrap();
+//! let mut kinematics = Kinematics::new(model);
+//! kinematics.update(model, home.as_slice());
+//! assert!(kinematics.pose(model, hand).translation.z > 0.4);
+//! ```
+
+mod catalogue;
+mod dynamics;
+mod kinematics;
+mod load;
+mod model;
+mod nearest;
+mod profile;
+mod spatial;
+mod urdf;
+
+pub use catalogue::{Entry, catalogue};
+pub use dynamics::{Dynamics, SingularMassMatrix};
+pub use kinematics::Kinematics;
+pub use load::{LoadError, LoadOptions, Loaded, load, load_with};
+pub use model::{
+    Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits, Model,
+    Shape, UnknownFrame,
+};
+pub use profile::{EndEffector, Gains, Profile, ProfileError};
+pub use spatial::{Reference, Twist};
+pub use urdf::{
+    MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
+};

@@ -1,0 +1,34 @@
+//! The robots that come with the crate: one folder each, `catalogue/<name>/<name>.urdf` and `<name>.toml`.
+
+use std::sync::LazyLock;
+
+use crate::Profile;
+
+/// A robot of the catalogue.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// The name to load it by.
+    pub name: &'static str,
+    /// Its URDF.
+    pub urdf: &'static str,
+    /// Its poses, end effectors and gains.
+    pub profile: Profile,
+}
+
+macro_rules! entry {
+    ($name:literal) => {
+        Entry {
+            name: $name,
+            urdf: include_str!(concat!("../catalogue/", $name, "/", $name, ".urdf")),
+            profile: Profile::parse(include_str!(concat!("../catalogue/", $name, "/", $name, ".toml")))
+                .expect(concat!("the profile of ", $name, " is part of the program and tested")),
+        }
+    };
+}
+
+static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| vec![entry!("panda")]);
+
+/// All robots of the catalogue, in alphabetical order.
+pub fn catalogue() -> &'static [Entry] {
+    &ENTRIES
+}

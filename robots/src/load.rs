@@ -1,0 +1,165 @@
+//! Finding a robot by what a graph file calls it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::nearest::{nearest, suggestion};
+use crate::{
+    Entry, MimicMode, Model, ModelWarning, PackagePath, Profile, ProfileError, UrdfError, UrdfRobot,
+    catalogue, parse_urdf,
+};
+
+/// A robot ready to use.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The robot.
+    pub model: Model,
+    /// Defects of its file, each naming the link or joint. Show them to the user.
+    pub warnings: Vec<ModelWarning>,
+    /// Poses, end effectors and gains: the catalogue's, or those of the `.toml` of the same name beside the URDF.
+    pub profile: Option<Profile>,
+    /// The catalogue entry, when it came from there.
+    pub entry: Option<&'static Entry>,
+    /// The URDF file, when it came from one.
+    pub path: Option<PathBuf>,
+}
+
+/// How to read a robot.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// What becomes of mimic joints.
+    pub mimic: MimicMode,
+    /// Where packages are searched before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    pub packages: PackagePath,
+}
+
+/// A robot that cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// Neither in the catalogue nor on the disk.
+    #[error(
+        "robot \"{reference}\" is neither in the catalogue nor a file or folder ({} does not exist){}",
+        .path.display(), suggestion(.nearest.as_deref())
+    )]
+    NotFound {
+        /// What was asked for.
+        reference: String,
+        /// Where it would be.
+        path: PathBuf,
+        /// The catalogue robot most likely meant.
+        nearest: Option<String>,
+    },
+    /// A folder without a URDF file.
+    #[error("no .urdf file in {} or its urdf/ folder", .0.display())]
+    NoUrdf(PathBuf),
+    /// A folder with more than one URDF file.
+    #[error("several .urdf files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
+    SeveralUrdf {
+        /// The folder.
+        folder: PathBuf,
+        /// The files in it.
+        names: Vec<String>,
+    },
+    /// A file that cannot be read.
+    #[error("cannot read {}: {source}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A URDF with a fault.
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    /// A profile with a fault.
+    #[error("{}: {source}", .path.display())]
+    Profile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ProfileError,
+    },
+}
+
+/// Loads a robot: a catalogue name (`panda`), or a folder or URDF file relative to `base`.
+///
+/// A catalogue name wins over a folder of the same name; write `./panda` for the folder.
+///
+/// # Errors
+///
+/// [`LoadError`].
+pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
+    load_with(reference, base, &LoadOptions::default())
+}
+
+/// [`load`], with options.
+///
+/// # Errors
+///
+/// [`LoadError`].
+pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let mut packages = options.packages.clone();
+    let environment = PackagePath::from_env();
+    packages.folders.extend(environment.folders);
+    packages.prefixes.extend(environment.prefixes);
+
+    if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
+        let UrdfRobot { model, warnings } = parse_urdf(entry.urdf, None, options.mimic, &packages)?;
+        let profile = Some(entry.profile.clone());
+        return Ok(Loaded { model, warnings, profile, entry: Some(entry), path: None });
+    }
+    let path = base.join(reference);
+    if !path.exists() {
+        let nearest = nearest(reference, catalogue().iter().map(|entry| entry.name)).map(str::to_owned);
+        return Err(LoadError::NotFound { reference: reference.to_owned(), path, nearest });
+    }
+    let path = if path.is_dir() { urdf_in(&path)? } else { path };
+    let UrdfRobot { model, warnings } = parse_urdf(&read(&path)?, Some(&path), options.mimic, &packages)?;
+    let profile = profile_beside(&path, &model, options.mimic)?;
+    Ok(Loaded { model, warnings, profile, entry: None, path: Some(path) })
+}
+
+fn read(path: &Path) -> Result<String, LoadError> {
+    std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
+}
+
+/// The URDF of a folder: its only one, the one named like the folder, or that of its `urdf` folder.
+fn urdf_in(folder: &Path) -> Result<PathBuf, LoadError> {
+    for place in [folder.to_owned(), folder.join("urdf")] {
+        let Ok(entries) = std::fs::read_dir(&place) else { continue };
+        let mut found: Vec<_> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|extension| extension == "urdf"))
+            .collect();
+        found.sort();
+        let namesake = found.iter().find(|path| path.file_stem() == folder.file_name());
+        match (&found[..], namesake) {
+            (_, Some(path)) | ([path], None) => return Ok(path.clone()),
+            ([], None) => {}
+            _ => {
+                let name =
+                    |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                return Err(LoadError::SeveralUrdf {
+                    folder: place,
+                    names: found.iter().map(name).collect(),
+                });
+            }
+        }
+    }
+    Err(LoadError::NoUrdf(folder.to_owned()))
+}
+
+fn profile_beside(urdf: &Path, model: &Model, mimic: MimicMode) -> Result<Option<Profile>, LoadError> {
+    let path = urdf.with_extension("toml");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let profile = Profile::parse(&read(&path)?).and_then(|profile| {
+        // Mimic joints made independent are joints no profile knows.
+        if mimic == MimicMode::Follow {
+            profile.check(model)?;
+        }
+        Ok(profile)
+    });
+    profile.map(Some).map_err(|source| LoadError::Profile { path, source })
+}

@@ -1,0 +1,39 @@
+//! Named frames: one for every URDF link.
+
+use nalgebra::Isometry3;
+
+use crate::nearest::suggestion;
+
+/// Index of a frame in [`Model::frames`](crate::Model::frames). Look it up once, outside the loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct FrameId(pub(crate) usize);
+
+impl FrameId {
+    /// Position in [`Model::frames`](crate::Model::frames).
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// The frame of a URDF link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Link name.
+    pub name: String,
+    /// Body it is fixed to; `None` for the base.
+    pub body: Option<usize>,
+    /// The frame in the body frame (in the world for the base).
+    pub placement: Isometry3<f64>,
+}
+
+/// No link has this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("robot \"{robot}\" has no link \"{name}\"{}", suggestion(.nearest.as_deref()))]
+pub struct UnknownFrame {
+    /// The name asked for.
+    pub name: String,
+    /// The robot asked.
+    pub robot: String,
+    /// The link most likely meant.
+    pub nearest: Option<String>,
+}

@@ -1,0 +1,112 @@
+//! Joints as the algorithms see them: fixed ones are gone, mimics know their master.
+
+use nalgebra::{Isometry3, Unit, Vector3};
+
+/// What a joint lets its body do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum JointKind {
+    /// Rotation about the axis, within limits \[rad\].
+    Revolute,
+    /// Rotation about the axis without end; its coordinate is one unbounded angle \[rad\].
+    Continuous,
+    /// Translation along the axis \[m\].
+    Prismatic,
+}
+
+/// Limits of one joint, each infinite where the file gives none. Units: rad or m, rad/s or m/s, Nm or N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Lowest position.
+    pub lower: f64,
+    /// Highest position.
+    pub upper: f64,
+    /// Largest speed, either way.
+    pub velocity: f64,
+    /// Largest effort, either way.
+    pub effort: f64,
+}
+
+impl Limits {
+    /// No limit at all.
+    pub const NONE: Self = Self {
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        velocity: f64::INFINITY,
+        effort: f64::INFINITY,
+    };
+}
+
+/// Passive forces in the joint, for simulators. No quantity of this crate contains them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointDynamics {
+    /// Viscous damping \[Nms/rad or Ns/m\].
+    pub damping: f64,
+    /// Static (Coulomb) friction \[Nm or N\].
+    pub friction: f64,
+}
+
+/// Where the position of a joint comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coordinate {
+    /// Its own entry in `q`.
+    Independent(usize),
+    /// It follows another joint: position = `multiplier * q[of] + offset`. Chains of mimics are already resolved.
+    Mimic {
+        /// Index in `q` of the independent joint it follows.
+        of: usize,
+        /// Ratio of the two positions.
+        multiplier: f64,
+        /// Position when the master stands at zero \[rad or m\].
+        offset: f64,
+    },
+}
+
+impl Coordinate {
+    /// Index in `q` of the coordinate that moves the joint.
+    pub fn index(&self) -> usize {
+        match *self {
+            Self::Independent(index) => index,
+            Self::Mimic { of, .. } => of,
+        }
+    }
+
+    /// Joint position per unit of `q[index]`.
+    pub fn multiplier(&self) -> f64 {
+        match *self {
+            Self::Independent(_) => 1.0,
+            Self::Mimic { multiplier, .. } => multiplier,
+        }
+    }
+
+    /// Joint position at `q[index] == 0` \[rad or m\].
+    pub fn offset(&self) -> f64 {
+        match *self {
+            Self::Independent(_) => 0.0,
+            Self::Mimic { offset, .. } => offset,
+        }
+    }
+
+    /// Position of the joint \[rad or m\] in configuration `q`.
+    pub fn position(&self, q: &[f64]) -> f64 {
+        self.multiplier() * q[self.index()] + self.offset()
+    }
+}
+
+/// The joint that moves a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Name in the file.
+    pub name: String,
+    /// How it moves.
+    pub kind: JointKind,
+    /// Axis of rotation or translation in the joint frame, which is the body frame.
+    pub axis: Unit<Vector3<f64>>,
+    /// The body frame at joint position zero, in the parent body's frame; fixed joints between are folded in.
+    pub placement: Isometry3<f64>,
+    /// Limits of this joint itself, mimic or not.
+    pub limits: Limits,
+    /// Damping and friction.
+    pub dynamics: JointDynamics,
+    /// Where its position comes from.
+    pub coordinate: Coordinate,
+}

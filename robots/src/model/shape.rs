@@ -1,0 +1,54 @@
+//! Collision geometry.
+
+use std::path::PathBuf;
+
+use nalgebra::{Isometry3, Vector3};
+
+/// One piece of collision geometry, fixed to a body or to the base.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// URDF link it belongs to.
+    pub link: String,
+    /// Frame of the geometry in the body frame (in the world for shapes of the base).
+    pub placement: Isometry3<f64>,
+    /// The geometry.
+    pub geometry: Geometry,
+}
+
+/// Geometry centred on the origin of its frame. Metres.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Geometry {
+    /// Box with these full side lengths.
+    Box {
+        /// Sides along x, y and z.
+        size: Vector3<f64>,
+    },
+    /// Cylinder along z.
+    Cylinder {
+        /// Radius.
+        radius: f64,
+        /// Full length.
+        length: f64,
+    },
+    /// Sphere.
+    Sphere {
+        /// Radius.
+        radius: f64,
+    },
+    /// Cylinder along z with half spheres added at both ends.
+    Capsule {
+        /// Radius.
+        radius: f64,
+        /// Length of the cylinder, without the caps.
+        length: f64,
+    },
+    /// A mesh file; recorded, not read.
+    Mesh {
+        /// The file name as the URDF gives it.
+        uri: String,
+        /// Where it was found, if it was.
+        path: Option<PathBuf>,
+        /// Scale along x, y and z.
+        scale: Vector3<f64>,
+    },
+}

@@ -1,0 +1,224 @@
+//! What can be wrong with a URDF file.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::nearest::suggestion;
+
+/// A place in a text file, both counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Position {
+    /// Line.
+    pub line: u32,
+    /// Column, in characters.
+    pub column: u32,
+}
+
+/// A URDF file that cannot become a model, and where.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub struct UrdfError {
+    /// The file, when the text came from one.
+    pub file: Option<PathBuf>,
+    /// The element at fault; `None` when the fault belongs to the whole file.
+    pub at: Option<Position>,
+    /// What is wrong.
+    pub problem: Box<UrdfProblem>,
+}
+
+impl fmt::Display for UrdfError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.file {
+            Some(file) => write!(f, "{}", file.display())?,
+            None => f.write_str("URDF")?,
+        }
+        if let Some(Position { line, column }) = self.at {
+            write!(f, ":{line}:{column}")?;
+        }
+        write!(f, ": {}", self.problem)
+    }
+}
+
+impl UrdfError {
+    pub(crate) fn new(at: impl Into<Option<Position>>, problem: UrdfProblem) -> Self {
+        Self { file: None, at: at.into(), problem: Box::new(problem) }
+    }
+}
+
+/// What is wrong with a URDF file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UrdfProblem {
+    /// Not well-formed XML.
+    #[error("not well-formed XML: {0}")]
+    Xml(String),
+    /// Unexpanded xacro.
+    #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
+    Xacro,
+    /// Another root element.
+    #[error("the root element is <{0}>, expected <robot>")]
+    Root(String),
+    /// A robot without links.
+    #[error("the robot has no <link>")]
+    Empty,
+    /// A missing attribute.
+    #[error("<{element}> has no attribute \"{attribute}\"")]
+    MissingAttribute {
+        /// Element at fault.
+        element: String,
+        /// What it lacks.
+        attribute: &'static str,
+    },
+    /// A missing child element.
+    #[error("<{element}> has no <{child}>")]
+    MissingElement {
+        /// Element at fault.
+        element: String,
+        /// What it lacks.
+        child: &'static str,
+    },
+    /// A child element given twice.
+    #[error("<{element}> has more than one <{child}>")]
+    RepeatedElement {
+        /// Element at fault.
+        element: String,
+        /// What it has too often.
+        child: &'static str,
+    },
+    /// An attribute that is not the numbers it should be.
+    #[error("{attribute}=\"{value}\" of <{element}>: expected {}", numbers(*.expected))]
+    Number {
+        /// Element at fault.
+        element: String,
+        /// Attribute at fault.
+        attribute: &'static str,
+        /// Its value.
+        value: String,
+        /// How many numbers it should hold.
+        expected: usize,
+    },
+    /// A joint type that does not exist.
+    #[error("joint \"{joint}\" has the unknown type \"{kind}\"{}", suggestion(.nearest.as_deref()))]
+    UnknownJointType {
+        /// Joint at fault.
+        joint: String,
+        /// Its type.
+        kind: String,
+        /// The type most likely meant.
+        nearest: Option<String>,
+    },
+    /// A joint type that exists but is not handled.
+    #[error(
+        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic and fixed joints are supported \
+         (model it as a chain of these, with massless links between)"
+    )]
+    UnsupportedJointType {
+        /// Joint at fault.
+        joint: String,
+        /// Its type.
+        kind: String,
+    },
+    /// Two links or two joints of the same name.
+    #[error("a second {what} is named \"{name}\"; the first is at line {first}")]
+    DuplicateName {
+        /// `link` or `joint`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Line of the first.
+        first: u32,
+    },
+    /// A joint that names a link nobody defines.
+    #[error("the {role} link of joint \"{joint}\" is \"{link}\", which does not exist{}", suggestion(.nearest.as_deref()))]
+    UnknownLink {
+        /// Joint at fault.
+        joint: String,
+        /// `parent` or `child`.
+        role: &'static str,
+        /// The name it gives.
+        link: String,
+        /// The link most likely meant.
+        nearest: Option<String>,
+    },
+    /// A link moved by two joints.
+    #[error("link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF is a tree")]
+    TwoParents {
+        /// Link at fault.
+        link: String,
+        /// One joint.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// More than one link without a parent joint.
+    #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
+    SeveralRoots(Vec<String>),
+    /// Links that hang on each other in a circle.
+    #[error("the links form a loop: {}; a URDF is a tree", .0.join(" -> "))]
+    Loop(Vec<String>),
+    /// A joint that mimics a joint nobody defines.
+    #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]
+    UnknownMimic {
+        /// Joint at fault.
+        joint: String,
+        /// The name it gives.
+        of: String,
+        /// The joint most likely meant.
+        nearest: Option<String>,
+    },
+    /// A joint that mimics one that cannot move.
+    #[error("joint \"{joint}\" mimics \"{of}\", which is fixed")]
+    MimicOfFixed {
+        /// Joint at fault.
+        joint: String,
+        /// The fixed joint.
+        of: String,
+    },
+    /// Joints that mimic each other.
+    #[error("the joints mimic each other in a loop: {}", .0.join(" -> "))]
+    MimicLoop(Vec<String>),
+    /// A revolute or prismatic joint without limits.
+    #[error(
+        "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an endless one is \"continuous\")"
+    )]
+    MissingLimit(String),
+    /// An empty range.
+    #[error("joint \"{joint}\" has its lower limit {lower} above its upper limit {upper}")]
+    LowerAboveUpper {
+        /// Joint at fault.
+        joint: String,
+        /// Its lower limit.
+        lower: f64,
+        /// Its upper limit.
+        upper: f64,
+    },
+    /// A limit or coefficient below zero.
+    #[error("joint \"{joint}\" has a negative {what}: {value}")]
+    NegativeJointValue {
+        /// Joint at fault.
+        joint: String,
+        /// Which value.
+        what: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// An axis without a direction.
+    #[error("the axis of joint \"{0}\" is zero")]
+    ZeroAxis(String),
+    /// Negative mass.
+    #[error("link \"{link}\" has the negative mass {mass} kg")]
+    NegativeMass {
+        /// Link at fault.
+        link: String,
+        /// Its mass \[kg\].
+        mass: f64,
+    },
+    /// Anything else the URDF reader refuses.
+    #[error("{0}")]
+    Reader(String),
+}
+
+fn numbers(count: usize) -> String {
+    match count {
+        1 => "a number".to_owned(),
+        _ => format!("{count} numbers separated by spaces"),
+    }
+}

@@ -1,0 +1,58 @@
+//! Reading and judging the inertia of a link.
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+use super::error::{Position, UrdfError, UrdfProblem};
+use super::joints::pose;
+use super::warning::ModelWarning;
+use crate::{Body, Inertia};
+
+/// The inertia of a link in its own frame. Impossible values are kept as they are, and named.
+pub(crate) fn of_link(
+    link: &urdf_rs::Link,
+    at: Position,
+    warnings: &mut Vec<ModelWarning>,
+) -> Result<Inertia, UrdfError> {
+    let name = || link.name.clone();
+    let mass = link.inertial.mass.value;
+    if mass < 0.0 {
+        return Err(UrdfError::new(at, UrdfProblem::NegativeMass { link: name(), mass }));
+    }
+    let i = &link.inertial.inertia;
+    let rotational = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    if mass == 0.0 {
+        if rotational != Matrix3::zeros() {
+            warnings.push(ModelWarning::InertiaWithoutMass { link: name() });
+        }
+    } else {
+        let principal @ [low, middle, high] = principal_moments(&rotational);
+        if low <= 0.0 {
+            warnings.push(ModelWarning::NotPositiveDefinite { link: name(), principal });
+        } else if high > (low + middle) * (1.0 + 1e-9) {
+            warnings.push(ModelWarning::TriangleInequality { link: name(), principal });
+        }
+    }
+    let frame = Inertia { mass, com: Vector3::zeros(), rotational };
+    Ok(frame.moved(&pose(&link.inertial.origin)))
+}
+
+/// Eigenvalues, ascending.
+fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
+    let mut values: [f64; 3] = SymmetricEigen::new(*rotational).eigenvalues.into();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// Names the joints beyond which nothing has inertia.
+pub(crate) fn warn_of_massless_ends(bodies: &[Body], warnings: &mut Vec<ModelWarning>) {
+    let mut heavy = vec![false; bodies.len()];
+    for (index, body) in bodies.iter().enumerate().rev() {
+        heavy[index] |= body.inertia.mass > 0.0 || body.inertia.rotational != Matrix3::zeros();
+        if let (Some(parent), true) = (body.parent, heavy[index]) {
+            heavy[parent] = true;
+        }
+    }
+    for body in bodies.iter().zip(heavy).filter_map(|(body, heavy)| (!heavy).then_some(body)) {
+        warnings.push(ModelWarning::NoInertia { link: body.name.clone(), joint: body.joint.name.clone() });
+    }
+}

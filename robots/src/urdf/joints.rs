@@ -1,0 +1,106 @@
+//! One URDF joint into ours: limits, axis, passive dynamics.
+
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use urdf_rs::JointType;
+
+use super::error::{UrdfError, UrdfProblem};
+use super::source::JointSource;
+use super::warning::ModelWarning;
+use crate::{JointDynamics, JointKind, Limits};
+
+/// How the joint moves; `None` when it is fixed.
+pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Option<JointKind>, UrdfError> {
+    let unsupported = |kind: &str| {
+        let problem = UrdfProblem::UnsupportedJointType { joint: joint.name.clone(), kind: kind.to_owned() };
+        Err(UrdfError::new(source.at, problem))
+    };
+    match joint.joint_type {
+        JointType::Fixed => Ok(None),
+        JointType::Revolute => Ok(Some(JointKind::Revolute)),
+        JointType::Continuous => Ok(Some(JointKind::Continuous)),
+        JointType::Prismatic => Ok(Some(JointKind::Prismatic)),
+        JointType::Floating => unsupported("floating"),
+        JointType::Planar => unsupported("planar"),
+        JointType::Spherical => unsupported("spherical"),
+    }
+}
+
+/// Limits, infinite where the file gives none.
+pub(crate) fn limits(
+    joint: &urdf_rs::Joint,
+    kind: JointKind,
+    source: &JointSource,
+    warnings: &mut Vec<ModelWarning>,
+) -> Result<Limits, UrdfError> {
+    let Some(limit) = &source.limit else {
+        return match kind {
+            JointKind::Continuous => Ok(Limits::NONE),
+            _ => Err(UrdfError::new(source.at, UrdfProblem::MissingLimit(joint.name.clone()))),
+        };
+    };
+    let name = || joint.name.clone();
+    let mut limits = Limits { velocity: joint.limit.velocity, effort: joint.limit.effort, ..Limits::NONE };
+    if !limit.has_effort {
+        limits.effort = f64::INFINITY;
+        warnings.push(ModelWarning::NoEffortLimit { joint: name() });
+    }
+    for (what, value) in [("velocity", limits.velocity), ("effort", limits.effort)] {
+        if value < 0.0 {
+            let problem = UrdfProblem::NegativeJointValue { joint: name(), what, value };
+            return Err(UrdfError::new(limit.at, problem));
+        }
+        if value == 0.0 {
+            warnings.push(ModelWarning::ZeroLimit { joint: name(), what });
+        }
+    }
+    if kind != JointKind::Continuous {
+        let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+        if lower > upper {
+            let problem = UrdfProblem::LowerAboveUpper { joint: name(), lower, upper };
+            return Err(UrdfError::new(limit.at, problem));
+        }
+        if lower == upper {
+            warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
+        }
+        (limits.lower, limits.upper) = (lower, upper);
+    }
+    Ok(limits)
+}
+
+/// Damping and friction, zero where the file gives none.
+pub(crate) fn dynamics(joint: &urdf_rs::Joint, source: &JointSource) -> Result<JointDynamics, UrdfError> {
+    let Some(dynamics) = &joint.dynamics else { return Ok(JointDynamics::default()) };
+    let values = JointDynamics { damping: dynamics.damping, friction: dynamics.friction };
+    for (what, value) in [("damping", values.damping), ("friction", values.friction)] {
+        if value < 0.0 {
+            let problem = UrdfProblem::NegativeJointValue { joint: joint.name.clone(), what, value };
+            return Err(UrdfError::new(source.at, problem));
+        }
+    }
+    Ok(values)
+}
+
+/// The axis, normalised.
+pub(crate) fn axis(
+    joint: &urdf_rs::Joint,
+    source: &JointSource,
+    warnings: &mut Vec<ModelWarning>,
+) -> Result<Unit<Vector3<f64>>, UrdfError> {
+    let axis = Vector3::from(joint.axis.xyz.0);
+    let length = axis.norm();
+    if length == 0.0 {
+        return Err(UrdfError::new(source.at, UrdfProblem::ZeroAxis(joint.name.clone())));
+    }
+    // Rounded directions such as (0.707 0.707 0) are common and harmless.
+    if (length - 1.0).abs() > 1e-3 {
+        warnings.push(ModelWarning::AxisLength { joint: joint.name.clone(), length });
+    }
+    Ok(Unit::new_unchecked(axis / length))
+}
+
+/// A URDF pose: fixed-axis roll, pitch, yaw.
+pub(crate) fn pose(pose: &urdf_rs::Pose) -> Isometry3<f64> {
+    let [roll, pitch, yaw] = pose.rpy.0;
+    let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+    Isometry3::from_parts(Translation3::from(Vector3::from(pose.xyz.0)), rotation)
+}

@@ -1,0 +1,56 @@
+//! From URDF text to a [`Model`].
+
+mod assemble;
+mod error;
+mod inertia;
+mod joints;
+mod mimic;
+mod packages;
+mod source;
+mod structure;
+mod warning;
+
+use std::path::Path;
+
+pub use error::{Position, UrdfError, UrdfProblem};
+pub use packages::PackagePath;
+pub use warning::ModelWarning;
+
+use crate::Model;
+
+/// What becomes of mimic joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MimicMode {
+    /// They follow their master, as the file says.
+    #[default]
+    Follow,
+    /// Each is an independent joint with a coordinate of its own.
+    Independent,
+}
+
+/// A URDF text turned into a model.
+#[derive(Clone, Debug)]
+pub struct UrdfRobot {
+    /// The robot.
+    pub model: Model,
+    /// Defects that did not keep it from loading.
+    pub warnings: Vec<ModelWarning>,
+}
+
+/// Parses URDF `text`. `file` is where it came from: for messages, and to find meshes beside it.
+///
+/// Links, joints, inertias and collision geometry are read; visuals, materials, transmissions, safety controllers and
+/// other programs' extensions are skipped.
+///
+/// # Errors
+///
+/// [`UrdfError`], with the place in the text. Defects of real robots' files, such as impossible inertias, are warnings.
+pub fn parse_urdf(
+    text: &str,
+    file: Option<&Path>,
+    mimic: MimicMode,
+    packages: &PackagePath,
+) -> Result<UrdfRobot, UrdfError> {
+    assemble::assemble(text, file, mimic, packages)
+        .map_err(|error| UrdfError { file: file.map(Path::to_owned), ..error })
+}

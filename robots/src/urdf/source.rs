@@ -1,0 +1,269 @@
+//! The XML itself: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but its errors carry no
+//! place and it cannot tell an absent element from a default one; this pass can.
+
+use std::ops::Range;
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::error::{Position, UrdfError, UrdfProblem};
+use crate::nearest::nearest;
+
+/// What the parsed values do not show, in file order.
+pub(crate) struct Survey {
+    pub(crate) links: Vec<Position>,
+    pub(crate) joints: Vec<JointSource>,
+    /// The text with everything blanked that the model does not use.
+    pub(crate) text: String,
+}
+
+pub(crate) struct JointSource {
+    pub(crate) at: Position,
+    /// Attributes of `<limit>`, if there is one.
+    pub(crate) limit: Option<LimitSource>,
+}
+
+pub(crate) struct LimitSource {
+    pub(crate) at: Position,
+    pub(crate) has_effort: bool,
+}
+
+/// Attributes that hold numbers: element, attribute, count, required.
+const NUMBERS: &[(&str, &str, usize, bool)] = &[
+    ("origin", "xyz", 3, false),
+    ("origin", "rpy", 3, false),
+    ("axis", "xyz", 3, true),
+    ("mass", "value", 1, true),
+    ("inertia", "ixx", 1, true),
+    ("inertia", "ixy", 1, true),
+    ("inertia", "ixz", 1, true),
+    ("inertia", "iyy", 1, true),
+    ("inertia", "iyz", 1, true),
+    ("inertia", "izz", 1, true),
+    ("limit", "lower", 1, false),
+    ("limit", "upper", 1, false),
+    ("limit", "effort", 1, false),
+    ("limit", "velocity", 1, false),
+    ("dynamics", "damping", 1, false),
+    ("dynamics", "friction", 1, false),
+    ("mimic", "multiplier", 1, false),
+    ("mimic", "offset", 1, false),
+    ("box", "size", 3, true),
+    ("cylinder", "radius", 1, true),
+    ("cylinder", "length", 1, true),
+    ("capsule", "radius", 1, true),
+    ("capsule", "length", 1, true),
+    ("sphere", "radius", 1, true),
+    ("mesh", "scale", 3, false),
+];
+
+const JOINT_TYPES: [&str; 7] =
+    ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
+
+/// Checks the text and notes where things stand.
+pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|error| {
+        let at = error.pos();
+        let message = error.to_string();
+        // The place stands in front of the whole message already.
+        let message = message.split(" at ").next().unwrap_or(&message).to_owned();
+        UrdfError::new(Position { line: at.row, column: at.col }, UrdfProblem::Xml(message))
+    })?;
+    let root = document.root_element();
+    let source = Source { document: &document };
+    if let Some(node) = document.descendants().find(|node| is_xacro(node)) {
+        return Err(UrdfError::new(source.at(node), UrdfProblem::Xacro));
+    }
+    if root.tag_name().name() != "robot" {
+        return Err(source.error(root, UrdfProblem::Root(root.tag_name().name().to_owned())));
+    }
+    let (mut links, mut joints, mut unused) = (Vec::new(), Vec::new(), Vec::new());
+    for child in root.children().filter(Node::is_element) {
+        match child.tag_name().name() {
+            "link" => {
+                source.check_link(child, &mut unused)?;
+                links.push(source.at(child));
+            }
+            "joint" => joints.push(source.check_joint(child, &mut unused)?),
+            _ => unused.push(child.range()),
+        }
+    }
+    if links.is_empty() {
+        return Err(source.error(root, UrdfProblem::Empty));
+    }
+    Ok(Survey { links, joints, text: blank(text, &unused) })
+}
+
+fn is_xacro(node: &Node<'_, '_>) -> bool {
+    node.is_element() && node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))
+}
+
+struct Source<'a, 'input> {
+    document: &'a Document<'input>,
+}
+
+impl<'a> Source<'a, '_> {
+    fn at(&self, node: Node<'_, '_>) -> Position {
+        let at = self.document.text_pos_at(node.range().start);
+        Position { line: at.row, column: at.col }
+    }
+
+    fn error(&self, node: Node<'_, '_>, problem: UrdfProblem) -> UrdfError {
+        UrdfError::new(self.at(node), problem)
+    }
+
+    fn check_link(&self, link: Node<'a, '_>, unused: &mut Vec<Range<usize>>) -> Result<(), UrdfError> {
+        self.require_attribute(link, "name")?;
+        self.at_most_one(link, &["inertial"])?;
+        for child in link.children().filter(Node::is_element) {
+            match child.tag_name().name() {
+                "inertial" => {
+                    self.at_most_one(child, &["origin", "mass", "inertia"])?;
+                    self.require_element(child, "mass")?;
+                    self.require_element(child, "inertia")?;
+                    self.check_numbers(child)?;
+                }
+                "collision" => {
+                    self.at_most_one(child, &["origin", "geometry"])?;
+                    let geometry = self.require_element(child, "geometry")?;
+                    self.check_geometry(geometry)?;
+                    self.check_numbers(child)?;
+                }
+                _ => unused.push(child.range()),
+            }
+        }
+        Ok(())
+    }
+
+    fn check_geometry(&self, geometry: Node<'a, '_>) -> Result<(), UrdfError> {
+        let shape = geometry.children().find(|shape| {
+            ["box", "cylinder", "sphere", "capsule", "mesh"].contains(&shape.tag_name().name())
+        });
+        match shape {
+            Some(mesh) if mesh.has_tag_name("mesh") => self.require_attribute(mesh, "filename").map(drop),
+            Some(_) => Ok(()),
+            None => Err(self.error(
+                geometry,
+                UrdfProblem::MissingElement {
+                    element: named(geometry),
+                    child: "box>, <cylinder>, <sphere>, <capsule> or <mesh",
+                },
+            )),
+        }
+    }
+
+    fn check_joint(
+        &self,
+        joint: Node<'a, '_>,
+        unused: &mut Vec<Range<usize>>,
+    ) -> Result<JointSource, UrdfError> {
+        const KNOWN: [&str; 8] =
+            ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "joint_properties"];
+        let name = self.require_attribute(joint, "name")?;
+        let kind = self.require_attribute(joint, "type")?;
+        if !JOINT_TYPES.contains(&kind) {
+            let nearest = nearest(kind, JOINT_TYPES).map(str::to_owned);
+            let (joint_name, kind) = (name.to_owned(), kind.to_owned());
+            return Err(self.error(joint, UrdfProblem::UnknownJointType { joint: joint_name, kind, nearest }));
+        }
+        self.at_most_one(joint, &KNOWN)?;
+        for end in ["parent", "child"] {
+            self.require_attribute(self.require_element(joint, end)?, "link")?;
+        }
+        for child in joint.children().filter(Node::is_element) {
+            match child.tag_name().name() {
+                "mimic" => drop(self.require_attribute(child, "joint")?),
+                known if KNOWN.contains(&known) => {}
+                _ => unused.push(child.range()),
+            }
+        }
+        self.check_numbers(joint)?;
+        let limit = joint.children().find(|child| child.has_tag_name("limit"));
+        if let Some(limit) = limit.filter(|_| kind != "fixed") {
+            self.require_attribute(limit, "velocity")?;
+        }
+        let limit =
+            limit.map(|limit| LimitSource { at: self.at(limit), has_effort: limit.has_attribute("effort") });
+        Ok(JointSource { at: self.at(joint), limit })
+    }
+
+    /// Every attribute of [`NUMBERS`] below `parent` holds its numbers.
+    fn check_numbers(&self, parent: Node<'a, '_>) -> Result<(), UrdfError> {
+        for node in parent.descendants().filter(Node::is_element) {
+            for &(element, attribute, expected, required) in NUMBERS {
+                if !node.has_tag_name(element) {
+                    continue;
+                }
+                let Some(value) = node.attribute(attribute) else {
+                    if required {
+                        self.require_attribute(node, attribute)?;
+                    }
+                    continue;
+                };
+                let unlimited = element == "limit";
+                let good =
+                    |word: &str| word.parse().is_ok_and(|x: f64| x.is_finite() || unlimited && !x.is_nan());
+                if value.split_whitespace().count() != expected || !value.split_whitespace().all(good) {
+                    let value = value.to_owned();
+                    let problem = UrdfProblem::Number { element: named(node), attribute, value, expected };
+                    return Err(self.error(node, problem));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn require_attribute<'n>(
+        &self,
+        node: Node<'n, '_>,
+        attribute: &'static str,
+    ) -> Result<&'n str, UrdfError> {
+        node.attribute(attribute).ok_or_else(|| {
+            self.error(node, UrdfProblem::MissingAttribute { element: named(node), attribute })
+        })
+    }
+
+    fn require_element<'n, 'i>(
+        &self,
+        node: Node<'n, 'i>,
+        child: &'static str,
+    ) -> Result<Node<'n, 'i>, UrdfError> {
+        node.children()
+            .find(|candidate| candidate.has_tag_name(child))
+            .ok_or_else(|| self.error(node, UrdfProblem::MissingElement { element: named(node), child }))
+    }
+
+    fn at_most_one(&self, node: Node<'a, '_>, children: &[&'static str]) -> Result<(), UrdfError> {
+        for &child in children {
+            if let Some(second) = node.children().filter(|candidate| candidate.has_tag_name(child)).nth(1) {
+                return Err(self.error(second, UrdfProblem::RepeatedElement { element: named(node), child }));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The element with the name of the link or joint it belongs to: `inertia of link "arm"`.
+fn named(node: Node<'_, '_>) -> String {
+    let element = node.tag_name().name();
+    let owner = node.ancestors().find(|owner| owner.has_tag_name("link") || owner.has_tag_name("joint"));
+    match owner.and_then(|owner| Some((owner, owner.attribute("name")?))) {
+        Some((owner, name)) if owner == node => format!("{element} name=\"{name}\""),
+        Some((owner, name)) => format!("{element}> of <{} name=\"{name}\"", owner.tag_name().name()),
+        None => element.to_owned(),
+    }
+}
+
+/// The text with the given ranges turned into spaces. Visuals, materials and other programs' extensions are not used
+/// here, and `urdf-rs` would refuse whole robots for a defect in one of them (a texture without a file, say).
+fn blank(text: &str, ranges: &[Range<usize>]) -> String {
+    let mut blanked = String::with_capacity(text.len());
+    let mut from = 0;
+    for range in ranges {
+        blanked.push_str(&text[from..range.start]);
+        blanked.extend(text[range.clone()].chars().map(|c| if c == '\n' { '\n' } else { ' ' }));
+        from = range.end;
+    }
+    blanked.push_str(&text[from..]);
+    blanked
+}

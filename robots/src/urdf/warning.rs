@@ -1,0 +1,92 @@
+//! Defects that real robots' files have and that do not keep them from loading.
+
+/// A defect of a loaded model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModelWarning {
+    /// A link states a rotational inertia no rigid body has.
+    #[error("link \"{link}\": rotational inertia is not positive definite (principal moments {}, {}, {} kg m2)",
+        .principal[0], .principal[1], .principal[2])]
+    NotPositiveDefinite {
+        /// Link at fault.
+        link: String,
+        /// Principal moments, ascending \[kg m2\].
+        principal: [f64; 3],
+    },
+    /// A link states a rotational inertia no distribution of mass can have.
+    #[error("link \"{link}\": rotational inertia breaks the triangle inequality (principal moments {}, {}, {} kg m2: \
+             the largest exceeds the sum of the others)",
+        .principal[0], .principal[1], .principal[2])]
+    TriangleInequality {
+        /// Link at fault.
+        link: String,
+        /// Principal moments, ascending \[kg m2\].
+        principal: [f64; 3],
+    },
+    /// A link states a rotational inertia but no mass.
+    #[error("link \"{link}\": rotational inertia without mass")]
+    InertiaWithoutMass {
+        /// Link at fault.
+        link: String,
+    },
+    /// Nothing beyond a joint has inertia, so the mass matrix is singular.
+    #[error(
+        "link \"{link}\" and all beyond it have no inertia: kinematics work, but forward dynamics of joint \
+         \"{joint}\" is impossible; give the link an <inertial>"
+    )]
+    NoInertia {
+        /// Link moved by the joint.
+        link: String,
+        /// The joint.
+        joint: String,
+    },
+    /// A range of one point.
+    #[error("joint \"{joint}\": lower and upper limit are both {value}; it cannot move")]
+    EmptyRange {
+        /// Joint at fault.
+        joint: String,
+        /// The one position \[rad or m\].
+        value: f64,
+    },
+    /// A limit of zero, often meant as "unknown".
+    #[error(
+        "joint \"{joint}\": {what} limit is 0, taken literally; leave it out or raise it if it means unknown"
+    )]
+    ZeroLimit {
+        /// Joint at fault.
+        joint: String,
+        /// `velocity` or `effort`.
+        what: &'static str,
+    },
+    /// A limit without effort.
+    #[error("joint \"{joint}\": <limit> gives no effort; taken as unlimited")]
+    NoEffortLimit {
+        /// Joint at fault.
+        joint: String,
+    },
+    /// An axis of another length than one.
+    #[error("joint \"{joint}\": axis has length {length}; normalised")]
+    AxisLength {
+        /// Joint at fault.
+        joint: String,
+        /// Length found.
+        length: f64,
+    },
+    /// A mesh file that is nowhere.
+    #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.tried))]
+    MissingMesh {
+        /// Link at fault.
+        link: String,
+        /// File name in the URDF.
+        uri: String,
+        /// Folders searched.
+        tried: Vec<std::path::PathBuf>,
+    },
+}
+
+fn searched(tried: &[std::path::PathBuf]) -> String {
+    if tried.is_empty() {
+        return String::new();
+    }
+    let folders: Vec<_> = tried.iter().map(|path| path.display().to_string()).collect();
+    format!(" in {}; set ROS_PACKAGE_PATH or AMENT_PREFIX_PATH", folders.join(", "))
+}
