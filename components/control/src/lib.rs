@@ -1,3 +1,69 @@
-//! Optimisation-based control for motorium: tasks, limits, differential inverse kinematics
+//! Optimisation-based control for motorium: tasks, limits, differential inverse kinematics.
+//!
+//! Each control tick is one small quadratic program in the joint velocity `v`:
+//!
+//! ```text
+//! minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
+//! subject to lower <= v <= upper          (every limit, intersected)
+//! ```
+//!
+//! - [`tasks`] say what should happen: a frame reaches a pose, the joints keep a posture.
+//! - [`limits`] say what must never happen: joint position and velocity limits.
+//! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
+//! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
+//! - [`CommandComposer`] adds gravity compensation and gains: the command a joint drive takes.
+//!
+//! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
+//! is allocated at construction; a tick allocates nothing of its own.
+//!
+//! # Example
+//!
+//! ```
+//! use motorium_control::{
+//!     DifferentialIk, JointSetpoint, RobotState,
+//!     limits::{PositionLimit, VelocityLimit},
+//!     tasks::{CartesianTask, PostureTask},
+//! };
+//! use motorium_robots::{Kinematics, load};
+//!
+//! let panda = load("panda", std::path::Path::new("."))?;
+//! let model = &panda.model;
+//! let home = panda.profile.as_ref().expect("a catalogue robot has a profile").home(model)?;
+//! let hand = model.frame("panda_hand_tcp")?;
+//!
+//! let mut kinematics = Kinematics::new(model);
+//! let mut reach = CartesianTask::new(model, hand);
+//! let mut posture = PostureTask::new(model, home.as_slice());
+//! let (position, velocity) = (PositionLimit::default(), VelocityLimit::default());
+//! let mut ik = DifferentialIk::new(model);
+//! let mut setpoint = JointSetpoint::new(model, home.as_slice());
+//!
+//! kinematics.update(model, home.as_slice());
+//! let mut target = kinematics.pose(model, hand);
+//! target.translation.x += 0.1;
+//! reach.set_target(target);
+//!
+//! let dt = 0.001;
+//! for _ in 0..3000 {
+//!     kinematics.update(model, setpoint.position());
+//!     let state = RobotState { model, kinematics: &kinematics, q: setpoint.position() };
+//!     ik.assemble(&state, &mut [&mut reach, &mut posture], &[&position, &velocity], dt);
+//!     setpoint.integrate(ik.solve()?, dt);
+//! }
+//! assert!(reach.position_error() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+mod command;
+mod ik;
+pub mod limits;
+pub mod se3;
+mod setpoint;
 pub mod solver;
+mod state;
+pub mod tasks;
+
+pub use command::{CommandComposer, ComposeError, JointCommand};
+pub use ik::{DifferentialIk, IkError, IkSettings};
+pub use setpoint::JointSetpoint;
+pub use state::RobotState;

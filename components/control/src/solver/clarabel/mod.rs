@@ -173,6 +173,9 @@ impl QpSolver for ClarabelSolver {
             | SolverStatus::CallbackTerminated => return Err(SolveError::Numerical { iterations }),
         };
         self.layout.read(found, &self.scaling, &mut self.solution);
+        if !self.solution.x.iter().all(|x| x.is_finite()) {
+            return Err(SolveError::Numerical { iterations });
+        }
         Ok(&self.solution)
     }
 }

@@ -1,0 +1,16 @@
+//! What must never happen, each as bounds on the joint velocity.
+
+mod position;
+mod velocity;
+
+pub use position::PositionLimit;
+pub use velocity::VelocityLimit;
+
+use crate::{RobotState, solver::Problem};
+
+/// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`, so that any set of limits has a
+/// solution whatever the state.
+pub trait Limit {
+    /// Narrows the bounds of `problem`, whose unknowns are the joint velocities, for a tick of `dt` seconds.
+    fn tighten(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem);
+}

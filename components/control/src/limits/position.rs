@@ -1,0 +1,41 @@
+//! Joints stay within their position limits.
+
+use super::Limit;
+use crate::{RobotState, solver::Problem};
+
+/// Joints approach their position limits no faster than they can still stop:
+///
+/// ```text
+/// min(rate, 1/dt) (q_min + margin - q)  <=  v  <=  min(rate, 1/dt) (q_max - margin - q)
+/// ```
+///
+/// so that one tick never crosses a limit and the distance to it shrinks at most exponentially. A joint that is
+/// already outside may stay or come back but not go farther (zero is kept feasible, as in OpenSoT). Joints without
+/// limits are left alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionLimit {
+    /// Share of the remaining distance that may be covered per second \[1/s\].
+    pub rate: f64,
+    /// Distance kept from the limits of the model \[rad or m\]; at most half the range is taken.
+    pub margin: f64,
+}
+
+impl Default for PositionLimit {
+    fn default() -> Self {
+        Self { rate: 20.0, margin: 0.0 }
+    }
+}
+
+impl Limit for PositionLimit {
+    fn tighten(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem) {
+        let rate = self.rate.min(dt.recip());
+        let (lower, upper) = (state.model.lower(), state.model.upper());
+        for (joint, q) in state.q.iter().enumerate() {
+            let margin = self.margin.min(0.5 * (upper[joint] - lower[joint]));
+            let below = rate * (lower[joint] + margin - q);
+            let above = rate * (upper[joint] - margin - q);
+            problem.lower[joint] = problem.lower[joint].max(below.min(0.0));
+            problem.upper[joint] = problem.upper[joint].min(above.max(0.0));
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! Joints stay within their velocity limits.
+
+use super::Limit;
+use crate::{RobotState, solver::Problem};
+
+/// Joint velocities stay within a fraction of the model's limits:
+///
+/// ```text
+/// -fraction v_max <= v <= fraction v_max
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VelocityLimit {
+    /// Fraction of the model's velocity limit that may be used, in `(0, 1]`.
+    pub fraction: f64,
+}
+
+impl Default for VelocityLimit {
+    fn default() -> Self {
+        Self { fraction: 1.0 }
+    }
+}
+
+impl Limit for VelocityLimit {
+    fn tighten(&self, state: &RobotState<'_>, _dt: f64, problem: &mut Problem) {
+        for (joint, limit) in state.model.velocity_limit().iter().enumerate() {
+            let limit = self.fraction * limit;
+            problem.lower[joint] = problem.lower[joint].max(-limit);
+            problem.upper[joint] = problem.upper[joint].min(limit);
+        }
+    }
+}

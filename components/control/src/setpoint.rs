@@ -1,0 +1,82 @@
+//! From joint velocities to a position setpoint within the limits.
+
+use motorium_robots::Model;
+use nalgebra::DVector;
+
+/// Joint positions and velocities to be commanded: the integral of a joint velocity, kept within position limits.
+///
+/// A setpoint that starts outside its limits is not thrown back at once: it may stay or return, never go farther.
+#[derive(Clone, Debug)]
+pub struct JointSetpoint {
+    position: DVector<f64>,
+    velocity: DVector<f64>,
+    lower: DVector<f64>,
+    upper: DVector<f64>,
+}
+
+impl JointSetpoint {
+    /// At rest at `q` \[rad or m\], with the position limits of `model`.
+    ///
+    /// # Panics
+    /// If `q` has not one entry per independent joint.
+    pub fn new(model: &Model, q: &[f64]) -> Self {
+        assert_eq!(q.len(), model.nv(), "length of q");
+        Self {
+            position: DVector::from_column_slice(q),
+            velocity: DVector::zeros(model.nv()),
+            lower: model.lower().clone(),
+            upper: model.upper().clone(),
+        }
+    }
+
+    /// At rest at `q`, wherever it was.
+    ///
+    /// # Panics
+    /// If `q` has not one entry per independent joint.
+    pub fn reset(&mut self, q: &[f64]) {
+        self.position.copy_from_slice(q);
+        self.velocity.fill(0.0);
+    }
+
+    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered.
+    ///
+    /// # Panics
+    /// If `v` has not one entry per independent joint.
+    pub fn integrate(&mut self, v: &[f64], dt: f64) {
+        assert_eq!(v.len(), self.position.len(), "length of v");
+        for (joint, v) in v.iter().enumerate() {
+            let from = self.position[joint];
+            let wanted = from + v * dt;
+            let to = wanted.max(self.lower[joint].min(from)).min(self.upper[joint].max(from));
+            self.position[joint] = to;
+            self.velocity[joint] = if to == wanted { *v } else { (to - from) / dt };
+        }
+    }
+
+    /// Stays where it is, at rest.
+    pub fn hold(&mut self) {
+        self.velocity.fill(0.0);
+    }
+
+    /// Pulls the position to within `lead` \[rad or m\] of the measured `q`, so that it cannot run away from a joint
+    /// that is blocked.
+    ///
+    /// # Panics
+    /// If `q` has not one entry per independent joint.
+    pub fn limit_lead(&mut self, q: &[f64], lead: f64) {
+        assert_eq!(q.len(), self.position.len(), "length of q");
+        for (position, q) in self.position.iter_mut().zip(q) {
+            *position = position.max(q - lead).min(q + lead);
+        }
+    }
+
+    /// Joint positions \[rad or m\].
+    pub fn position(&self) -> &[f64] {
+        self.position.as_slice()
+    }
+
+    /// Joint velocities \[rad/s or m/s\].
+    pub fn velocity(&self) -> &[f64] {
+        self.velocity.as_slice()
+    }
+}

@@ -1,0 +1,14 @@
+//! The robot as the tasks and limits of one tick see it.
+
+use motorium_robots::{Kinematics, Model};
+
+/// A model, its configuration, and its kinematics at that configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotState<'a> {
+    /// The robot.
+    pub model: &'a Model,
+    /// Updated at `q`; poses and Jacobians are read from here.
+    pub kinematics: &'a Kinematics,
+    /// Joint positions \[rad or m\], one per independent joint.
+    pub q: &'a [f64],
+}

@@ -1,0 +1,197 @@
+//! A frame reaches a pose.
+
+use motorium_robots::{FrameId, Model, Reference, Twist};
+use nalgebra::{Isometry3, Matrix6xX, Vector6};
+
+use super::Task;
+use crate::{RobotState, se3, solver::Problem};
+
+/// Gains and weights of a [`CartesianTask`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CartesianSettings {
+    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate.
+    pub gain: f64,
+    /// Cost of a velocity error \[1/(m/s)\].
+    pub position_weight: f64,
+    /// Cost of an angular velocity error \[1/(rad/s)\].
+    pub orientation_weight: f64,
+    /// Largest speed at which the error is corrected \[m/s\].
+    pub max_linear_speed: f64,
+    /// Largest angular speed at which the error is corrected \[rad/s\].
+    pub max_angular_speed: f64,
+    /// Levenberg-Marquardt damping per squared weighted error: calm where the target is out of reach, absent at
+    /// the target.
+    pub damping: f64,
+}
+
+impl Default for CartesianSettings {
+    fn default() -> Self {
+        Self {
+            gain: 10.0,
+            position_weight: 1.0,
+            orientation_weight: 0.5,
+            max_linear_speed: f64::INFINITY,
+            max_angular_speed: f64::INFINITY,
+            damping: 1e-2,
+        }
+    }
+}
+
+/// A frame `b` of the robot follows a target pose `t`.
+///
+/// With `T_bt` the pose of the target in the frame, the error is the twist that would carry the frame onto the
+/// target in one unit of time, linear \[m\] then angular \[rad\], in the axes of the frame:
+///
+/// ```text
+/// e  = log(T_bt)
+/// e' = Jlog(T_bt) nu_t - Jlog(T_tb) J_b v
+/// ```
+///
+/// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the target's axes,
+/// and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -gain e` gives the cost
+///
+/// ```text
+/// 1/2 |W (A v - b)|^2 + 1/2 damping |W e|^2 |v|^2,   A = Jlog(T_tb) J_b,   b = gain e + Jlog(T_bt) nu_t
+/// ```
+///
+/// (as in Pink's frame task, there per step and without the target's velocity). The part `gain e` is scaled down as
+/// a whole where it would exceed the largest speeds, so that the direction is kept.
+#[derive(Clone, Debug)]
+pub struct CartesianTask {
+    frame: FrameId,
+    settings: CartesianSettings,
+    target: Isometry3<f64>,
+    feed_forward: Twist,
+    error: Vector6<f64>,
+    position_error: f64,
+    desired: Vector6<f64>,
+    jacobian: Matrix6xX<f64>,
+}
+
+impl CartesianTask {
+    /// A task for `frame` of `model`, with the world's origin as target and default settings.
+    pub fn new(model: &Model, frame: FrameId) -> Self {
+        Self {
+            frame,
+            settings: CartesianSettings::default(),
+            target: Isometry3::identity(),
+            feed_forward: Twist::zero(),
+            error: Vector6::zeros(),
+            position_error: 0.0,
+            desired: Vector6::zeros(),
+            jacobian: Matrix6xX::zeros(model.nv()),
+        }
+    }
+
+    /// The same task with these settings.
+    #[must_use]
+    pub fn with(mut self, settings: CartesianSettings) -> Self {
+        self.settings = settings;
+        self
+    }
+
+    /// Changes gains and weights from the next update on.
+    pub fn set_settings(&mut self, settings: CartesianSettings) {
+        self.settings = settings;
+    }
+
+    /// Gains and weights.
+    pub fn settings(&self) -> &CartesianSettings {
+        &self.settings
+    }
+
+    /// Sets the target pose in the world, at rest.
+    pub fn set_target(&mut self, target: Isometry3<f64>) {
+        self.set_moving_target(target, Twist::zero());
+    }
+
+    /// Sets the target pose in the world and its velocity: of the target's origin \[m/s\] and angular \[rad/s\], in
+    /// world axes.
+    pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist) {
+        self.target = target;
+        self.feed_forward = velocity;
+    }
+
+    /// The frame that is controlled.
+    pub fn frame(&self) -> FrameId {
+        self.frame
+    }
+
+    /// Target pose in the world.
+    pub fn target(&self) -> &Isometry3<f64> {
+        &self.target
+    }
+
+    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame.
+    pub fn error(&self) -> &Vector6<f64> {
+        &self.error
+    }
+
+    /// Distance between the origins of frame and target at the last update \[m\].
+    pub fn position_error(&self) -> f64 {
+        self.position_error
+    }
+
+    /// Angle between frame and target at the last update \[rad\], in `[0, pi]`.
+    pub fn orientation_error(&self) -> f64 {
+        self.error.fixed_rows::<3>(3).norm()
+    }
+
+    /// `A` at the last update, 6 x nv: the error's own rate of change is `-A v` for a target at rest.
+    pub fn jacobian(&self) -> &Matrix6xX<f64> {
+        &self.jacobian
+    }
+
+    /// `b` at the last update: linear \[m/s\], angular \[rad/s\].
+    pub fn desired(&self) -> &Vector6<f64> {
+        &self.desired
+    }
+
+    fn weights(&self) -> Vector6<f64> {
+        let (p, o) = (self.settings.position_weight, self.settings.orientation_weight);
+        Vector6::new(p, p, p, o, o, o)
+    }
+
+    /// `gain e`, slowed to the largest speeds.
+    fn correction(&self) -> Vector6<f64> {
+        let correction = self.error * self.settings.gain;
+        let linear = correction.fixed_rows::<3>(0).norm();
+        let angular = correction.fixed_rows::<3>(3).norm();
+        let excess = (linear / self.settings.max_linear_speed).max(angular / self.settings.max_angular_speed);
+        if excess > 1.0 { correction / excess } else { correction }
+    }
+}
+
+impl Task for CartesianTask {
+    fn update(&mut self, state: &RobotState<'_>) {
+        let pose = state.kinematics.pose(state.model, self.frame);
+        let target_in_frame = pose.inv_mul(&self.target);
+        self.error = se3::log(&target_in_frame);
+        self.position_error = target_in_frame.translation.vector.norm();
+
+        let axes = self.target.rotation.inverse();
+        let velocity = se3::stack(&(axes * self.feed_forward.linear), &(axes * self.feed_forward.angular));
+        self.desired = self.correction() + se3::log_jacobian(&target_in_frame) * velocity;
+
+        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.jacobian);
+        let derivative = se3::log_jacobian(&target_in_frame.inverse());
+        for mut column in self.jacobian.column_iter_mut() {
+            let rotated = derivative * column.fixed_rows::<6>(0);
+            column.copy_from(&rotated);
+        }
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        let weights = self.weights();
+        let squared = weights.component_mul(&weights);
+        let damping = self.settings.damping * weights.component_mul(&self.error).norm_squared();
+        for j in 0..self.jacobian.ncols() {
+            let weighted = squared.component_mul(&self.jacobian.fixed_columns::<1>(j));
+            problem.gradient[j] -= weighted.dot(&self.desired);
+            for i in 0..=j {
+                problem.hessian[(i, j)] += weighted.dot(&self.jacobian.fixed_columns::<1>(i));
+            }
+            problem.hessian[(j, j)] += damping;
+        }
+    }
+}

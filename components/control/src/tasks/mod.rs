@@ -1,0 +1,19 @@
+//! What the robot should do, each as a least-squares cost on the joint velocity.
+
+mod cartesian;
+mod posture;
+
+pub use cartesian::{CartesianSettings, CartesianTask};
+pub use posture::{PostureSettings, PostureTask};
+
+use crate::{RobotState, solver::Problem};
+
+/// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
+pub trait Task {
+    /// Evaluates error, `A` and `b` at this state.
+    fn update(&mut self, state: &RobotState<'_>);
+
+    /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle of
+    /// the Hessian), whose unknowns are the joint velocities.
+    fn add_to(&self, problem: &mut Problem);
+}

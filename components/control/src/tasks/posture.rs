@@ -1,0 +1,115 @@
+//! The joints keep a posture.
+
+use motorium_robots::Model;
+use nalgebra::DVector;
+
+use super::Task;
+use crate::{RobotState, solver::Problem};
+
+/// Gain and weight of a [`PostureTask`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PostureSettings {
+    /// Rate at which the error decays \[1/s\].
+    pub gain: f64,
+    /// Cost of a joint velocity error \[1/(rad/s) or 1/(m/s)\].
+    pub weight: f64,
+}
+
+impl Default for PostureSettings {
+    /// Light enough to pull a hand off its target by less than a micrometre.
+    fn default() -> Self {
+        Self { gain: 1.0, weight: 1e-3 }
+    }
+}
+
+/// Joint positions `q` approach a posture `q*` \[rad or m\]:
+///
+/// ```text
+/// 1/2 |weight S (v - b)|^2,   b = gain (q* - q)
+/// ```
+///
+/// with `S` a diagonal of shares, one per joint. In a sum with other tasks it decides what they leave open. Where it
+/// disagrees with them it wins a share: at rest a Cartesian task of weight `w` and gain `g` keeps an error of about
+/// `(weight^2 gain) / (w^2 g)` times the posture's own.
+#[derive(Clone, Debug)]
+pub struct PostureTask {
+    settings: PostureSettings,
+    target: DVector<f64>,
+    shares: DVector<f64>,
+    error: DVector<f64>,
+}
+
+impl PostureTask {
+    /// A task for all joints of `model`, with default settings.
+    ///
+    /// # Panics
+    /// If `target` has not one entry per independent joint.
+    pub fn new(model: &Model, target: &[f64]) -> Self {
+        assert_eq!(target.len(), model.nv(), "length of the posture");
+        Self {
+            settings: PostureSettings::default(),
+            target: DVector::from_column_slice(target),
+            shares: DVector::repeat(model.nv(), 1.0),
+            error: DVector::zeros(model.nv()),
+        }
+    }
+
+    /// The same task with these settings.
+    #[must_use]
+    pub fn with(mut self, settings: PostureSettings) -> Self {
+        self.settings = settings;
+        self
+    }
+
+    /// Changes gain and weight from the next update on.
+    pub fn set_settings(&mut self, settings: PostureSettings) {
+        self.settings = settings;
+    }
+
+    /// Gain and weight.
+    pub fn settings(&self) -> &PostureSettings {
+        &self.settings
+    }
+
+    /// Sets the posture `q*`.
+    ///
+    /// # Panics
+    /// If `target` has not one entry per independent joint.
+    pub fn set_target(&mut self, target: &[f64]) {
+        self.target.copy_from_slice(target);
+    }
+
+    /// Sets the factor of the weight of one joint; zero leaves it out.
+    ///
+    /// # Panics
+    /// If there is no such joint.
+    pub fn set_share(&mut self, joint: usize, share: f64) {
+        self.shares[joint] = share;
+    }
+
+    /// The posture `q*`.
+    pub fn target(&self) -> &[f64] {
+        self.target.as_slice()
+    }
+
+    /// `q* - q` at the last update.
+    pub fn error(&self) -> &[f64] {
+        self.error.as_slice()
+    }
+}
+
+impl Task for PostureTask {
+    fn update(&mut self, state: &RobotState<'_>) {
+        for (error, (target, q)) in self.error.iter_mut().zip(self.target.iter().zip(state.q)) {
+            *error = target - q;
+        }
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        for (joint, error) in self.error.iter().enumerate() {
+            let weight = self.settings.weight * self.shares[joint];
+            problem.hessian[(joint, joint)] += weight * weight;
+            problem.gradient[joint] -= weight * weight * self.settings.gain * error;
+        }
+    }
+}
