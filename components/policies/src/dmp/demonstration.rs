@@ -1,0 +1,196 @@
+//! A movement to learn from.
+
+use nalgebra::DMatrix;
+
+/// A demonstrated movement: evenly spaced samples of position, velocity and acceleration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demonstration {
+    duration: f64,
+    positions: DMatrix<f64>,
+    velocities: DMatrix<f64>,
+    accelerations: DMatrix<f64>,
+}
+
+/// Why a recording is no demonstration.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DemonstrationError {
+    /// Too little to differentiate twice.
+    #[error("{found} samples, expected at least 4: they are differentiated twice")]
+    TooShort {
+        /// Number of samples found.
+        found: usize,
+    },
+    /// No dimension at all.
+    #[error("samples without a single dimension")]
+    NoDimension,
+    /// A duration that is not a positive time.
+    #[error("a duration of {found} s, expected a positive time")]
+    Duration {
+        /// What was found, s.
+        found: f64,
+    },
+    /// Matrices that do not fit each other.
+    #[error("{name} are {found:?} (samples, dimensions), the positions {expected:?}")]
+    Shape {
+        /// Which derivative.
+        name: &'static str,
+        /// Its shape.
+        found: (usize, usize),
+        /// The shape of the positions.
+        expected: (usize, usize),
+    },
+    /// A sample that is not a number.
+    #[error("sample {sample}, dimension {dimension} is {value}: cut the recording or fill the gap")]
+    NotFinite {
+        /// Row.
+        sample: usize,
+        /// Column.
+        dimension: usize,
+        /// What was found.
+        value: f64,
+    },
+}
+
+impl Demonstration {
+    /// From positions (samples x dimensions) evenly spaced over `duration` seconds, the first at 0, the last at the end.
+    ///
+    /// Velocity and acceleration are second-order differences, central inside and one-sided at the ends, so that the
+    /// velocity with which the demonstration begins is kept. They amplify noise: filter a measured recording first.
+    ///
+    /// # Errors
+    /// Fewer than 4 samples, no dimension, a duration that is no positive time, or a sample that is not finite.
+    pub fn from_positions(duration: f64, positions: DMatrix<f64>) -> Result<Self, DemonstrationError> {
+        check(duration, &positions)?;
+        let (samples, dimensions) = positions.shape();
+        let step = duration / (samples - 1) as f64;
+        let last = samples - 1;
+        let y = &positions;
+        let velocities = DMatrix::from_fn(samples, dimensions, |k, d| match k {
+            0 => (-3.0 * y[(0, d)] + 4.0 * y[(1, d)] - y[(2, d)]) / (2.0 * step),
+            k if k == last => (3.0 * y[(last, d)] - 4.0 * y[(last - 1, d)] + y[(last - 2, d)]) / (2.0 * step),
+            k => (y[(k + 1, d)] - y[(k - 1, d)]) / (2.0 * step),
+        });
+        let one_sided = |a: f64, b: f64, c: f64, e: f64| (2.0 * a - 5.0 * b + 4.0 * c - e) / (step * step);
+        let accelerations = DMatrix::from_fn(samples, dimensions, |k, d| match k {
+            0 => one_sided(y[(0, d)], y[(1, d)], y[(2, d)], y[(3, d)]),
+            k if k == last => one_sided(y[(last, d)], y[(last - 1, d)], y[(last - 2, d)], y[(last - 3, d)]),
+            k => (y[(k + 1, d)] - 2.0 * y[(k, d)] + y[(k - 1, d)]) / (step * step),
+        });
+        Ok(Self { duration, positions, velocities, accelerations })
+    }
+
+    /// From positions, velocities (per second) and accelerations (per second squared), each samples x dimensions.
+    ///
+    /// # Errors
+    /// As [`Self::from_positions`], and matrices of different shapes.
+    pub fn with_derivatives(
+        duration: f64,
+        positions: DMatrix<f64>,
+        velocities: DMatrix<f64>,
+        accelerations: DMatrix<f64>,
+    ) -> Result<Self, DemonstrationError> {
+        check(duration, &positions)?;
+        for (name, matrix) in [("velocities", &velocities), ("accelerations", &accelerations)] {
+            if matrix.shape() != positions.shape() {
+                let (found, expected) = (matrix.shape(), positions.shape());
+                return Err(DemonstrationError::Shape { name, found, expected });
+            }
+            check(duration, matrix)?;
+        }
+        Ok(Self { duration, positions, velocities, accelerations })
+    }
+
+    /// Seconds from the first sample to the last.
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.positions.nrows()
+    }
+
+    /// Number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.positions.ncols()
+    }
+
+    /// Positions, samples x dimensions.
+    pub fn positions(&self) -> &DMatrix<f64> {
+        &self.positions
+    }
+
+    /// Velocities per second, samples x dimensions.
+    pub fn velocities(&self) -> &DMatrix<f64> {
+        &self.velocities
+    }
+
+    /// Accelerations per second squared, samples x dimensions.
+    pub fn accelerations(&self) -> &DMatrix<f64> {
+        &self.accelerations
+    }
+
+    /// Where a dimension begins.
+    pub fn start(&self, dimension: usize) -> f64 {
+        self.positions[(0, dimension)]
+    }
+
+    /// Where a dimension ends.
+    pub fn goal(&self, dimension: usize) -> f64 {
+        self.positions[(self.samples() - 1, dimension)]
+    }
+}
+
+fn check(duration: f64, samples: &DMatrix<f64>) -> Result<(), DemonstrationError> {
+    if samples.nrows() < 4 {
+        return Err(DemonstrationError::TooShort { found: samples.nrows() });
+    }
+    if samples.ncols() == 0 {
+        return Err(DemonstrationError::NoDimension);
+    }
+    if !(duration.is_finite() && duration > 0.0) {
+        return Err(DemonstrationError::Duration { found: duration });
+    }
+    for dimension in 0..samples.ncols() {
+        for sample in 0..samples.nrows() {
+            let value = samples[(sample, dimension)];
+            if !value.is_finite() {
+                return Err(DemonstrationError::NotFinite { sample, dimension, value });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_are_exact_for_a_parabola_also_at_its_ends() {
+        let positions = DMatrix::from_fn(11, 1, |k, _| {
+            let t = 0.2 * k as f64;
+            1.0 - 3.0 * t + 2.0 * t * t
+        });
+        let demonstration = Demonstration::from_positions(2.0, positions).unwrap();
+        for k in 0..11 {
+            let t = 0.2 * k as f64;
+            assert!((demonstration.velocities()[(k, 0)] - (4.0 * t - 3.0)).abs() < 1e-12);
+            assert!((demonstration.accelerations()[(k, 0)] - 4.0).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn a_gap_in_the_recording_is_refused_with_its_place() {
+        let mut positions = DMatrix::zeros(5, 2);
+        positions[(3, 1)] = f64::NAN;
+        let error = Demonstration::from_positions(1.0, positions).unwrap_err().to_string();
+        assert!(error.starts_with("sample 3, dimension 1 is NaN"), "{error}");
+    }
+
+    #[test]
+    fn three_samples_are_too_few() {
+        let error = Demonstration::from_positions(1.0, DMatrix::zeros(3, 1)).unwrap_err();
+        assert_eq!(error, DemonstrationError::TooShort { found: 3 });
+    }
+}

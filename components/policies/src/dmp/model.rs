@@ -1,0 +1,183 @@
+//! What a primitive has learned: its settings, its weights and the displacement it was shown.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::kernels::{Gate, Kernels};
+use super::settings::{ModelError, Settings, Variant};
+use super::spring::CriticalSpring;
+
+/// A discrete primitive without its state: constant while it runs, shared by copies.
+///
+/// Weights are in the unit of the movement: for [`Variant::Classic`] and [`Variant::QuinticGoal`] the forcing term is an
+/// acceleration in normalised time (unit of y per duration squared), for [`Variant::GoalSafe`] a displacement (unit of y).
+/// They do not depend on the duration. Serialises as [`StoredModel`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredModel", into = "StoredModel")]
+pub struct DmpModel {
+    settings: Settings,
+    kernels: Kernels,
+    weights: DMatrix<f64>,
+    displacement: DVector<f64>,
+}
+
+impl DmpModel {
+    /// A primitive of `dimensions >= 1` without a forcing term: a smooth reach. Its displacement is 1 in each.
+    ///
+    /// # Errors
+    /// A setting out of range, or no dimension.
+    pub fn new(dimensions: usize, settings: Settings) -> Result<Self, ModelError> {
+        let kernels = settings.kernels;
+        Self::with_weights(
+            settings,
+            DMatrix::zeros(kernels, dimensions),
+            DVector::from_element(dimensions, 1.0),
+        )
+    }
+
+    /// A primitive from its weights (kernels x dimensions) and the displacement `g - y0` they were learned for.
+    ///
+    /// # Errors
+    /// A setting out of range, sizes that do not fit, or numbers that are not finite.
+    pub fn with_weights(
+        settings: Settings,
+        weights: DMatrix<f64>,
+        displacement: DVector<f64>,
+    ) -> Result<Self, ModelError> {
+        settings.check()?;
+        let size = |name, found, expected| ModelError::Size { name, found, expected };
+        if weights.ncols() == 0 {
+            return Err(ModelError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+        }
+        if weights.nrows() != settings.kernels {
+            return Err(size("a column of weights", weights.nrows(), settings.kernels));
+        }
+        if displacement.len() != weights.ncols() {
+            return Err(size("displacement", displacement.len(), weights.ncols()));
+        }
+        for (name, values) in [("weights", weights.as_slice()), ("displacement", displacement.as_slice())] {
+            if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
+                return Err(ModelError::NotFinite { name, value });
+            }
+        }
+        let gate = match settings.variant {
+            Variant::Classic | Variant::GoalSafe => Gate::Phase,
+            Variant::QuinticGoal => Gate::Finite,
+        };
+        let kernels = Kernels::new(settings.kernels, settings.decay, settings.overlap, gate);
+        Ok(Self { settings, kernels, weights, displacement })
+    }
+
+    /// Number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.weights.ncols()
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The kernels and the phase they ride on.
+    pub fn kernels(&self) -> &Kernels {
+        &self.kernels
+    }
+
+    /// The weights, kernels x dimensions.
+    pub fn weights(&self) -> &DMatrix<f64> {
+        &self.weights
+    }
+
+    /// The weights, to be written by a learner. Their number cannot change.
+    pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
+        self.weights.as_view_mut()
+    }
+
+    /// The displacement `g - y0` the weights were learned for.
+    pub fn displacement(&self) -> &DVector<f64> {
+        &self.displacement
+    }
+
+    /// The transformation system.
+    pub fn spring(&self) -> CriticalSpring {
+        CriticalSpring::new(self.settings.damping)
+    }
+
+    /// What the weighted features are divided by to become an equilibrium of the spring.
+    pub(super) fn forcing_divisor(&self) -> f64 {
+        match self.settings.variant {
+            Variant::GoalSafe => 1.0,
+            Variant::Classic | Variant::QuinticGoal => self.spring().stiffness(),
+        }
+    }
+}
+
+/// A [`DmpModel`] as it is written to a file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredModel {
+    /// The settings.
+    pub settings: Settings,
+    /// The displacement `g - y0` of the demonstration, one number for each dimension.
+    pub displacement: Vec<f64>,
+    /// For each dimension, the weight of each kernel.
+    pub weights: Vec<Vec<f64>>,
+}
+
+impl From<DmpModel> for StoredModel {
+    fn from(model: DmpModel) -> Self {
+        let weights = model.weights.column_iter().map(|column| column.iter().copied().collect()).collect();
+        Self { weights, displacement: model.displacement.as_slice().to_vec(), settings: model.settings }
+    }
+}
+
+impl TryFrom<StoredModel> for DmpModel {
+    type Error = ModelError;
+
+    fn try_from(stored: StoredModel) -> Result<Self, ModelError> {
+        let kernels = stored.settings.kernels;
+        if let Some(column) = stored.weights.iter().find(|column| column.len() != kernels) {
+            return Err(ModelError::Size {
+                name: "a dimension of weights",
+                found: column.len(),
+                expected: kernels,
+            });
+        }
+        let weights =
+            DMatrix::from_iterator(kernels, stored.weights.len(), stored.weights.into_iter().flatten());
+        Self::with_weights(stored.settings, weights, DVector::from_vec(stored.displacement))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_survives_json() {
+        let mut model = DmpModel::new(2, Settings { kernels: 3, ..Settings::default() }).unwrap();
+        model.weights_mut().copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let text = serde_json::to_string(&model).unwrap();
+        assert_eq!(serde_json::from_str::<DmpModel>(&text).unwrap(), model);
+    }
+
+    #[test]
+    fn a_stored_model_with_a_missing_weight_is_refused_with_both_counts() {
+        let text = r#"{"settings": {"kernels": 3}, "displacement": [1.0], "weights": [[1.0, 2.0]]}"#;
+        let error = serde_json::from_str::<DmpModel>(text).unwrap_err().to_string();
+        assert!(error.contains("a dimension of weights has 2 entries, expected 3"), "{error}");
+    }
+
+    #[test]
+    fn settings_out_of_range_are_refused_by_name() {
+        let refuse = |settings: Settings| DmpModel::new(1, settings).unwrap_err().to_string();
+        assert_eq!(
+            refuse(Settings { kernels: 1, ..Settings::default() }),
+            "kernels = 1: expected at least 2"
+        );
+        assert!(refuse(Settings { overlap: 1.0, ..Settings::default() }).contains("overlap = 1"));
+        assert!(refuse(Settings { damping: f64::NAN, ..Settings::default() }).contains("damping = NaN"));
+        assert!(refuse(Settings { goal_rate: Some(2.0), ..Settings::default() }).contains("goal_rate"));
+        assert!(DmpModel::new(0, Settings::default()).unwrap_err().to_string().contains("dimensions = 0"));
+    }
+}

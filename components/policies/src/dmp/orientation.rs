@@ -1,0 +1,213 @@
+//! A discrete primitive for orientations.
+
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+
+use super::demonstration::{Demonstration, DemonstrationError};
+use super::discrete::{DiscreteDmp, MoveError};
+use super::model::DmpModel;
+use super::quintic::Jet;
+use super::settings::ModelError;
+use crate::rotation::{self, RotationJet};
+
+/// An orientation on its way to a goal, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
+///
+/// The primitive runs in the error coordinate itself, `e = 2 log(g * conj(q))` (rad, three numbers), not on the angular
+/// velocity: the system in `e` is linear, so scaling in time and in the goal cannot distort the path. It is a
+/// [`DiscreteDmp`] of three dimensions from `e(0) = 2 log(g * conj(q0))` to `0`; the orientation is
+/// `q = exp(-e / 2) * g`, angular velocity and acceleration follow exactly from `e'` and `e''`.
+///
+/// Turns the shorter way round. The quaternion has unit length and does not change its sign while it runs.
+#[derive(Clone, Debug)]
+pub struct OrientationDmp {
+    dmp: DiscreteDmp,
+    start: UnitQuaternion<f64>,
+    goal: UnitQuaternion<f64>,
+    orientation: UnitQuaternion<f64>,
+    angular_velocity: Vector3<f64>,
+    angular_acceleration: Vector3<f64>,
+}
+
+impl OrientationDmp {
+    /// Runs a model of three dimensions, at rest at the identity until it is started.
+    ///
+    /// # Errors
+    /// A model of another number of dimensions.
+    pub fn new(model: DmpModel) -> Result<Self, ModelError> {
+        if model.dimensions() != 3 {
+            let found = model.dimensions();
+            return Err(ModelError::Size { name: "an orientation primitive", found, expected: 3 });
+        }
+        Ok(Self {
+            dmp: DiscreteDmp::new(model),
+            start: UnitQuaternion::identity(),
+            goal: UnitQuaternion::identity(),
+            orientation: UnitQuaternion::identity(),
+            angular_velocity: Vector3::zeros(),
+            angular_acceleration: Vector3::zeros(),
+        })
+    }
+
+    /// Starts from rest at `start` towards `goal`, to arrive after `duration` seconds.
+    ///
+    /// # Errors
+    /// A duration that is no positive time, or quaternions that are not finite.
+    pub fn start(
+        &mut self,
+        start: UnitQuaternion<f64>,
+        goal: UnitQuaternion<f64>,
+        duration: f64,
+    ) -> Result<(), MoveError> {
+        self.start_moving(start, [Vector3::zeros(); 2], goal, duration)
+    }
+
+    /// Starts in motion, with angular velocity (rad/s) and angular acceleration (rad/s^2) in world axes.
+    ///
+    /// # Errors
+    /// A duration that is no positive time, or numbers that are not finite.
+    pub fn start_moving(
+        &mut self,
+        start: UnitQuaternion<f64>,
+        [velocity, acceleration]: [Vector3<f64>; 2],
+        goal: UnitQuaternion<f64>,
+        duration: f64,
+    ) -> Result<(), MoveError> {
+        let vector = rotation::log(&(start * goal.inverse()));
+        let phi = in_coordinates(vector, velocity, acceleration)?;
+        self.dmp.start_moving(
+            [(-phi.vector).as_slice(), (-phi.rate).as_slice(), (-phi.acceleration).as_slice()],
+            &[0.0; 3],
+            duration,
+        )?;
+        self.start = start;
+        self.orientation = start;
+        self.goal = with_sign_of(start, rotation::exp(vector), goal);
+        self.observe();
+        Ok(())
+    }
+
+    /// Sets another goal while it runs. Orientation, angular velocity and, with a quintic goal, angular acceleration
+    /// stay continuous.
+    ///
+    /// # Errors
+    /// A quaternion that is not finite.
+    pub fn set_goal(&mut self, goal: UnitQuaternion<f64>) -> Result<(), MoveError> {
+        if goal.coords == self.goal.coords || goal.coords == -self.goal.coords {
+            return Ok(());
+        }
+        let vector = rotation::log(&(self.orientation * goal.inverse()));
+        let phi = in_coordinates(vector, self.angular_velocity, self.angular_acceleration)?;
+        let jet =
+            |d: usize| Jet { value: -phi.vector[d], rate: -phi.rate[d], acceleration: -phi.acceleration[d] };
+        let start = -rotation::log(&(self.start * goal.inverse()));
+        self.dmp.rebase(&[jet(0), jet(1), jet(2)], start.as_slice(), &[0.0; 3]);
+        self.goal = with_sign_of(self.orientation, rotation::exp(vector), goal);
+        self.observe();
+        Ok(())
+    }
+
+    /// Sets another duration while it runs; see [`DiscreteDmp::set_duration`].
+    ///
+    /// # Errors
+    /// A duration that is no positive time.
+    pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
+        self.dmp.set_duration(duration)?;
+        self.observe();
+        Ok(())
+    }
+
+    /// Advances by `dt` seconds.
+    pub fn step(&mut self, dt: f64) {
+        self.dmp.step(dt);
+        self.observe();
+    }
+
+    /// The orientation, a unit quaternion.
+    pub fn orientation(&self) -> UnitQuaternion<f64> {
+        self.orientation
+    }
+
+    /// Angular velocity in world axes, rad/s.
+    pub fn angular_velocity(&self) -> Vector3<f64> {
+        self.angular_velocity
+    }
+
+    /// Angular acceleration in world axes, rad/s^2.
+    pub fn angular_acceleration(&self) -> Vector3<f64> {
+        self.angular_acceleration
+    }
+
+    /// The goal, with the sign that makes the way to it continuous.
+    pub fn goal(&self) -> UnitQuaternion<f64> {
+        self.goal
+    }
+
+    /// The primitive in error coordinates.
+    pub fn coordinates(&self) -> &DiscreteDmp {
+        &self.dmp
+    }
+
+    fn observe(&mut self) {
+        let negated = |values: &[f64]| -Vector3::from_column_slice(values);
+        let phi = RotationJet {
+            vector: negated(self.dmp.position()),
+            rate: negated(self.dmp.velocity()),
+            acceleration: negated(self.dmp.acceleration()),
+        };
+        self.orientation = rotation::exp(phi.vector) * self.goal;
+        self.orientation.renormalize_fast();
+        (self.angular_velocity, self.angular_acceleration) = rotation::angular_motion(&phi);
+    }
+}
+
+/// Turns a recorded orientation (evenly spaced over `duration` seconds) into a demonstration in error coordinates with
+/// respect to its last sample, to be fitted with [`DmpModel::fit`]. Sign flips of the quaternions do not matter; turns of
+/// more than half a revolution between start and goal are followed as they were made.
+///
+/// # Errors
+/// As [`Demonstration::from_positions`].
+pub fn orientation_demonstration(
+    duration: f64,
+    orientations: &[UnitQuaternion<f64>],
+) -> Result<Demonstration, DemonstrationError> {
+    let mut errors = DMatrix::zeros(orientations.len(), 3);
+    let goal = orientations.last().copied().unwrap_or_default();
+    let mut later = Vector3::zeros();
+    for (k, orientation) in orientations.iter().enumerate().rev() {
+        later = nearest_turn(rotation::log(&(goal * orientation.inverse())), later);
+        errors.row_mut(k).tr_copy_from(&later);
+    }
+    Demonstration::from_positions(duration, errors)
+}
+
+/// Of all rotation vectors of the same rotation, the one nearest to a neighbour in time.
+fn nearest_turn(vector: Vector3<f64>, neighbour: Vector3<f64>) -> Vector3<f64> {
+    let angle = vector.norm();
+    // a rotation by next to nothing has no axis of its own: it takes that of its neighbour
+    let axis = if angle > 1e-9 { vector / angle } else { neighbour.try_normalize(1e-9).unwrap_or_default() };
+    let turns = ((neighbour.dot(&axis) - angle) / std::f64::consts::TAU).round();
+    vector + axis * (turns * std::f64::consts::TAU)
+}
+
+fn in_coordinates(
+    vector: Vector3<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+) -> Result<RotationJet, MoveError> {
+    // the logarithm is at most pi long, where the Jacobian is regular: only what is no number has no inverse here
+    rotation::from_angular_motion(vector, velocity, acceleration)
+        .filter(|phi| phi.vector.iter().all(|value| value.is_finite()))
+        .ok_or(MoveError::NotFinite { name: "orientation", value: vector.sum() })
+}
+
+/// `goal` or `-goal`, such that `turn * goal` comes out as `orientation` and not as its negative.
+fn with_sign_of(
+    orientation: UnitQuaternion<f64>,
+    turn: UnitQuaternion<f64>,
+    goal: UnitQuaternion<f64>,
+) -> UnitQuaternion<f64> {
+    if (turn * goal).coords.dot(&orientation.coords) < 0.0 {
+        UnitQuaternion::new_unchecked(-goal.into_inner())
+    } else {
+        goal
+    }
+}

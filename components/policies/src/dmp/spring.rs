@@ -1,0 +1,109 @@
+//! The critically damped transformation system, advanced exactly.
+
+/// `x'' = K (u - x) - D x'` in normalised time (progress), with `D = damping` and `K = D^2 / 4`.
+///
+/// Both roots are at `-D / 2`. A step is not an Euler step but the exact solution for an input `u` that runs linearly
+/// between its values at the two ends of the step: unconditionally stable, and exact for any constant or linear input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CriticalSpring {
+    root: f64,
+}
+
+impl CriticalSpring {
+    /// From the damping `D > 0`.
+    pub fn new(damping: f64) -> Self {
+        Self { root: 0.5 * damping }
+    }
+
+    /// The stiffness `K`.
+    pub fn stiffness(&self) -> f64 {
+        self.root * self.root
+    }
+
+    /// The damping `D`.
+    pub fn damping(&self) -> f64 {
+        2.0 * self.root
+    }
+
+    /// The coefficients of one step of width `h` (in progress).
+    pub fn stride(&self, h: f64) -> Stride {
+        Stride { root: self.root, h, fade: (-self.root * h).exp() }
+    }
+
+    /// The acceleration `x''` of a state under the input `u`.
+    pub fn acceleration(&self, x: f64, rate: f64, input: f64) -> f64 {
+        self.stiffness() * (input - x) - self.damping() * rate
+    }
+}
+
+/// One step of a [`CriticalSpring`], the same for every dimension.
+#[derive(Clone, Copy, Debug)]
+pub struct Stride {
+    root: f64,
+    h: f64,
+    fade: f64,
+}
+
+impl Stride {
+    /// Carries `(x, x')` over the step while the input runs linearly from `from` to `to`.
+    pub fn advance(&self, (x, rate): (f64, f64), from: f64, to: f64) -> (f64, f64) {
+        if self.h <= 0.0 {
+            return (x, rate);
+        }
+        // a ramp is followed with the constant lag D m / K
+        let slope = (to - from) / self.h;
+        let lag = 2.0 * slope / self.root;
+        let deviation = x - (from - lag);
+        let deviation_rate = rate - slope;
+        let mixed = deviation_rate + self.root * deviation;
+        (
+            to - lag + (deviation + mixed * self.h) * self.fade,
+            slope + (deviation_rate - self.root * mixed * self.h) * self.fade,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `x(t) = g + (x0 - g + (v0 + w (x0 - g)) t) exp(-w t)`: the textbook solution, evaluated once for the whole time.
+    #[test]
+    fn a_thousand_strides_give_the_textbook_solution_for_a_constant_input() {
+        let spring = CriticalSpring::new(25.0);
+        let (goal, x0, v0, w) = (0.7, -0.2, 3.0, 12.5);
+        let mut state = (x0, v0);
+        let stride = spring.stride(1e-3);
+        for k in 1..=1000 {
+            state = stride.advance(state, goal, goal);
+            let t = f64::from(k) * 1e-3;
+            let b = v0 + w * (x0 - goal);
+            let x = goal + (x0 - goal + b * t) * (-w * t).exp();
+            let v = (b - w * (x0 - goal + b * t)) * (-w * t).exp();
+            assert!((state.0 - x).abs() < 1e-13 && (state.1 - v).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_ramp_is_followed_exactly_by_one_stride_or_by_many() {
+        let spring = CriticalSpring::new(8.0);
+        let once = spring.stride(0.6).advance((0.1, -1.0), 0.0, 1.8);
+        let mut many = (0.1, -1.0);
+        for k in 0..600 {
+            let (from, to) = (3e-3 * f64::from(k), 3e-3 * f64::from(k + 1));
+            many = spring.stride(1e-3).advance(many, from, to);
+        }
+        assert!((once.0 - many.0).abs() < 1e-12 && (once.1 - many.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_far_wider_than_the_time_constant_lands_on_the_goal() {
+        let (x, rate) = CriticalSpring::new(25.0).stride(50.0).advance((5.0, 100.0), 2.0, 2.0);
+        assert!((x - 2.0).abs() < 1e-12 && rate.abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_of_no_time_changes_nothing() {
+        assert_eq!(CriticalSpring::new(25.0).stride(0.0).advance((5.0, 1.0), 2.0, 2.5), (5.0, 1.0));
+    }
+}
