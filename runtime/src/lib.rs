@@ -6,5 +6,12 @@
 
 pub mod component;
 pub mod graph;
+pub mod os;
 pub mod plan;
+pub mod region;
+pub mod run_folder;
+pub mod safety;
 pub mod state;
+pub mod telemetry;
+pub mod transport;
+pub mod worker;

@@ -254,7 +254,10 @@ impl Declare {
         required: bool,
         doc: &str,
     ) {
-        debug_assert!(self.declaration.ports.iter().all(|port| port.name != name), "port `{name}` declared twice");
+        debug_assert!(
+            self.declaration.ports.iter().all(|port| port.name != name),
+            "port `{name}` declared twice"
+        );
         self.declaration.ports.push(PortDeclaration {
             name: name.to_string(),
             direction,

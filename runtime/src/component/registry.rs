@@ -72,9 +72,11 @@ fn declare<C: Component>(
 ) -> Result<Declaration, ConfigProblem> {
     use serde::Deserialize as _;
     let config = match config {
-        ConfigSource::Toml(table) => C::Config::deserialize(toml::de::ValueDeserializer::from(table)).map_err(
-            |error| ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) },
-        )?,
+        ConfigSource::Toml(table) => {
+            C::Config::deserialize(toml::de::ValueDeserializer::from(table)).map_err(|error| {
+                ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) }
+            })?
+        }
         ConfigSource::Json(value) => serde_json::from_value(value)
             .map_err(|error| ConfigProblem { span: None, error: ConfigError::new(error.to_string()) })?,
     };

@@ -143,14 +143,18 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
                 &format!("[{}; {N}]", single.kind),
                 size_of::<Self>(),
             )),
-            _ => (0..N).for_each(|i| T::describe(&format!("{prefix}[{i}]"), offset + i * size_of::<T>(), out)),
+            _ => {
+                (0..N).for_each(|i| T::describe(&format!("{prefix}[{i}]"), offset + i * size_of::<T>(), out))
+            }
         }
     }
 
     fn check(&self) -> Result<(), Defect> {
         for (i, value) in self.iter().enumerate() {
             value.check().map_err(|defect| match defect {
-                Defect::NotFinite { field: "", value, .. } => Defect::NotFinite { field: "", index: i, value },
+                Defect::NotFinite { field: "", value, .. } => {
+                    Defect::NotFinite { field: "", index: i, value }
+                }
                 other => other,
             })?;
         }

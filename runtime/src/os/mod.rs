@@ -1,0 +1,11 @@
+//! The operating system's real-time facilities, as safe functions.
+//!
+//! Everything here that needs `unsafe` is a single call into libc whose arguments are owned by the caller.
+
+mod process;
+mod realtime;
+mod wait;
+
+pub use process::{Watch, install_interrupt, interrupt_thread, thread_id};
+pub use realtime::{Applied, Denied, Request, apply, page_faults, prefault_stack};
+pub use wait::{futex_wait, futex_wake, monotonic_ns, sleep_until};

@@ -1,0 +1,135 @@
+//! Real-time requests of one process: applied, then read back.
+
+#![allow(unsafe_code)] // scheduling parameters and `getrusage` of one thread are plain libc calls
+
+use std::io;
+
+use rustix::mm::MlockAllFlags;
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use serde::{Deserialize, Serialize};
+
+use crate::plan::SchedulingClass;
+
+/// What a process asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// Scheduling class.
+    pub class: SchedulingClass,
+    /// Cores it may run on.
+    pub cores: Vec<usize>,
+    /// Keep all memory resident, now and in future.
+    pub lock_memory: bool,
+}
+
+/// What it got, read back from the kernel.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Applied {
+    /// `SCHED_FIFO` priority, or 0 for normal time sharing.
+    pub fifo_priority: u8,
+    /// Cores it may run on.
+    pub cores: Vec<usize>,
+    /// Whether its memory is locked.
+    pub memory_locked: bool,
+}
+
+/// A request the system denied.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Denied {
+    /// No real-time priority.
+    #[error("SCHED_FIFO priority {0} ({1})")]
+    Priority(u8, String),
+    /// Not those cores.
+    #[error("cores {0:?} ({1})")]
+    Cores(Vec<usize>, String),
+    /// Memory not locked.
+    #[error("locked memory ({0})")]
+    Memory(String),
+}
+
+/// Applies a request to the calling thread and process, reads back what holds, and names what was denied.
+pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
+    let mut denied = Vec::new();
+    let mut cores = CpuSet::new();
+    request.cores.iter().for_each(|core| cores.set(*core));
+    if let Err(error) = sched_setaffinity(None, &cores) {
+        denied.push(Denied::Cores(request.cores.clone(), error.to_string()));
+    }
+    if request.lock_memory
+        && let Err(error) = rustix::mm::mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
+    {
+        denied.push(Denied::Memory(error.to_string()));
+    }
+    if let SchedulingClass::Fifo(priority) = request.class
+        && let Err(error) = set_fifo(priority)
+    {
+        denied.push(Denied::Priority(priority, error.to_string()));
+    }
+    let applied = Applied {
+        fifo_priority: fifo_priority(),
+        cores: sched_getaffinity(None)
+            .map(|set| (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect())
+            .unwrap_or_default(),
+        memory_locked: request.lock_memory && locked_memory(),
+    };
+    // The kernel may say yes and do otherwise (a cpuset, a container): what was read back decides.
+    if denied.is_empty() {
+        if let SchedulingClass::Fifo(priority) = request.class
+            && applied.fifo_priority != priority
+        {
+            denied.push(Denied::Priority(priority, format!("read back {}", applied.fifo_priority)));
+        }
+        if applied.cores != request.cores {
+            denied.push(Denied::Cores(request.cores.clone(), format!("read back {:?}", applied.cores)));
+        }
+        if request.lock_memory && !applied.memory_locked {
+            denied.push(Denied::Memory("read back 0 kB locked".to_string()));
+        }
+    }
+    (applied, denied)
+}
+
+fn set_fifo(priority: u8) -> io::Result<()> {
+    let parameters = libc::sched_param { sched_priority: i32::from(priority) };
+    // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread. Children do not inherit.
+    let result =
+        unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &parameters) };
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+fn fifo_priority() -> u8 {
+    let mut parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: both calls read the calling thread's scheduling; `parameters` outlives them.
+    let (policy, read) =
+        unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut parameters)) };
+    let fifo = policy & !libc::SCHED_RESET_ON_FORK == libc::SCHED_FIFO;
+    if fifo && read == 0 { u8::try_from(parameters.sched_priority).unwrap_or(0) } else { 0 }
+}
+
+fn locked_memory() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmLck:"))
+        .and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
+        .is_some_and(|kilobytes| kilobytes > 0)
+}
+
+/// Page faults of the calling thread so far: minor and major together.
+pub fn page_faults() -> u64 {
+    // SAFETY: zero is a valid value of the plain struct, which outlives the call.
+    unsafe {
+        let mut usage: libc::rusage = core::mem::zeroed();
+        libc::getrusage(libc::RUSAGE_THREAD, &raw mut usage);
+        (usage.ru_minflt + usage.ru_majflt) as u64
+    }
+}
+
+/// Touches 256 KiB of stack, so that the hot path never meets an untouched page of it.
+#[inline(never)]
+pub fn prefault_stack() {
+    let mut stack = [0u8; 256 * 1024];
+    for page in stack.chunks_mut(4096) {
+        page[0] = core::hint::black_box(1);
+    }
+    core::hint::black_box(&stack);
+}

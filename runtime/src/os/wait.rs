@@ -1,0 +1,37 @@
+//! Clocks, sleeping, and futexes shared between processes.
+
+use std::sync::atomic::AtomicU32;
+use std::time::Duration;
+
+use rustix::thread::{ClockId, futex};
+use rustix::time::Timespec;
+
+/// Now on `CLOCK_MONOTONIC`, ns. Reads the vDSO: no system call.
+pub fn monotonic_ns() -> u64 {
+    let now = rustix::time::clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Sleeps until `CLOCK_MONOTONIC` reaches `deadline_ns`; returns early when a signal arrives.
+pub fn sleep_until(deadline_ns: u64) {
+    let deadline = Timespec {
+        tv_sec: (deadline_ns / 1_000_000_000) as i64,
+        tv_nsec: (deadline_ns % 1_000_000_000) as _,
+    };
+    // An error means an interrupting signal (the caller looks at the clock again anyway).
+    let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &deadline);
+}
+
+/// Waits until `word` is no longer `value`, somebody wakes it, a signal arrives, or the timeout passes.
+///
+/// The word may lie in memory shared with other processes.
+pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) {
+    let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
+    // Every outcome means the same to the caller: look at the word again.
+    let _ = futex::wait(word, futex::Flags::empty(), value, timeout.as_ref());
+}
+
+/// Wakes all processes that wait on `word`.
+pub fn futex_wake(word: &AtomicU32) {
+    let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
+}

@@ -1,0 +1,140 @@
+//! Maps the region's file and hands out its blocks.
+
+#![allow(unsafe_code)] // the one place where mapped bytes become blocks
+
+use std::fs::OpenOptions;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+
+use memmap2::{MmapOptions, MmapRaw};
+
+use super::{ComponentBlock, Header, LatencyBlock, TopicBlock};
+
+/// First word of every region; the low digits are the version of its layout.
+const MAGIC: u64 = 0x6d6f_746f_7269_0001;
+
+/// A region could not be made or opened.
+#[derive(Debug, thiserror::Error)]
+pub enum RegionError {
+    /// The file system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The region's file.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
+    /// The file is not a region, or one of another version of motorium, or cut short.
+    #[error("{path}: {found}; expected the shared memory of a run made by this version of motorium")]
+    NotARegion {
+        /// The region's file.
+        path: PathBuf,
+        /// What was found.
+        found: String,
+    },
+}
+
+/// The mapped region of a run.
+#[derive(Debug)]
+pub struct Region {
+    memory: MmapRaw,
+    components: usize,
+    topics: usize,
+    latencies: usize,
+}
+
+impl Region {
+    /// Makes the region of a run with so many components, topics and latency budgets.
+    ///
+    /// # Errors
+    /// The file cannot be made: no space, no permission, or it exists.
+    pub fn create(
+        path: &Path,
+        components: usize,
+        topics: usize,
+        latencies: usize,
+    ) -> Result<Self, RegionError> {
+        let io = |source| RegionError::Io { path: path.to_path_buf(), source };
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
+        let size = Self::size(components, topics, latencies);
+        // Reserve the memory now: a sparse file on a full file system would kill a writer with SIGBUS later.
+        rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, size as u64)
+            .map_err(|error| io(error.into()))?;
+        let memory = MmapOptions::new().len(size).map_raw(&file).map_err(io)?;
+        let region = Self { memory, components, topics, latencies };
+        let header = region.header();
+        header.components.store(components as u32, Relaxed);
+        header.topics.store(topics as u32, Relaxed);
+        header.latencies.store(latencies as u32, Relaxed);
+        header.magic.store(MAGIC, Release);
+        Ok(region)
+    }
+
+    /// Opens the region of a run.
+    ///
+    /// # Errors
+    /// The file cannot be opened, or is no region of this version.
+    pub fn open(path: &Path) -> Result<Self, RegionError> {
+        let io = |source| RegionError::Io { path: path.to_path_buf(), source };
+        let wrong = |found: String| RegionError::NotARegion { path: path.to_path_buf(), found };
+        let file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
+        let size = file.metadata().map_err(io)?.len() as usize;
+        if size < size_of::<Header>() {
+            return Err(wrong(format!("{size} bytes")));
+        }
+        let memory = MmapOptions::new().len(size).map_raw(&file).map_err(io)?;
+        let mut region = Self { memory, components: 0, topics: 0, latencies: 0 };
+        let header = region.header();
+        let magic = header.magic.load(Acquire);
+        if magic != MAGIC {
+            return Err(wrong(format!("version mark {magic:016x}")));
+        }
+        let load = |count: &std::sync::atomic::AtomicU32| count.load(Relaxed) as usize;
+        let counts = (load(&header.components), load(&header.topics), load(&header.latencies));
+        let expected = Self::size(counts.0, counts.1, counts.2);
+        if size < expected {
+            return Err(wrong(format!("{size} bytes where its counts need {expected}")));
+        }
+        (region.components, region.topics, region.latencies) = counts;
+        Ok(region)
+    }
+
+    fn size(components: usize, topics: usize, latencies: usize) -> usize {
+        size_of::<Header>()
+            + components * size_of::<ComponentBlock>()
+            + topics * size_of::<TopicBlock>()
+            + latencies * size_of::<LatencyBlock>()
+    }
+
+    /// The header.
+    pub fn header(&self) -> &Header {
+        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or opened);
+        // a header is all atomics, valid for any bytes and shareable between processes.
+        unsafe { &*self.memory.as_ptr().cast::<Header>() }
+    }
+
+    /// The block of each component, in the order of the plan.
+    pub fn components(&self) -> &[ComponentBlock] {
+        self.blocks(size_of::<Header>(), self.components)
+    }
+
+    /// The block of each topic, in the order of the plan.
+    pub fn topics(&self) -> &[TopicBlock] {
+        self.blocks(size_of::<Header>() + self.components * size_of::<ComponentBlock>(), self.topics)
+    }
+
+    /// The block of each latency budget, in the order of the plan.
+    pub fn latencies(&self) -> &[LatencyBlock] {
+        let offset = size_of::<Header>()
+            + self.components * size_of::<ComponentBlock>()
+            + self.topics * size_of::<TopicBlock>();
+        self.blocks(offset, self.latencies)
+    }
+
+    fn blocks<T>(&self, offset: usize, count: usize) -> &[T] {
+        debug_assert!(offset + count * size_of::<T>() <= self.memory.len());
+        // SAFETY: in bounds (the size was checked against the counts), aligned (all blocks and the header are
+        // aligned to 64 bytes and so are their sizes), all atomics and so valid for any bytes and shareable.
+        unsafe { core::slice::from_raw_parts(self.memory.as_ptr().add(offset).cast::<T>(), count) }
+    }
+}

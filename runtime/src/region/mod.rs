@@ -1,0 +1,13 @@
+//! The run's own shared memory, beside the state buffers: lifecycle, lockstep hand-over, measurements.
+//!
+//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is
+//! atomics, valid from zero bytes on; each block has one writer, named in its docs.
+
+mod blocks;
+mod checkpoint;
+mod mapping;
+
+pub(crate) use blocks::add;
+pub use blocks::{Command, ComponentBlock, Header, LatencyBlock, MissCause, Misses, Phase, TopicBlock};
+pub use checkpoint::{CHECKPOINT_BYTES, CheckpointBlock};
+pub use mapping::{Region, RegionError};

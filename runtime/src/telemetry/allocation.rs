@@ -1,0 +1,77 @@
+//! A global allocator that counts, so that a run can prove its hot path allocates nothing.
+
+#![allow(unsafe_code)] // `GlobalAlloc` is an unsafe trait; every call goes straight to the system's allocator
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// The system's allocator, with a count per thread. [`main!`](crate::main) installs it.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct CountingAllocator;
+
+/// Heap allocations of one thread.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Allocations {
+    /// All but those set apart.
+    pub own: u64,
+    /// Those made inside [`set_apart`].
+    pub set_apart: u64,
+}
+
+thread_local! {
+    static OWN: Cell<u64> = const { Cell::new(0) };
+    static SET_APART: Cell<u64> = const { Cell::new(0) };
+    static APART: Cell<bool> = const { Cell::new(false) };
+}
+
+fn count() {
+    let counter = if APART.get() { &SET_APART } else { &OWN };
+    counter.set(counter.get() + 1);
+}
+
+// SAFETY: forwards every call unchanged to the system's allocator; the counters are thread-local cells that need
+// neither allocation nor destruction.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps `GlobalAlloc::alloc`'s contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps `GlobalAlloc::alloc_zeroed`'s contract.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps `GlobalAlloc::realloc`'s contract.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps `GlobalAlloc::dealloc`'s contract.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+/// Heap allocations of the calling thread so far; all zero unless [`CountingAllocator`] is installed.
+pub fn allocations() -> Allocations {
+    Allocations { own: OWN.get(), set_apart: SET_APART.get() }
+}
+
+/// Whether [`CountingAllocator`] is installed in this program.
+pub fn counts_allocations() -> bool {
+    let before = allocations();
+    drop(core::hint::black_box(Box::new(0u64)));
+    allocations() != before
+}
+
+/// Runs a call into somebody else's code whose allocations are known and counted apart.
+pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
+    let outer = APART.replace(true);
+    let result = call();
+    APART.set(outer);
+    result
+}

@@ -1,0 +1,146 @@
+//! A histogram of durations in shared memory: one writer, any readers, no locks.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use serde::{Deserialize, Serialize};
+
+/// Bits of precision within a power of two: buckets are at most 1/32 wide.
+const SUB_BITS: u32 = 5;
+/// Durations from 2^40 ns (18 minutes) on share the last bucket.
+const MAX_BITS: u32 = 40;
+const BUCKETS: usize = ((MAX_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
+
+/// Durations in nanoseconds, in buckets of 3 % relative width; extremes are exact.
+///
+/// Zero bytes are a valid empty histogram, so it may live in freshly mapped shared memory. It has one writer;
+/// readers see counts that are at most one record behind.
+#[derive(Debug)]
+#[repr(C)]
+pub struct Histogram {
+    count: AtomicU64,
+    sum: AtomicU64,
+    max: AtomicU64,
+    buckets: [AtomicU64; BUCKETS],
+}
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self {
+            count: AtomicU64::new(0),
+            sum: AtomicU64::new(0),
+            max: AtomicU64::new(0),
+            buckets: [const { AtomicU64::new(0) }; BUCKETS],
+        }
+    }
+}
+
+/// Percentiles of a histogram, ns; untrimmed, `max` exact, the others to 3 %.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Percentiles {
+    /// Half of all values are at most this.
+    pub p50: u64,
+    /// 99 % of all values are at most this.
+    pub p99: u64,
+    /// 99.9 % of all values are at most this.
+    pub p999: u64,
+    /// The largest value.
+    pub max: u64,
+}
+
+impl Histogram {
+    /// Records one duration, ns.
+    pub fn record(&self, nanoseconds: u64) {
+        // One writer: plain loads and stores suffice and cost a fraction of atomic read-modify-writes.
+        let add = |cell: &AtomicU64, value: u64| cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
+        add(&self.buckets[bucket(nanoseconds)], 1);
+        add(&self.sum, nanoseconds);
+        if nanoseconds > self.max.load(Relaxed) {
+            self.max.store(nanoseconds, Relaxed);
+        }
+        add(&self.count, 1);
+    }
+
+    /// Number of recorded values.
+    pub fn count(&self) -> u64 {
+        self.count.load(Relaxed)
+    }
+
+    /// Mean of the recorded values, ns.
+    pub fn mean(&self) -> f64 {
+        self.sum.load(Relaxed) as f64 / self.count().max(1) as f64
+    }
+
+    /// The usual percentiles.
+    pub fn percentiles(&self) -> Percentiles {
+        Percentiles {
+            p50: self.quantile(0.5),
+            p99: self.quantile(0.99),
+            p999: self.quantile(0.999),
+            max: self.max.load(Relaxed),
+        }
+    }
+
+    /// The smallest bucket bound that at least this share of all values does not exceed, ns.
+    pub fn quantile(&self, share: f64) -> u64 {
+        let total: u64 = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).sum();
+        let wanted = (share * total as f64).ceil() as u64;
+        let mut seen = 0;
+        for (i, bucket) in self.buckets.iter().enumerate() {
+            seen += bucket.load(Relaxed);
+            if seen >= wanted && seen > 0 {
+                return upper_bound(i).min(self.max.load(Relaxed));
+            }
+        }
+        0
+    }
+}
+
+fn bucket(value: u64) -> usize {
+    if value < 1 << SUB_BITS {
+        return value as usize;
+    }
+    let exponent = (63 - value.leading_zeros()).min(MAX_BITS - 1);
+    let mantissa = (value.min((1 << MAX_BITS) - 1) >> (exponent - SUB_BITS)) & ((1 << SUB_BITS) - 1);
+    (((exponent - SUB_BITS + 1) << SUB_BITS) as u64 + mantissa) as usize
+}
+
+fn upper_bound(bucket: usize) -> u64 {
+    let (block, mantissa) = (bucket >> SUB_BITS, bucket as u64 & ((1 << SUB_BITS) - 1));
+    if block == 0 { mantissa } else { (((1 << SUB_BITS) + mantissa + 1) << (block - 1)) - 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_lies_in_a_bucket_no_wider_than_a_thirtysecond_of_it() {
+        for value in
+            (0..10_000).chain((10..40).map(|bits| 1 << bits)).chain((10..40).map(|bits| (1 << bits) - 1))
+        {
+            let upper = upper_bound(bucket(value));
+            assert!(upper >= value, "{value} above its bucket's bound {upper}");
+            assert!(upper - value <= value / 32, "{value} in a bucket up to {upper}");
+        }
+    }
+
+    #[test]
+    fn percentiles_are_those_of_the_sorted_values() {
+        let histogram = Histogram::default();
+        (1..=10_000u64).for_each(|value| histogram.record(value));
+        let got = histogram.percentiles();
+        for (got, expected) in [(got.p50, 5_000), (got.p99, 9_900), (got.p999, 9_990)] {
+            assert!(got >= expected && got - expected <= expected / 32, "{got} instead of {expected}");
+        }
+        assert_eq!(got.max, 10_000);
+        assert_eq!(histogram.count(), 10_000);
+    }
+
+    #[test]
+    fn a_huge_value_lands_in_the_last_bucket_and_stays_exact_as_the_maximum() {
+        let histogram = Histogram::default();
+        histogram.record(u64::MAX);
+        assert_eq!(bucket(u64::MAX), BUCKETS - 1);
+        assert_eq!(histogram.percentiles().max, u64::MAX);
+    }
+}

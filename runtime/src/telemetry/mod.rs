@@ -1,0 +1,7 @@
+//! Measurements: histograms in shared memory, and a count of heap allocations per thread.
+
+mod allocation;
+mod histogram;
+
+pub use allocation::{Allocations, CountingAllocator, allocations, counts_allocations, set_apart};
+pub use histogram::{Histogram, Percentiles};

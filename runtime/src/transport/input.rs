@@ -1,0 +1,159 @@
+//! The reading side of a topic.
+
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::sample::Sample;
+
+use super::topic::{open, refused};
+use super::{Connect, PortError, Shared};
+use crate::plan::TopicPlan;
+use crate::region::add;
+use crate::state::{Stamp, StateBuffer};
+use crate::worker::Context;
+
+/// Reads a topic in place. An input that the graph leaves unwired never has a sample.
+#[derive(Debug)]
+pub struct Input<T: StateBuffer> {
+    subscriber: Option<Rc<Subscriber<Shared, T, Stamp>>>,
+    current: Option<Sample<Shared, T, Stamp>>,
+    context: Rc<Context>,
+    is_cause: bool,
+    last_origin: (u32, u32),
+    last_sequence: u64,
+    lost: u64,
+}
+
+/// A sample, borrowed from shared memory.
+#[derive(Debug)]
+pub struct Reading<'a, T: StateBuffer> {
+    sample: &'a Sample<Shared, T, Stamp>,
+    context: &'a Context,
+}
+
+impl<T: StateBuffer> core::ops::Deref for Reading<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.sample.payload()
+    }
+}
+
+impl<T: StateBuffer> Reading<'_, T> {
+    /// When and by whom it was made.
+    pub fn stamp(&self) -> Stamp {
+        *self.sample.user_header()
+    }
+
+    /// Time since it was published, ns.
+    pub fn age_ns(&self) -> u64 {
+        self.context.now_ns().saturating_sub(self.sample.user_header().publish_time)
+    }
+}
+
+impl<T: StateBuffer> Input<T> {
+    pub(crate) fn unwired(context: Rc<Context>) -> Self {
+        Self {
+            subscriber: None,
+            current: None,
+            context,
+            is_cause: false,
+            last_origin: (0, 0),
+            last_sequence: 0,
+            lost: 0,
+        }
+    }
+
+    pub(crate) fn open(
+        node: &Node<Shared>,
+        topic: &TopicPlan,
+        port: &str,
+        is_cause: bool,
+        context: Rc<Context>,
+    ) -> Result<Self, PortError> {
+        let subscriber = open::<T>(node, topic, port)?
+            .subscriber_builder()
+            .create()
+            .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
+        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, ..Self::unwired(context) })
+    }
+
+    /// What must be connected before the first step.
+    pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
+        self.subscriber.clone().map(|subscriber| subscriber as Rc<dyn Connect>)
+    }
+
+    /// Whether the graph wires this input.
+    pub fn is_wired(&self) -> bool {
+        self.subscriber.is_some()
+    }
+
+    /// The newest valid sample, if there ever was one; it is read in place, nothing is copied.
+    pub fn latest(&mut self) -> Option<Reading<'_, T>> {
+        while let Some(sample) = self.receive() {
+            if self.admit(&sample) {
+                self.current = Some(sample);
+            }
+        }
+        self.reading()
+    }
+
+    /// The next valid sample of a stream, in order, if there is one that has not been read.
+    pub fn next(&mut self) -> Option<Reading<'_, T>> {
+        loop {
+            let sample = self.receive()?;
+            if self.admit(&sample) {
+                self.current = Some(sample);
+                return self.reading();
+            }
+        }
+    }
+
+    /// The sample read last, without looking for a newer one.
+    pub fn current(&self) -> Option<Reading<'_, T>> {
+        Some(Reading { sample: self.current.as_ref()?, context: &self.context })
+    }
+
+    /// Samples of a stream that were overwritten before they were read.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    fn receive(&self) -> Option<Sample<Shared, T, Stamp>> {
+        // An error here means a connection could not be made to a publisher that is just dying or being born; the
+        // sample is then simply not there yet, and its age tells.
+        self.subscriber.as_ref()?.receive().ok().flatten()
+    }
+
+    /// A sample is only looked at when its sequence and its content have been checked.
+    fn admit(&mut self, sample: &Sample<Shared, T, Stamp>) -> bool {
+        let stamp = sample.user_header();
+        let origin = (stamp.origin, stamp.incarnation);
+        let newer = origin != self.last_origin || stamp.sequence > self.last_sequence;
+        if stamp.sequence == 0 || !newer || sample.payload().check().is_err() {
+            add(&self.context.block().refused, 1);
+            return false;
+        }
+        if origin == self.last_origin {
+            self.lost += stamp.sequence - self.last_sequence - 1;
+        }
+        (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
+        true
+    }
+
+    fn reading(&self) -> Option<Reading<'_, T>> {
+        let sample = self.current.as_ref()?;
+        if self.is_cause {
+            self.context.inherit(sample.user_header().source_time);
+        }
+        Some(Reading { sample, context: &self.context })
+    }
+}
+
+impl<T: StateBuffer> Connect for Subscriber<Shared, T, Stamp> {
+    fn connect(&self) -> Result<(), String> {
+        self.update_connections().map_err(|error| error.to_string())
+    }
+}

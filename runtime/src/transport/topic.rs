@@ -1,0 +1,201 @@
+//! Topics as iceoryx2 services.
+
+#![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
+
+use iceoryx2::node::Node;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier, EventId, ServiceName};
+use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
+
+use super::Shared;
+use crate::component::TopicPattern;
+use crate::plan::TopicPlan;
+use crate::state::{Stamp, StateBuffer, TypeLayout};
+
+/// Readers beyond those of the graph: the tools that look on.
+pub(super) const OBSERVERS: usize = 4;
+const LAYOUT_ATTRIBUTE: &str = "layout";
+
+/// A port could not be opened or a topic not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The component asked for a port it did not declare.
+    #[error("port `{port}` is not declared; declare it in `Component::declare`")]
+    NotDeclared {
+        /// The port.
+        port: String,
+    },
+    /// The component opened the port as another type than it declared.
+    #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
+    TypeChanged {
+        /// The port.
+        port: String,
+        /// Both layouts.
+        difference: String,
+    },
+    /// The topic holds another type.
+    #[error("topic `{topic}` holds another type than port `{port}` expects:\n{difference}")]
+    Layout {
+        /// The topic.
+        topic: String,
+        /// The port.
+        port: String,
+        /// Both layouts.
+        difference: String,
+    },
+    /// iceoryx2 refused.
+    #[error("topic `{topic}`: {action} failed: {reason}")]
+    Refused {
+        /// The topic.
+        topic: String,
+        /// What was tried.
+        action: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+}
+
+pub(super) fn refused(
+    topic: &str,
+    action: &'static str,
+) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {
+    let topic = topic.to_string();
+    move |reason| PortError::Refused { topic: topic.clone(), action, reason: reason.to_string() }
+}
+
+pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortError> {
+    ServiceName::new(&format!("{kind}/{name}"))
+        .map_err(|error| refused(name, "naming the service")(&format!("{error:?}")))
+}
+
+/// The services of one topic, held by the launcher so that they outlive every component.
+#[derive(Debug)]
+pub(crate) struct TopicService {
+    _samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
+    event: Option<event::PortFactory<Shared>>,
+}
+
+impl TopicService {
+    /// Makes the services of a topic with the exact limits the plan implies.
+    pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
+        let name = &topic.name;
+        let layout = &topic.layout;
+        let detail = TypeDetail::__internal_new_from_parts(
+            TypeVariant::FixedSize,
+            &layout.type_name,
+            layout.size,
+            layout.alignment,
+        )
+        .map_err(|error| refused(name, "describing its type")(&format!("{error:?}")))?;
+        let attributes = layout_attribute(name, layout)?;
+        let depth = match topic.pattern {
+            TopicPattern::State => 1,
+            TopicPattern::Stream { capacity } => capacity,
+        };
+        let parties = topic.readers.len() + OBSERVERS;
+        let builder = node
+            .service_builder(&service_name("topic", name)?)
+            .publish_subscribe::<[CustomPayloadMarker]>()
+            .user_header::<Stamp>();
+        // SAFETY: the detail describes a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with.
+        let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
+        let samples = builder
+            .subscriber_max_buffer_size(depth)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(1)
+            .enable_safe_overflow(true)
+            // one spare: a killed publisher holds its place until it is cleaned up
+            .max_publishers(2)
+            .max_subscribers(2 * parties)
+            .max_nodes(2 * parties + 4)
+            .create_with_attributes(&attributes)
+            .map_err(|error| refused(name, "creating")(&error))?;
+        let event = if topic.triggers.is_empty() {
+            None
+        } else {
+            let event = node
+                .service_builder(&service_name("event", name)?)
+                .event()
+                .max_notifiers(4)
+                .max_listeners(2 * topic.triggers.len())
+                .max_nodes(2 * parties + 4)
+                .event_id_max_value(1)
+                .create()
+                .map_err(|error| refused(name, "creating its event")(&error))?;
+            Some(event)
+        };
+        Ok(Self { _samples: samples, event })
+    }
+
+    /// A port that wakes the components this topic triggers, so that they look at the run's command.
+    pub(crate) fn waker(&self) -> Option<Notifier<Shared>> {
+        self.event.as_ref()?.notifier_builder().default_event_id(EventId::new(1)).create().ok()
+    }
+}
+
+fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifier, PortError> {
+    let bad = refused(topic, "describing its layout");
+    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
+    let value = layout.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
+    AttributeSpecifier::new().define(&key, &value).map_err(|error| bad(&error))
+}
+
+type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
+
+/// Opens a topic as a component: its layout must be the one this program was built with.
+pub(super) fn open<T: StateBuffer>(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+    port: &str,
+) -> Result<Samples<T>, PortError> {
+    let mine = T::layout();
+    if mine.hash() != topic.layout.hash() {
+        return Err(PortError::Layout {
+            topic: topic.name.clone(),
+            port: port.to_string(),
+            difference: mine.difference("this program", &topic.layout, "the topic"),
+        });
+    }
+    let bad = refused(&topic.name, "opening");
+    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
+    let value = mine.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
+    let verifier = AttributeVerifier::new().require(&key, &value).map_err(|error| bad(&error))?;
+    node.service_builder(&service_name("topic", &topic.name)?)
+        .publish_subscribe::<T>()
+        .user_header::<Stamp>()
+        .open_with_attributes(&verifier)
+        .map_err(|error| bad(&error))
+}
+
+fn open_event(node: &Node<Shared>, topic: &TopicPlan) -> Result<event::PortFactory<Shared>, PortError> {
+    node.service_builder(&service_name("event", &topic.name)?)
+        .event()
+        .open()
+        .map_err(|error| refused(&topic.name, "opening its event")(&error))
+}
+
+/// The publishing side of a topic's wake-up, if anything is triggered by it.
+pub(super) fn open_notifier(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+) -> Result<Option<Notifier<Shared>>, PortError> {
+    if topic.triggers.is_empty() {
+        return Ok(None);
+    }
+    let notifier = open_event(node, topic)?
+        .notifier_builder()
+        .create()
+        .map_err(|error| refused(&topic.name, "making a notifier")(&error))?;
+    Ok(Some(notifier))
+}
+
+/// The waiting side of a topic's wake-up.
+pub(crate) fn open_trigger(node: &Node<Shared>, topic: &TopicPlan) -> Result<Listener<Shared>, PortError> {
+    open_event(node, topic)?
+        .listener_builder()
+        .create()
+        .map_err(|error| refused(&topic.name, "making a listener")(&error))
+}

@@ -1,0 +1,41 @@
+//! The iceoryx2 service variant: which mechanism does what.
+
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
+use iceoryx2_cal::shm_allocator::{bump_allocator::BumpAllocator, pool_allocator::PoolAllocator};
+use iceoryx2_cal::{
+    arc_sync_policy, bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory,
+    serialize, shared_memory, static_storage, zero_copy_connection,
+};
+
+/// Processes on one machine, as `ipc::Service`, but woken through a semaphore in shared memory.
+///
+/// A wake-up is one futex call instead of a datagram and an `epoll`, which halves a blocking hop. Topics carry no
+/// event, so stock `ipc::Service` programs (`iox2`, the Python wheel) exchange samples with this variant.
+#[derive(Debug, Clone)]
+pub struct Shared {}
+
+impl iceoryx2::service::Service for Shared {
+    type StaticStorage = static_storage::recommended::Ipc;
+    type ConfigSerializer = serialize::recommended::Recommended;
+    type PersistentDynamicStorage<T: core::fmt::Debug + Send + Sync + ZeroCopySend + 'static> =
+        dynamic_storage::recommended::PersistentIpc<T>;
+    type Bag = bag::recommended::Recommended;
+    type DynamicStorage<T: core::fmt::Debug + Send + Sync + ZeroCopySend + 'static> =
+        dynamic_storage::recommended::Ipc<T>;
+    type ServiceNameHasher = hash::recommended::Recommended;
+    type SharedMemory = shared_memory::recommended::Ipc<PoolAllocator>;
+    type ResizableSharedMemory = resizable_shared_memory::recommended::Ipc<PoolAllocator>;
+    type Connection = zero_copy_connection::recommended::Ipc;
+    type Event = event::SemaphoreShmCountingBitSet;
+    type Monitoring = monitoring::recommended::Ipc;
+    type Reactor = reactor::recommended::Ipc;
+    type ArcThreadSafetyPolicy<T: Send + core::fmt::Debug + Abandonable> =
+        arc_sync_policy::single_threaded::SingleThreaded<T>;
+    type BlackboardMgmt<K: Send + Sync + core::fmt::Debug + ZeroCopySend + 'static> =
+        dynamic_storage::recommended::Ipc<K>;
+    type BlackboardPayload = shared_memory::recommended::Ipc<BumpAllocator>;
+    type UniqueId = iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
+}
+
+impl iceoryx2::service::internal::ServiceInternal<Shared> for Shared {}

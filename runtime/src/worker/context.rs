@@ -1,0 +1,138 @@
+//! What the ports and the loop of one component share.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::{Acquire, Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
+
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, OnOverrun, Plan};
+use crate::region::{Command, ComponentBlock, Region};
+
+/// What the ports and the loop of one component share: whose they are, and what time it is.
+#[derive(Debug)]
+pub struct Context {
+    region: Rc<Region>,
+    index: usize,
+    incarnation: u32,
+    lockstep: bool,
+    actuator: bool,
+    hold_late_outputs: bool,
+    settle_ns: u64,
+    time_ns: Cell<u64>,
+    deadline_ns: Cell<u64>,
+    cause_ns: Cell<Option<u64>>,
+    signals: Arc<Signals>,
+}
+
+/// What the watcher thread tells the stepping thread.
+#[derive(Debug, Default)]
+pub(super) struct Signals {
+    /// Set when this process was asked to end.
+    pub(super) terminated: Arc<AtomicBool>,
+    /// When the launcher was found dead, `CLOCK_MONOTONIC` ns; 0 while it lives.
+    pub(super) orphaned_ns: AtomicU64,
+    /// Raised by the watcher with every message.
+    pub(super) raised: AtomicU32,
+    /// The last message the stepping thread has seen.
+    pub(super) seen: AtomicU32,
+}
+
+impl Context {
+    pub(crate) fn new(plan: &Plan, index: usize, region: Rc<Region>) -> Self {
+        let component = &plan.components[index];
+        let incarnation = region.components()[index].restarts.load(Relaxed);
+        Self {
+            region,
+            index,
+            incarnation,
+            lockstep: plan.clock == ClockKind::Lockstep,
+            actuator: component.actuator,
+            hold_late_outputs: component.on_overrun == OnOverrun::Hold,
+            settle_ns: plan.safety.settle_ns,
+            time_ns: Cell::new(0),
+            deadline_ns: Cell::new(u64::MAX),
+            cause_ns: Cell::new(None),
+            signals: Arc::default(),
+        }
+    }
+
+    pub(crate) fn region(&self) -> &Region {
+        &self.region
+    }
+
+    pub(crate) fn block(&self) -> &ComponentBlock {
+        &self.region.components()[self.index]
+    }
+
+    pub(crate) fn index(&self) -> usize {
+        self.index
+    }
+
+    pub(crate) fn incarnation(&self) -> u32 {
+        self.incarnation
+    }
+
+    pub(crate) fn is_lockstep(&self) -> bool {
+        self.lockstep
+    }
+
+    pub(super) fn signals(&self) -> &Arc<Signals> {
+        &self.signals
+    }
+
+    /// Now on the clock of stamps: `CLOCK_MONOTONIC`, or simulated time in lockstep; ns.
+    pub(crate) fn now_ns(&self) -> u64 {
+        if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
+    }
+
+    /// When the run began, on the clock of stamps, ns.
+    pub(crate) fn start_ns(&self) -> u64 {
+        if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
+    }
+
+    pub(super) fn begin(&self) {
+        self.time_ns.set(self.start_ns());
+    }
+
+    /// Prepares a step: its time in lockstep, its deadline, and no cause yet.
+    pub(super) fn enter_step(&self, time_ns: u64, deadline_ns: u64) {
+        self.time_ns.set(time_ns);
+        self.deadline_ns.set(deadline_ns);
+        self.cause_ns.set(None);
+    }
+
+    /// Takes over the source time of the input that causes this step's outputs.
+    pub(crate) fn inherit(&self, source_ns: u64) {
+        self.cause_ns.set(Some(source_ns));
+    }
+
+    pub(crate) fn source_time_or(&self, now_ns: u64) -> u64 {
+        self.cause_ns.get().unwrap_or(now_ns)
+    }
+
+    /// Whether a sample made now is too late to be published under the overrun policy `hold`.
+    pub(crate) fn withholds(&self, now_ns: u64) -> bool {
+        self.hold_late_outputs && now_ns > self.deadline_ns.get()
+    }
+
+    /// Whether actuators must be in their safe state whatever the command says.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.signals.orphaned_ns.load(Relaxed) != 0 || self.signals.terminated.load(Relaxed)
+    }
+
+    /// Whether the loop is to end: the run stops, this process was asked to, or the launcher is gone (actuators
+    /// then stay in their safe state for the settling time first).
+    pub(crate) fn must_leave(&self) -> bool {
+        self.signals.seen.store(self.signals.raised.load(Acquire), Relaxed);
+        if self.region.header().command() == Command::Stop {
+            return true;
+        }
+        let orphaned = self.signals.orphaned_ns.load(Relaxed);
+        if orphaned != 0 {
+            return !self.actuator || monotonic_ns() > orphaned + self.settle_ns;
+        }
+        self.signals.terminated.load(Relaxed)
+    }
+}

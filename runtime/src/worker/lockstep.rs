@@ -1,0 +1,35 @@
+//! The loop in lockstep: ticks of simulated time, handed out by the launcher.
+
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::time::Duration;
+
+use super::Failure;
+use super::stepper::{Stepper, Timing};
+use crate::component::Component;
+use crate::os::{futex_wait, futex_wake, monotonic_ns};
+
+/// Steps whenever the launcher hands out a tick, until the run ends.
+pub(super) fn run<C: Component>(stepper: &mut Stepper<C>) -> Result<(), Failure> {
+    let mut seen = stepper.context().block().tick_done.load(Acquire);
+    loop {
+        let block = stepper.context().block();
+        let given = block.tick_given.load(Acquire);
+        if given == seen {
+            if stepper.context().must_leave() {
+                return Ok(());
+            }
+            futex_wait(&block.tick_given, given, Some(Duration::from_millis(100)));
+            continue;
+        }
+        seen = given;
+        let time_ns = block.tick_time_ns.load(Acquire);
+        let timing = Timing { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX };
+        let began = monotonic_ns();
+        stepper.step(timing)?;
+        let block = stepper.context().block();
+        block.execution.record(monotonic_ns() - began);
+        block.lateness.record(0);
+        block.tick_done.store(given, Release);
+        futex_wake(&block.tick_done);
+    }
+}

@@ -1,0 +1,194 @@
+//! The loop of one component: wait, read, step, publish, account.
+//!
+//! The same loop serves a component in a process of its own and one hosted beside others, in real time and in
+//! lockstep.
+
+mod context;
+mod failure;
+mod grid;
+mod lockstep;
+mod program;
+mod realtime;
+mod setup;
+mod stepper;
+mod watcher;
+
+pub use crate::transport::{Input, Loan, Output, Parameter, Reading};
+pub use context::Context;
+pub use failure::Failure;
+pub use program::{
+    DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, Program, WORKER, describe, main, run_worker,
+};
+pub use setup::{Checkpoint, Setup};
+
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use crate::component::Component;
+use crate::os::{self, Request};
+use crate::plan::{Activation, ClockKind, OnDenied, Plan};
+use crate::region::{Command, Phase, Region};
+use crate::run_folder::RunFolder;
+use stepper::Stepper;
+
+/// A component to be run: which one, of which run.
+#[derive(Debug)]
+pub struct Worker {
+    folder: RunFolder,
+    plan: Plan,
+    region: Region,
+    index: usize,
+    own_process: bool,
+}
+
+/// How a component's life ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// In good order.
+    Stopped,
+    /// It failed; why stands in its block of the region.
+    Failed,
+}
+
+impl Worker {
+    /// The worker of a component in a process of its own.
+    ///
+    /// # Errors
+    /// The run's folder cannot be read, or the run has no such component.
+    pub fn open(folder: RunFolder, component: &str) -> Result<Self, String> {
+        let plan = folder.plan().map_err(|error| error.to_string())?;
+        let region = folder.region().map_err(|error| error.to_string())?;
+        let index = plan
+            .components
+            .iter()
+            .position(|candidate| candidate.name == component)
+            .ok_or_else(|| format!("the run {} has no component `{component}`", folder.id()))?;
+        Ok(Self { folder, plan, region, index, own_process: true })
+    }
+
+    /// The same, for a component hosted in the launcher's process.
+    pub(crate) fn hosted(mut self) -> Self {
+        self.own_process = false;
+        self
+    }
+
+    /// The plan's entry of this component.
+    pub fn component(&self) -> &crate::plan::ComponentPlan {
+        &self.plan.components[self.index]
+    }
+}
+
+/// Runs a component from configuration to its end.
+pub(crate) fn run<C: Component>(worker: Worker) -> Outcome {
+    let index = worker.index;
+    let region = Rc::new(worker.region);
+    let block = &region.components()[index];
+    block.thread.store(os::thread_id() as u32, Relaxed);
+    failure::catch_panic_messages();
+    let result = live::<C>(&worker.folder, &worker.plan, index, &region, worker.own_process);
+    match result {
+        Ok(()) => {
+            block.enter(Phase::Stopped);
+            Outcome::Stopped
+        }
+        Err(failure) => {
+            block.set_failure(failure.tick, &failure.message);
+            block.enter(Phase::Faulted);
+            Outcome::Failed
+        }
+    }
+}
+
+fn live<C: Component>(
+    folder: &RunFolder,
+    plan: &Plan,
+    index: usize,
+    region: &Rc<Region>,
+    own_process: bool,
+) -> Result<(), Failure> {
+    let component = &plan.components[index];
+    let block = &region.components()[index];
+    let at_setup = |message: String| Failure { tick: block.steps.load(Relaxed), message };
+    let context = Rc::new(Context::new(plan, index, region.clone()));
+    os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
+    let _watcher = if own_process {
+        Some(watcher::start(&context).map_err(|error| at_setup(format!("watching the launcher: {error}")))?)
+    } else {
+        None
+    };
+    let denied = apply_realtime(plan, index, region, own_process);
+    if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
+        let list: Vec<_> = denied.iter().map(ToString::to_string).collect();
+        return Err(at_setup(format!("denied by the system: {}", list.join(", "))));
+    }
+
+    let config = serde_json::from_value(component.config.clone())
+        .map_err(|error| at_setup(format!("its configuration: {error}")))?;
+    let mut setup = Setup::new(folder, plan, index, context.clone()).map_err(at_setup)?;
+    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
+    let made = made.map_err(at_setup)?;
+    let (ports, parameters, trigger) = setup.finish();
+    let mut stepper = Stepper::new(made, context.clone(), parameters, component);
+
+    // Nobody steps before every port of every component is connected.
+    block.enter(Phase::Ready);
+    if !await_command(&context, |command| command != Command::Configure) {
+        return Ok(());
+    }
+    for port in &ports {
+        port.connect().map_err(|error| at_setup(format!("connecting its ports: {error}")))?;
+    }
+    drop(ports);
+    os::prefault_stack();
+    block.enter(Phase::Connected);
+    if await_command(&context, |command| command != Command::Configure && command != Command::Connect) {
+        context.begin();
+        block.enter(Phase::Running);
+        match (plan.clock, &component.activation, trigger) {
+            (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper)?,
+            (ClockKind::Realtime, Activation::Triggered { topic, .. }, Some(listener)) => {
+                realtime::run_triggered(&mut stepper, *topic, &listener)?;
+            }
+            (ClockKind::Realtime, Activation::Periodic { period_ns, phase_ns }, _) => {
+                realtime::run_periodic(&mut stepper, *period_ns, *phase_ns, plan.scheduling.spin_ns)?;
+            }
+            (ClockKind::Realtime, Activation::Triggered { .. }, None) => {
+                return Err(at_setup("its trigger was not opened".to_string()));
+            }
+        }
+    }
+    stepper.finish(folder)
+}
+
+/// Waits for the launcher's command; false if the run ends instead.
+fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
+    let header = context.region().header();
+    loop {
+        let command = header.command();
+        if command == Command::Stop || context.must_leave() {
+            return false;
+        }
+        if wanted(command) {
+            return true;
+        }
+        os::futex_wait(header.command_word(), command as u32, Some(Duration::from_millis(50)));
+    }
+}
+
+fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool) -> Vec<os::Denied> {
+    let component = &plan.components[index];
+    let block = &region.components()[index];
+    // In lockstep one process runs at a time: all on one core, where handing over is cheapest.
+    let lockstep_core = plan.components.iter().find_map(|component| component.core);
+    let core = if plan.clock == ClockKind::Lockstep { lockstep_core } else { component.core };
+    let cores = core.map_or_else(|| plan.scheduling.shared_cores.clone(), |core| vec![core]);
+    let realtime = plan.clock == ClockKind::Realtime && own_process;
+    let class = if realtime { component.class } else { crate::plan::SchedulingClass::Normal };
+    let lock_memory = realtime && matches!(component.class, crate::plan::SchedulingClass::Fifo(_));
+    let (applied, denied) = os::apply(&Request { class, cores, lock_memory });
+    block.fifo_priority.store(u32::from(applied.fifo_priority), Relaxed);
+    block.cores.store(applied.cores.iter().filter(|c| **c < 32).fold(0, |mask, c| mask | 1 << c), Relaxed);
+    block.memory_locked.store(u32::from(applied.memory_locked), Relaxed);
+    denied
+}

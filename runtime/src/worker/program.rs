@@ -1,0 +1,164 @@
+//! The program around a component: how launcher and user start it.
+
+use std::io::{Read as _, Write as _};
+use std::process::ExitCode;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Outcome, Worker};
+use crate::component::{ConfigError, ConfigSource, Declaration, Kind, RobotReference};
+use crate::run_folder::RunFolder;
+
+/// First argument of a program that is to describe its component.
+pub const DESCRIBE: &str = "motorium-describe";
+/// First argument of a program that is to run its component: followed by the run's folder and the component's name.
+pub const WORKER: &str = "motorium-worker";
+
+/// What a describing program reads.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeRequest {
+    /// The `config` table.
+    pub config: serde_json::Value,
+    /// The robot the graph gives the component.
+    pub robot: Option<RobotReference>,
+}
+
+/// What a describing program answers.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeAnswer {
+    /// Version of motorium the program was built with.
+    pub motorium: String,
+    /// The declaration, unless the configuration was refused.
+    pub declaration: Option<Declaration>,
+    /// Why the configuration was refused.
+    pub error: Option<DescribeError>,
+}
+
+/// Why a describing program refused a configuration.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeError {
+    /// The key at fault.
+    pub key: Option<String>,
+    /// What was found and expected.
+    pub message: String,
+    /// What to try.
+    pub advice: Option<String>,
+}
+
+impl From<ConfigError> for DescribeError {
+    fn from(error: ConfigError) -> Self {
+        Self { key: error.key, message: error.message, advice: error.advice }
+    }
+}
+
+/// How a program was called by motorium.
+#[derive(Debug)]
+pub enum Program {
+    /// To describe its component.
+    Describe,
+    /// To run a component of a run.
+    Worker {
+        /// The run's folder.
+        folder: RunFolder,
+        /// The component's name in the graph.
+        component: String,
+    },
+}
+
+impl Program {
+    /// Reads a program's arguments; `None` when they are not motorium's.
+    pub fn from_arguments(arguments: &[String]) -> Option<Self> {
+        match arguments {
+            [_, first] if first == DESCRIBE => Some(Self::Describe),
+            [_, first, folder, component] if first == WORKER => {
+                Some(Self::Worker { folder: RunFolder::open(folder.as_ref()), component: component.clone() })
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The `main` of a program with one component; use [`main!`](crate::main).
+pub fn main(kind: &Kind) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    match Program::from_arguments(&arguments) {
+        Some(Program::Describe) => describe(kind),
+        Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
+        None => {
+            eprintln!(
+                "{} is a motorium component ({}: {}).\nName it in a graph file, `exec = \"PATH\"`, and start that with \
+                 `motorium run GRAPH.toml`.",
+                arguments.first().map_or("this", String::as_str),
+                kind.name,
+                kind.summary
+            );
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Answers a request for the component's description: JSON on standard input, JSON on standard output.
+pub fn describe(kind: &Kind) -> ExitCode {
+    let mut text = String::new();
+    let request: Result<DescribeRequest, String> = std::io::stdin()
+        .read_to_string(&mut text)
+        .map_err(|error| error.to_string())
+        .and_then(|_| serde_json::from_str(&text).map_err(|error| error.to_string()));
+    let request = match request {
+        Ok(request) => request,
+        Err(error) => {
+            eprintln!("no request to describe on standard input: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    let declared = kind.declare(ConfigSource::Json(request.config), request.robot);
+    let (declaration, error) = match declared {
+        Ok(declaration) => (Some(declaration), None),
+        Err(problem) => (None, Some(problem.error.into())),
+    };
+    let answer = DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error };
+    match serde_json::to_string(&answer).map(|text| std::io::stdout().write_all(text.as_bytes())) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    }
+}
+
+/// Runs one component of a run in this process; `kinds` finds the component's type.
+pub fn run_worker(
+    folder: &RunFolder,
+    component: &str,
+    kinds: impl Fn(&crate::plan::ComponentPlan) -> Option<Kind>,
+) -> ExitCode {
+    crate::transport::quieten();
+    let worker = match Worker::open(folder.clone(), component) {
+        Ok(worker) => worker,
+        Err(error) => {
+            eprintln!("{component}: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let Some(kind) = kinds(worker.component()) else {
+        eprintln!("{component}: this program does not host its kind");
+        return ExitCode::FAILURE;
+    };
+    match (kind.run)(worker) {
+        Outcome::Stopped => ExitCode::SUCCESS,
+        Outcome::Failed => ExitCode::FAILURE,
+    }
+}
+
+/// Makes a component type into a program: `motorium::main!(MyController);`.
+///
+/// The program describes itself to `motorium check`, and runs as a process of a graph that names it with
+/// `exec = "PATH"`. It counts its heap allocations.
+#[macro_export]
+macro_rules! main {
+    ($component:ty) => {
+        #[global_allocator]
+        static ALLOCATOR: $crate::telemetry::CountingAllocator = $crate::telemetry::CountingAllocator;
+
+        fn main() -> std::process::ExitCode {
+            $crate::worker::main(&$crate::component::Kind::of::<$component>())
+        }
+    };
+}

@@ -1,0 +1,87 @@
+//! The loop in real time: absolute deadlines, or another component's publication.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use iceoryx2::port::listener::Listener;
+
+use super::Failure;
+use super::grid::Grid;
+use super::stepper::{Stepper, Timing};
+use crate::component::Component;
+use crate::os::{monotonic_ns, sleep_until};
+use crate::region::add;
+use crate::transport::Shared;
+
+/// Steps at `start + phase + n * period` until the run ends.
+pub(super) fn run_periodic<C: Component>(
+    stepper: &mut Stepper<C>,
+    period_ns: u64,
+    phase_ns: u64,
+    spin_ns: u64,
+) -> Result<(), Failure> {
+    let origin = stepper.context().start_ns() + phase_ns;
+    // A component that joins later needs the time to get there.
+    let mut grid = Grid::new(origin, period_ns, monotonic_ns());
+    loop {
+        let Some(wake_ns) = wait_until(stepper, grid.release_ns(), spin_ns) else { return Ok(()) };
+        let timing = Timing { release_ns: grid.release_ns(), wake_ns, deadline_ns: grid.deadline_ns() };
+        let end = stepper.step(timing)?;
+        stepper.account(timing, end);
+        let next = grid.advance(end, stepper.on_overrun());
+        if next.skipped > 0 {
+            add(&stepper.context().block().skipped, next.skipped);
+        }
+    }
+}
+
+/// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
+fn wait_until<C: Component>(stepper: &Stepper<C>, release_ns: u64, spin_ns: u64) -> Option<u64> {
+    loop {
+        if stepper.context().must_leave() {
+            return None;
+        }
+        let now = monotonic_ns();
+        if now >= release_ns {
+            return Some(now);
+        }
+        if now + spin_ns < release_ns {
+            sleep_until(release_ns - spin_ns);
+        } else {
+            core::hint::spin_loop();
+        }
+    }
+}
+
+/// Steps whenever a topic is published, until the run ends.
+pub(super) fn run_triggered<C: Component>(
+    stepper: &mut Stepper<C>,
+    topic: usize,
+    listener: &Listener<Shared>,
+) -> Result<(), Failure> {
+    let period_ns = stepper.period_ns();
+    let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
+    loop {
+        // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
+        let _ = listener.blocking_wait(|_| {});
+        let wake_ns = monotonic_ns();
+        if stepper.context().must_leave() {
+            return Ok(());
+        }
+        let (published, release_ns) = {
+            let block = &stepper.context().region().topics()[topic];
+            (block.published.load(Relaxed), block.last_publish_ns.load(Relaxed))
+        };
+        if published == seen {
+            continue;
+        }
+        // Publications that came while the last step still ran are one wake-up; the newest sample is the one read.
+        let skipped = published.saturating_sub(seen).saturating_sub(1);
+        if skipped > 0 {
+            add(&stepper.context().block().skipped, skipped);
+        }
+        seen = published;
+        let timing = Timing { release_ns, wake_ns, deadline_ns: release_ns + period_ns };
+        let end = stepper.step(timing)?;
+        stepper.account(timing, end);
+    }
+}

@@ -1,0 +1,179 @@
+//! One step of a component, and what is counted about it.
+
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use super::{Context, Failure, failure};
+use crate::component::{Component, StepError, Tick};
+use crate::os;
+use crate::plan::{ComponentPlan, OnError, OnOverrun};
+use crate::region::{Command, MissCause, add};
+use crate::run_folder::RunFolder;
+use crate::telemetry::{Allocations, allocations, counts_allocations};
+use crate::transport::ParameterReader;
+
+/// Steps after which a component counts as warmed up: allocations and page faults count from there on.
+pub(crate) const WARM_UP: u64 = 100;
+
+/// A component ready to step.
+pub(super) struct Stepper<C> {
+    component: C,
+    context: Rc<Context>,
+    parameters: ParameterReader,
+    plan: ComponentPlan,
+    period: Duration,
+    own_steps: u64,
+    faults_before: u64,
+}
+
+/// A step that failed.
+enum Wrong {
+    Error(StepError),
+    Panic(String),
+}
+
+impl From<String> for Wrong {
+    fn from(words: String) -> Self {
+        Self::Panic(words)
+    }
+}
+
+/// When a step was to begin, began and must end, ns on the clock of stamps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Timing {
+    pub(super) release_ns: u64,
+    pub(super) wake_ns: u64,
+    pub(super) deadline_ns: u64,
+}
+
+impl<C: Component> Stepper<C> {
+    pub(super) fn new(
+        component: C,
+        context: Rc<Context>,
+        parameters: ParameterReader,
+        plan: &ComponentPlan,
+    ) -> Self {
+        let period = Duration::from_nanos(plan.period_ns());
+        context.block().counts_allocations.store(u32::from(counts_allocations()), Relaxed);
+        Self { component, context, parameters, plan: plan.clone(), period, own_steps: 0, faults_before: 0 }
+    }
+
+    pub(super) fn context(&self) -> &Context {
+        &self.context
+    }
+
+    pub(super) fn period_ns(&self) -> u64 {
+        self.plan.period_ns()
+    }
+
+    pub(super) fn on_overrun(&self) -> OnOverrun {
+        self.plan.on_overrun
+    }
+
+    /// Runs one step and accounts for it. Returns when it ended, ns on `CLOCK_MONOTONIC` (or simulated time).
+    pub(super) fn step(&mut self, timing: Timing) -> Result<u64, Failure> {
+        let context = &*self.context;
+        let block = context.block();
+        let steps = block.steps.load(Relaxed);
+        let tick = Tick {
+            index: steps,
+            time_ns: timing.release_ns.saturating_sub(context.start_ns()),
+            period: self.period,
+        };
+        if self.own_steps == WARM_UP {
+            self.faults_before = os::page_faults();
+        }
+        context.enter_step(timing.release_ns, timing.deadline_ns);
+        let before = allocations();
+        self.parameters.refresh();
+        let component = &mut self.component;
+        let result = failure::guard(|| component.step(&tick).map_err(Wrong::Error));
+        let after = allocations();
+        let real_end = os::monotonic_ns();
+        let end = if context.is_lockstep() { timing.release_ns } else { real_end };
+
+        self.own_steps += 1;
+        block.steps.store(steps + 1, Relaxed);
+        if steps == 0 {
+            block.first_step_ns.store(timing.wake_ns, Relaxed);
+        }
+        block.last_step_ns.store(timing.wake_ns, Relaxed);
+        if self.own_steps > WARM_UP {
+            self.count_allocations(before, after);
+        }
+        if let Err(wrong) = result {
+            self.judge(wrong, steps)?;
+        }
+        Ok(end)
+    }
+
+    fn count_allocations(&self, before: Allocations, after: Allocations) {
+        let block = self.context.block();
+        if after.own != before.own {
+            add(&block.allocations, after.own - before.own);
+        }
+        if after.set_apart != before.set_apart {
+            add(&block.allocations_apart, after.set_apart - before.set_apart);
+        }
+    }
+
+    fn judge(&self, wrong: Wrong, tick: u64) -> Result<(), Failure> {
+        match wrong {
+            // A panic leaves the component in an unknown state: it cannot be tolerated.
+            Wrong::Panic(message) => Err(Failure { tick, message }),
+            Wrong::Error(error) if self.plan.on_error == OnError::Fail => {
+                Err(Failure { tick, message: error.to_string() })
+            }
+            Wrong::Error(error) => {
+                let block = self.context.block();
+                if block.errors.load(Relaxed) == 0 {
+                    block.set_failure(tick, &error.to_string());
+                }
+                add(&block.errors, 1);
+                Ok(())
+            }
+        }
+    }
+
+    /// Records the timing of a finished step in real time.
+    pub(super) fn account(&self, timing: Timing, end_ns: u64) {
+        let block = self.context.block();
+        let lateness = timing.wake_ns.saturating_sub(timing.release_ns);
+        let execution = end_ns.saturating_sub(timing.wake_ns);
+        block.lateness.record(lateness);
+        block.execution.record(execution);
+        if self.plan.budget_ns.is_some_and(|budget| execution > budget) {
+            add(&block.over_budget, 1);
+        }
+        if end_ns > timing.deadline_ns {
+            // The step is to blame only if it would have been late even when woken in time.
+            let in_time = timing.release_ns + execution <= timing.deadline_ns;
+            block.miss(if in_time { MissCause::LateWake } else { MissCause::LongStep });
+            if self.plan.on_overrun == OnOverrun::SafeStop {
+                self.context.region().header().order(Command::SafeStop);
+            }
+        }
+    }
+
+    /// Ends the component in good order and leaves its result.
+    pub(super) fn finish(mut self, folder: &RunFolder) -> Result<(), Failure> {
+        let block = self.context.block();
+        if self.own_steps > WARM_UP {
+            block.page_faults.store(os::page_faults() - self.faults_before, Relaxed);
+        }
+        let tick = block.steps.load(Relaxed);
+        let component = &mut self.component;
+        let result = failure::guard(|| {
+            component.stop();
+            Ok(component.result())
+        });
+        let result = result.map_err(|message: String| Failure { tick, message })?;
+        if let Some(result) = result {
+            folder
+                .save_result(&self.plan.name, &result)
+                .map_err(|error| Failure { tick, message: error.to_string() })?;
+        }
+        Ok(())
+    }
+}

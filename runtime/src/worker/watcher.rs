@@ -1,0 +1,65 @@
+//! A thread beside the stepping one that hears signals and notices the launcher's death.
+
+use std::io::Read as _;
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
+
+use super::Context;
+use super::context::Signals;
+use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
+
+/// Starts the watcher of the calling (stepping) thread. It runs at normal priority on whatever core is free.
+pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
+    let signals = context.signals().clone();
+    let launcher = Watch::new(context.region().header().launcher.load(Relaxed))?;
+    // Ctrl-C reaches every process of the terminal, but only the launcher decides what it means.
+    let ignored = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    signal_hook::flag::register(SIGINT, ignored.clone())?;
+    signal_hook::flag::register(SIGHUP, ignored)?;
+    let (mut commands, sender) = UnixStream::pair()?;
+    commands.set_nonblocking(true)?;
+    signal_hook::low_level::pipe::register(SIGUSR2, sender.try_clone()?)?;
+    // Actions run in this order: the flag is up when the watcher is woken.
+    signal_hook::flag::register(SIGTERM, signals.terminated.clone())?;
+    signal_hook::low_level::pipe::register(SIGTERM, sender)?;
+    let stepping = thread_id();
+    std::thread::Builder::new().name("watcher".to_string()).spawn(move || {
+        let mut launcher_alive = true;
+        loop {
+            let mut polled =
+                vec![PollFd::new(&commands, PollFlags::IN), PollFd::new(&launcher, PollFlags::IN)];
+            if !launcher_alive {
+                polled.truncate(1);
+            }
+            if poll(&mut polled, None).is_err() {
+                continue;
+            }
+            if launcher_alive && polled[1].revents().contains(PollFlags::IN) {
+                launcher_alive = false;
+                signals.orphaned_ns.store(monotonic_ns(), Relaxed);
+            }
+            let mut drain = [0; 64];
+            while matches!(commands.read(&mut drain), Ok(n) if n > 0) {}
+            tell(&signals, stepping);
+        }
+    })
+}
+
+/// Interrupts the stepping thread until it has looked: a signal just before it goes to sleep would be lost.
+fn tell(signals: &Signals, stepping: i32) {
+    let message = signals.raised.load(Relaxed).wrapping_add(1);
+    signals.raised.store(message, Release);
+    for _ in 0..2_000 {
+        interrupt_thread(stepping);
+        std::thread::sleep(Duration::from_millis(1));
+        if signals.seen.load(Acquire) == message {
+            return;
+        }
+    }
+}
