@@ -16,9 +16,9 @@ pub struct DiscreteDmp {
     progress: f64,
     end: f64,
     start: Vec<f64>,
-    /// The goal that was commanded, and where the goal filter has got to.
-    commanded: Vec<f64>,
+    /// The goal that was commanded, and where the goal filter has got to on the way there.
     goal: Vec<f64>,
+    attractor: Vec<f64>,
     /// The minimum-jerk part; at rest at 0 in the variants that have none.
     quintics: Vec<Quintic>,
     /// State of the spring in normalised time: position (of the deviation, with a quintic goal) and its rate.
@@ -75,8 +75,8 @@ impl DiscreteDmp {
             progress: 1.0,
             end: 1.0,
             start: zeros.clone(),
-            commanded: zeros.clone(),
             goal: zeros.clone(),
+            attractor: zeros.clone(),
             quintics: vec![Quintic::at_rest(0.0); dimensions],
             spring: vec![(0.0, 0.0); dimensions],
             forcing: zeros.clone(),
@@ -148,13 +148,13 @@ impl DiscreteDmp {
     /// Wrong length, or numbers that are not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
         self.check("goal", goal)?;
-        if self.commanded == goal {
+        if self.goal == goal {
             return Ok(());
         }
-        self.commanded.copy_from_slice(goal);
+        self.goal.copy_from_slice(goal);
         match self.model.settings().variant {
             Variant::QuinticGoal => {
-                self.goal.copy_from_slice(goal);
+                self.attractor.copy_from_slice(goal);
                 self.end = self.end.max(self.progress + REPLANNING_TIME);
                 for (d, quintic) in self.quintics.iter_mut().enumerate() {
                     let from = quintic.sample(self.progress);
@@ -162,7 +162,7 @@ impl DiscreteDmp {
                 }
             }
             Variant::Classic | Variant::GoalSafe if self.model.settings().goal_rate.is_none() => {
-                self.goal.copy_from_slice(goal);
+                self.attractor.copy_from_slice(goal);
             }
             Variant::Classic | Variant::GoalSafe => {}
         }
@@ -184,7 +184,7 @@ impl DiscreteDmp {
                 let mut from = quintic.sample(self.progress);
                 from.rate *= stretch;
                 from.acceleration *= stretch * stretch;
-                *quintic = Quintic::new(self.progress, self.end - self.progress, from, self.goal[d]);
+                *quintic = Quintic::new(self.progress, self.end - self.progress, from, self.attractor[d]);
             }
         }
         self.observe();
@@ -205,8 +205,8 @@ impl DiscreteDmp {
         self.progress += h;
         if let Some(rate) = self.model.settings().goal_rate {
             let caught_up = -(-rate * h).exp_m1();
-            for (goal, commanded) in self.goal.iter_mut().zip(&self.commanded) {
-                *goal += caught_up * (commanded - *goal);
+            for (attractor, goal) in self.attractor.iter_mut().zip(&self.goal) {
+                *attractor += caught_up * (goal - *attractor);
             }
         }
         self.update_forcing();
@@ -236,7 +236,7 @@ impl DiscreteDmp {
 
     /// The goal last commanded.
     pub fn goal(&self) -> &[f64] {
-        &self.commanded
+        &self.goal
     }
 
     /// Seconds a movement takes.
@@ -262,8 +262,8 @@ impl DiscreteDmp {
     /// Changes the coordinates under a running movement: the same motion now reads `jets`, the goal `goal` and the place
     /// it started from `start`. The deviation from the minimum-jerk part is kept.
     pub(super) fn rebase(&mut self, jets: &[Jet], start: &[f64], goal: &[f64]) {
-        self.commanded.copy_from_slice(goal);
         self.goal.copy_from_slice(goal);
+        self.attractor.copy_from_slice(goal);
         self.start.copy_from_slice(start);
         let duration = self.duration;
         let quintic_goal = self.model.settings().variant == Variant::QuinticGoal;
@@ -292,17 +292,17 @@ impl DiscreteDmp {
         self.progress = 0.0;
         self.end = 1.0;
         self.start.copy_from_slice(&self.position);
-        self.commanded.copy_from_slice(goal);
         self.goal.copy_from_slice(goal);
+        self.attractor.copy_from_slice(goal);
         self.scale.prepare(self.model.displacement(), &self.start, goal);
         self.update_forcing();
         let quintic_goal = self.model.settings().variant == Variant::QuinticGoal;
-        for d in 0..self.spring.len() {
+        for (d, &goal) in goal.iter().enumerate() {
             let rate = self.velocity[d] * duration;
             if quintic_goal {
                 let acceleration = self.acceleration[d] * duration * duration;
                 let from = Jet { value: self.position[d], rate, acceleration };
-                self.quintics[d] = Quintic::new(0.0, 1.0, from, goal[d]);
+                self.quintics[d] = Quintic::new(0.0, 1.0, from, goal);
                 self.spring[d] = (0.0, 0.0);
             } else {
                 self.spring[d] = (self.position[d], rate);
@@ -314,8 +314,10 @@ impl DiscreteDmp {
     /// Where the spring is drawn to in one dimension at the current progress, whose phase is given.
     fn equilibrium(&self, d: usize, phase: f64) -> f64 {
         match self.model.settings().variant {
-            Variant::Classic => self.goal[d] + self.forcing[d],
-            Variant::GoalSafe => self.goal[d] - (self.goal[d] - self.start[d]) * phase + self.forcing[d],
+            Variant::Classic => self.attractor[d] + self.forcing[d],
+            Variant::GoalSafe => {
+                self.attractor[d] - (self.attractor[d] - self.start[d]) * phase + self.forcing[d]
+            }
             Variant::QuinticGoal => self.forcing[d],
         }
     }
