@@ -6,6 +6,7 @@
 
 pub mod component;
 pub mod graph;
+pub mod launcher;
 pub mod os;
 pub mod plan;
 pub mod region;

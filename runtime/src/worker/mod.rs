@@ -17,7 +17,8 @@ pub use crate::transport::{Input, Loan, Output, Parameter, Reading};
 pub use context::Context;
 pub use failure::Failure;
 pub use program::{
-    DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, Program, WORKER, describe, main, run_worker,
+    DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, Program, WORKER, describe, main,
+    run_worker,
 };
 pub use setup::{Checkpoint, Setup};
 

@@ -14,6 +14,9 @@ pub const DESCRIBE: &str = "motorium-describe";
 /// First argument of a program that is to run its component: followed by the run's folder and the component's name.
 pub const WORKER: &str = "motorium-worker";
 
+/// First argument of a program that is to guard a run: followed by the run's folder.
+pub const GUARD: &str = "motorium-guard";
+
 /// What a describing program reads.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {
@@ -56,6 +59,8 @@ impl From<ConfigError> for DescribeError {
 pub enum Program {
     /// To describe its component.
     Describe,
+    /// To guard a run.
+    Guard(RunFolder),
     /// To run a component of a run.
     Worker {
         /// The run's folder.
@@ -70,6 +75,7 @@ impl Program {
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
+            [_, first, folder] if first == GUARD => Some(Self::Guard(RunFolder::open(folder.as_ref()))),
             [_, first, folder, component] if first == WORKER => {
                 Some(Self::Worker { folder: RunFolder::open(folder.as_ref()), component: component.clone() })
             }
@@ -83,6 +89,7 @@ pub fn main(kind: &Kind) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
         Some(Program::Describe) => describe(kind),
+        Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
         None => {
             eprintln!(

@@ -1,0 +1,107 @@
+//! Nobody steps before every port is connected.
+
+use std::time::{Duration, Instant};
+
+use super::{CONFIGURE_WITHIN, Event, Launch, LaunchError, ending::Signals};
+use crate::plan::{ClockKind, SchedulingClass};
+use crate::region::{Command, Phase};
+use std::sync::atomic::Ordering::Relaxed;
+
+impl Launch<'_> {
+    /// Waits until all components are configured, then until all are connected; false if a signal came first.
+    pub(super) fn pass_barrier(
+        &mut self,
+        signals: &Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Result<bool, LaunchError> {
+        if !self.await_phase(Phase::Ready, signals, observe)? {
+            return Ok(false);
+        }
+        self.lost = self.losses();
+        if !self.lost.is_empty() {
+            let line = format!(
+                "without {}: timing will suffer; run as root or grant CAP_SYS_NICE and CAP_IPC_LOCK (see `motorium \
+                 doctor`)",
+                self.lost.join(" and ")
+            );
+            observe(Event::Lost(&line));
+        }
+        self.region.header().order(Command::Connect);
+        self.await_phase(Phase::Connected, signals, observe)
+    }
+
+    fn await_phase(
+        &mut self,
+        wanted: Phase,
+        signals: &Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Result<bool, LaunchError> {
+        let until = Instant::now() + CONFIGURE_WITHIN;
+        for index in 0..self.children.len() {
+            loop {
+                self.relay_output(observe);
+                if signals.raised() > 0 {
+                    return Ok(false);
+                }
+                let block = &self.region.components()[index];
+                let phase = block.phase();
+                let child = &mut self.children[index];
+                let name = child.name().to_string();
+                if phase == Phase::Faulted || child.ended().is_some() {
+                    child.wait(Duration::from_millis(200));
+                    let how = child.ended().unwrap_or("failed").to_string();
+                    self.relay_output(observe);
+                    let block = &self.region.components()[index];
+                    let reason = block.failure().map_or(how, |(_, message)| message);
+                    return Err(LaunchError::Component { name, reason });
+                }
+                if phase as u32 >= wanted as u32 {
+                    break;
+                }
+                if Instant::now() > until {
+                    let reason = format!("it is not ready after {} s", CONFIGURE_WITHIN.as_secs());
+                    return Err(LaunchError::Component { name, reason });
+                }
+                crate::os::futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
+            }
+        }
+        Ok(true)
+    }
+
+    /// What was asked for and not granted, from what the workers read back.
+    fn losses(&self) -> Vec<String> {
+        if self.plan.clock == ClockKind::Lockstep || self.options.hosting == super::Hosting::OneProcess {
+            return Vec::new();
+        }
+        let mut priority = Vec::new();
+        let mut memory = Vec::new();
+        let mut core = Vec::new();
+        for (component, block) in self.plan.components.iter().zip(self.region.components()) {
+            if let SchedulingClass::Fifo(wanted) = component.class {
+                if block.fifo_priority.load(Relaxed) != u32::from(wanted) {
+                    priority.push(component.name.as_str());
+                }
+                if block.memory_locked.load(Relaxed) == 0 {
+                    memory.push(component.name.as_str());
+                }
+            }
+            if component.core.is_some_and(|core| core < 32 && block.cores.load(Relaxed) != 1 << core) {
+                core.push(component.name.as_str());
+            }
+        }
+        [("real-time priority", priority), ("locked memory", memory), ("the core asked for", core)]
+            .into_iter()
+            .filter(|(_, names)| !names.is_empty())
+            .map(|(what, names)| format!("{what} ({})", names.join(", ")))
+            .collect()
+    }
+
+    /// Passes on what the components have printed.
+    pub(super) fn relay_output(&self, observe: &mut dyn FnMut(Event<'_>)) {
+        for child in &self.children {
+            for line in child.printed() {
+                observe(Event::Output { component: child.name(), line: &line });
+            }
+        }
+    }
+}

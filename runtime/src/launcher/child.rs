@@ -1,0 +1,185 @@
+//! One component under the launcher: a process, or a thread of this one.
+
+use std::io::{BufRead as _, BufReader};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::Path;
+use std::process::{self, Command, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use super::LaunchError;
+use crate::component::Kind;
+use crate::os::{Watch, interrupt_thread};
+use crate::run_folder::RunFolder;
+use crate::worker::{GUARD, Outcome, WORKER, Worker};
+
+/// A running component, or the guard.
+pub(super) struct Child {
+    name: String,
+    body: Body,
+    lines: Receiver<String>,
+    ended: Option<String>,
+}
+
+enum Body {
+    Process { process: process::Child, watch: Watch },
+    Thread(Option<JoinHandle<Outcome>>),
+}
+
+impl Child {
+    /// Starts a component as a process of its own.
+    pub(super) fn process(program: &Path, folder: &RunFolder, name: &str) -> Result<Self, LaunchError> {
+        let mut command = Command::new(program);
+        command.arg(WORKER).arg(folder.path()).arg(name);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self::spawn(command, program, name)
+    }
+
+    /// Starts the guard. It is the head of a process group of its own: what kills the launcher's group spares it.
+    pub(super) fn guard(program: &Path, folder: &RunFolder) -> Result<Self, LaunchError> {
+        let mut command = Command::new(program);
+        command.arg(GUARD).arg(folder.path()).process_group(0);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit());
+        Self::spawn(command, program, "guard")
+    }
+
+    fn spawn(mut command: Command, program: &Path, name: &str) -> Result<Self, LaunchError> {
+        let failed = |error: std::io::Error| LaunchError::Start {
+            name: name.to_string(),
+            program: program.to_path_buf(),
+            reason: error.to_string(),
+        };
+        let mut process = command.spawn().map_err(failed)?;
+        let watch = Watch::new(process.id()).map_err(failed)?;
+        let (sender, lines) = channel();
+        if let Some(output) = process.stdout.take() {
+            relay(output, sender.clone());
+        }
+        if let Some(output) = process.stderr.take() {
+            relay(output, sender);
+        }
+        Ok(Self { name: name.to_string(), body: Body::Process { process, watch }, lines, ended: None })
+    }
+
+    /// Starts a component as a thread of this process.
+    pub(super) fn thread(kind: Option<&Kind>, folder: &RunFolder, name: &str) -> Result<Self, LaunchError> {
+        let failed = |reason: String| LaunchError::Component { name: name.to_string(), reason };
+        let kind = *kind.ok_or_else(|| failed("this program does not host its kind".to_string()))?;
+        let worker = Worker::open(folder.clone(), name).map_err(failed)?.hosted();
+        let thread = std::thread::Builder::new()
+            .name(name.to_string())
+            .spawn(move || (kind.run)(worker))
+            .map_err(|error| failed(error.to_string()))?;
+        let (_, lines) = channel();
+        Ok(Self { name: name.to_string(), body: Body::Thread(Some(thread)), lines, ended: None })
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn pid(&self) -> u32 {
+        match &self.body {
+            Body::Process { process, .. } => process.id(),
+            Body::Thread(_) => process::id(),
+        }
+    }
+
+    /// A descriptor that becomes readable when the process has ended.
+    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+        match &self.body {
+            Body::Process { watch, .. } if self.ended.is_none() => Some(watch.as_fd()),
+            _ => None,
+        }
+    }
+
+    /// Lines it has printed since the last call.
+    pub(super) fn printed(&self) -> impl Iterator<Item = String> + '_ {
+        self.lines.try_iter()
+    }
+
+    /// How it ended, in words, once it has; reaps the process.
+    pub(super) fn ended(&mut self) -> Option<&str> {
+        if self.ended.is_none() {
+            self.ended = match &mut self.body {
+                Body::Process { process, watch } if watch.has_ended() => {
+                    process.wait().ok().map(|status| match (status.code(), status.signal()) {
+                        (Some(0), _) => "ended".to_string(),
+                        (Some(code), _) => format!("ended with exit code {code}"),
+                        (None, Some(signal)) => format!("killed by signal {signal}{}", signal_name(signal)),
+                        (None, None) => "ended".to_string(),
+                    })
+                }
+                Body::Thread(thread) if thread.as_ref().is_none_or(JoinHandle::is_finished) => {
+                    match thread.take().map(JoinHandle::join) {
+                        Some(Ok(Outcome::Stopped)) | None => Some("ended".to_string()),
+                        Some(Ok(Outcome::Failed)) => Some("failed".to_string()),
+                        Some(Err(_)) => Some("panicked".to_string()),
+                    }
+                }
+                _ => None,
+            };
+        }
+        self.ended.as_deref()
+    }
+
+    /// Makes it look at the run's command.
+    pub(super) fn nudge(&self, thread: i32) {
+        match &self.body {
+            Body::Process { watch, .. } => watch.signal(Signal::USR2),
+            Body::Thread(Some(_)) if thread != 0 => interrupt_thread(thread),
+            Body::Thread(_) => {}
+        }
+    }
+
+    /// Waits for its end.
+    pub(super) fn wait(&mut self, timeout: Duration) -> bool {
+        if let Body::Process { watch, .. } = &self.body {
+            watch.wait(Some(timeout));
+        } else {
+            let until = std::time::Instant::now() + timeout;
+            while self.ended().is_none() && std::time::Instant::now() < until {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+        self.ended().is_some()
+    }
+
+    /// Ends it by force, if it is a process and still there; reaps it.
+    pub(super) fn kill(&mut self) {
+        if self.ended().is_none()
+            && let Body::Process { process, .. } = &mut self.body
+        {
+            let _ = process.kill();
+            let _ = process.wait();
+            self.ended = Some("killed by the launcher".to_string());
+        }
+    }
+}
+
+fn relay(output: impl std::io::Read + Send + 'static, sender: Sender<String>) {
+    std::thread::spawn(move || {
+        for line in BufReader::new(output).lines() {
+            let Ok(line) = line else { return };
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+}
+
+fn signal_name(signal: i32) -> &'static str {
+    match signal {
+        libc::SIGKILL => " (SIGKILL)",
+        libc::SIGSEGV => " (SIGSEGV)",
+        libc::SIGABRT => " (SIGABRT)",
+        libc::SIGBUS => " (SIGBUS)",
+        libc::SIGTERM => " (SIGTERM)",
+        libc::SIGXCPU => " (SIGXCPU)",
+        _ => "",
+    }
+}

@@ -1,0 +1,57 @@
+//! What a launch tells while it runs.
+
+use super::Status;
+use crate::plan::Plan;
+
+/// Something worth telling.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The run's services exist; its components are being started.
+    Created {
+        /// The run's name.
+        run: &'a str,
+        /// What will run.
+        plan: &'a Plan,
+    },
+    /// What the system denied, in one line.
+    Lost(&'a str),
+    /// Every port is connected; the first step is due.
+    Started,
+    /// A line a component printed.
+    Output {
+        /// The component.
+        component: &'a str,
+        /// The line.
+        line: &'a str,
+    },
+    /// A component failed.
+    Failed {
+        /// The component.
+        component: &'a str,
+        /// Index of the step at which it failed.
+        tick: u64,
+        /// What happened.
+        reason: &'a str,
+        /// What follows.
+        consequence: &'a str,
+    },
+    /// A restarted component steps again.
+    Restarted {
+        /// The component.
+        component: &'a str,
+        /// Time from its end to its first step, ns.
+        after_ns: u64,
+    },
+    /// The graph goes to its safe state.
+    SafeStop {
+        /// Why.
+        reason: &'a str,
+    },
+    /// The actuators are in their safe state.
+    Safe {
+        /// Time from the cause being noticed to the last actuator's safe state, ns.
+        after_ns: u64,
+    },
+    /// How things are.
+    Status(&'a Status),
+}

@@ -1,0 +1,148 @@
+//! Handing out ticks of simulated time, one component at a time, in a fixed order.
+
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::time::Duration;
+
+use super::ending::Signals;
+use super::supervise::{Care, Verdict};
+use super::{Event, Exit, Launch, Services};
+use crate::os::{futex_wait, futex_wake, monotonic_ns};
+use crate::plan::Activation;
+use crate::region::{Command, Phase};
+
+impl Launch<'_> {
+    /// Runs simulated time to the run's end, a signal, or a failure. Returns the exit and the simulated time, ns.
+    pub(super) fn run_lockstep(
+        &mut self,
+        services: &Services,
+        signals: &Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> (Exit, u64) {
+        let mut order: Vec<usize> = (0..self.plan.components.len()).collect();
+        order.sort_by_key(|index| self.plan.components[*index].order);
+        let mut next: Vec<u64> = self
+            .plan
+            .components
+            .iter()
+            .map(|component| match component.activation {
+                Activation::Periodic { phase_ns, .. } => phase_ns,
+                Activation::Triggered { .. } => u64::MAX,
+            })
+            .collect();
+        let mut seen = vec![0; next.len()];
+        let mut care: Vec<Care> = self.children.iter().map(|_| Care::default()).collect();
+        let end = self.plan.duration_ns.unwrap_or(u64::MAX);
+        let mut next_status = 0;
+        loop {
+            let time = next.iter().copied().min().unwrap_or(u64::MAX);
+            if time >= end {
+                return (Exit::Finished, end);
+            }
+            if signals.raised() > 0 {
+                return (Exit::Interrupted, time);
+            }
+            if self.region.header().command() == Command::SafeStop {
+                let reason = "a component ordered the safe stop".to_string();
+                observe(Event::SafeStop { reason: &reason });
+                return (Exit::SafeStop { reason }, time);
+            }
+            for &index in &order {
+                if !self.is_due(index, time, &mut next, &mut seen) {
+                    continue;
+                }
+                if let Some(reason) = self.tick(index, time, &mut care[index], services, observe) {
+                    observe(Event::SafeStop { reason: &reason });
+                    return (Exit::SafeStop { reason }, time);
+                }
+            }
+            let now = monotonic_ns();
+            if now >= next_status {
+                next_status = now + 50_000_000;
+                self.relay_output(observe);
+                observe(Event::Status(&self.status()));
+            }
+        }
+    }
+
+    fn is_due(&self, index: usize, time: u64, next: &mut [u64], seen: &mut [u64]) -> bool {
+        match self.plan.components[index].activation {
+            Activation::Periodic { period_ns, .. } => {
+                let due = next[index] == time;
+                if due {
+                    next[index] += period_ns;
+                }
+                due
+            }
+            Activation::Triggered { topic, .. } => {
+                let published = self.region.topics()[topic].published.load(Acquire);
+                let due = published != seen[index];
+                seen[index] = published;
+                due
+            }
+        }
+    }
+
+    /// Hands out one tick and waits for it to be done. Returns why the graph cannot go on, if it cannot.
+    fn tick(
+        &mut self,
+        index: usize,
+        time: u64,
+        care: &mut Care,
+        services: &Services,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<String> {
+        let block = &self.region.components()[index];
+        if block.phase() != Phase::Running && !self.await_running(index, care, services, observe) {
+            return None;
+        }
+        let block = &self.region.components()[index];
+        let given = block.tick_given.load(Relaxed).wrapping_add(1);
+        block.tick_time_ns.store(time, Relaxed);
+        block.tick_given.store(given, Release);
+        futex_wake(&block.tick_given);
+        loop {
+            let block = &self.region.components()[index];
+            let done = block.tick_done.load(Acquire);
+            if done == given {
+                return None;
+            }
+            futex_wait(&block.tick_done, done, Some(Duration::from_millis(20)));
+            if block.tick_done.load(Acquire) == given {
+                return None;
+            }
+            match self.look_after(index, care, services, observe) {
+                // The tick it died in is lost; its successor takes part from the next one on.
+                Some(Verdict::Restarted) => {
+                    let block = &self.region.components()[index];
+                    block.tick_done.store(given, Release);
+                    self.await_running(index, care, services, observe);
+                    return None;
+                }
+                Some(Verdict::Ignored) => return None,
+                Some(Verdict::Fatal(reason)) => return Some(reason),
+                None => {}
+            }
+        }
+    }
+
+    /// Simulated time stands still while a component starts. False if it is gone for good.
+    fn await_running(
+        &mut self,
+        index: usize,
+        care: &mut Care,
+        services: &Services,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> bool {
+        while !care.is_gone() {
+            let block = &self.region.components()[index];
+            let phase = block.phase();
+            if phase == Phase::Running {
+                self.look_after(index, care, services, observe);
+                return true;
+            }
+            futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
+            self.look_after(index, care, services, observe);
+        }
+        false
+    }
+}

@@ -1,0 +1,258 @@
+//! From a plan to running processes, and back to nothing.
+//!
+//! The launcher makes every service, starts one process per component, holds them at a barrier until all ports
+//! are connected, watches them, restarts what may be restarted, brings the robot to its safe state when something
+//! fails, and leaves no shared memory behind. A [`guard`] process does the last two when the launcher itself is
+//! killed.
+
+mod barrier;
+mod child;
+mod ending;
+mod event;
+pub mod guard;
+mod lockstep;
+mod report;
+mod restart;
+mod status;
+mod supervise;
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::time::Duration;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::notifier::Notifier;
+
+use crate::component::Registry;
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, Plan, Program};
+use crate::region::{Command, Region};
+use crate::run_folder::{RunFolder, RunFolderError};
+use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService};
+use child::Child;
+
+pub use event::Event;
+pub use report::{ComponentReport, Exit, LatencyReport, REPORT_VERSION, Report};
+pub use status::{ComponentStatus, Status};
+
+/// How to launch.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Whether components get processes of their own.
+    pub hosting: Hosting,
+    /// The program that hosts built-in kinds and the guard: this one, as a rule.
+    pub program: PathBuf,
+}
+
+/// Where components run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hosting {
+    /// Each in a process of its own.
+    Processes,
+    /// All as threads of the launching process: for tests and for learning, without protection from each other.
+    OneProcess,
+}
+
+/// A graph could not be launched.
+#[derive(Debug, thiserror::Error)]
+pub enum LaunchError {
+    /// The run's folder or region could not be made.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// The run's domain could not be joined.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A topic or parameter could not be made.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// A process could not be started.
+    #[error("component `{name}`: {program} could not be started: {reason}")]
+    Start {
+        /// The component.
+        name: String,
+        /// Its program.
+        program: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// A component failed before the graph began to run.
+    #[error("component `{name}` did not start: {reason}")]
+    Component {
+        /// The component.
+        name: String,
+        /// What it said, or how it ended.
+        reason: String,
+    },
+    /// The system denied the launcher something it cannot do without.
+    #[error("{what}: {reason}")]
+    System {
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+/// Runs a plan to its end: its duration, a signal, or a failure that its policies do not forgive.
+///
+/// `observe` hears of everything worth telling while the graph runs, about 20 times a second.
+///
+/// # Errors
+/// The graph could not be brought to run; nothing is left behind then. A graph that ran and failed is no error:
+/// its report says how it ended.
+pub fn run(
+    plan: Plan,
+    registry: &Registry,
+    options: &Options,
+    observe: &mut dyn FnMut(Event<'_>),
+) -> Result<Report, LaunchError> {
+    crate::transport::quieten();
+    let signals = ending::Signals::catch()
+        .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
+    let (folder, region) = RunFolder::create(&plan)?;
+    let mut launch = Launch {
+        plan,
+        registry,
+        options,
+        folder,
+        region,
+        children: Vec::new(),
+        guard: None,
+        lost: Vec::new(),
+    };
+    let result = launch.live(&signals, observe);
+    launch.clean_up();
+    result
+}
+
+/// A launch in progress.
+struct Launch<'a> {
+    plan: Plan,
+    registry: &'a Registry,
+    options: &'a Options,
+    folder: RunFolder,
+    region: Region,
+    children: Vec<Child>,
+    guard: Option<Child>,
+    lost: Vec<String>,
+}
+
+/// Everything in shared memory that must outlive the components.
+struct Services {
+    node: Node<Shared>,
+    _topics: Vec<TopicService>,
+    _parameters: Vec<ParameterService>,
+    wakers: Vec<Notifier<Shared>>,
+}
+
+impl Launch<'_> {
+    fn live(
+        &mut self,
+        signals: &ending::Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Report, LaunchError> {
+        self.place_launcher();
+        if self.options.hosting == Hosting::Processes {
+            self.start_guard()?;
+        }
+        let services = self.create_services()?;
+        observe(Event::Created { run: self.folder.id(), plan: &self.plan });
+        for index in 0..self.plan.components.len() {
+            let child = self.start(index)?;
+            self.children.push(child);
+        }
+        if !self.pass_barrier(signals, observe)? {
+            self.end(&services, observe);
+            return Ok(self.report(Exit::Interrupted, 0));
+        }
+        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        let header = self.region.header();
+        // Time enough for every process to be waiting for its first release.
+        let start = if lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
+        header.start_ns.store(start, Release);
+        header.order(Command::Run);
+        self.signal_all();
+        observe(Event::Started);
+        let (exit, simulated_ns) = if lockstep {
+            self.run_lockstep(&services, signals, observe)
+        } else {
+            (self.supervise(&services, signals, observe), monotonic_ns().saturating_sub(start))
+        };
+        let wall = monotonic_ns().saturating_sub(start);
+        let simulated = if lockstep { simulated_ns } else { wall };
+        self.end(&services, observe);
+        let mut report = self.report(exit, simulated);
+        report.realtime_factor = simulated as f64 / wall.max(1) as f64;
+        Ok(report)
+    }
+
+    /// The launcher keeps off the real-time cores; in lockstep it shares the one core with all components.
+    fn place_launcher(&self) {
+        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        let core = self.plan.components.iter().find_map(|component| component.core).filter(|_| lockstep);
+        let cores = core.map_or_else(|| self.plan.scheduling.shared_cores.clone(), |core| vec![core]);
+        let class = crate::plan::SchedulingClass::Normal;
+        // Without the right to choose its cores the launcher does its work where it is.
+        let _ = crate::os::apply(&crate::os::Request { class, cores, lock_memory: false });
+    }
+
+    fn create_services(&self) -> Result<Services, LaunchError> {
+        let node = self.folder.domain()?.node()?;
+        let mut topics = Vec::new();
+        let mut wakers = Vec::new();
+        for topic in &self.plan.topics {
+            let service = TopicService::create(&node, topic)?;
+            wakers.extend(service.waker());
+            topics.push(service);
+        }
+        let mut parameters = Vec::new();
+        for component in &self.plan.components {
+            parameters.extend(ParameterService::create(&node, component)?);
+        }
+        Ok(Services { node, _topics: topics, _parameters: parameters, wakers })
+    }
+
+    fn start(&self, index: usize) -> Result<Child, LaunchError> {
+        let component = &self.plan.components[index];
+        let child = match (&component.program, self.options.hosting) {
+            (Program::Exec { path }, _) => Child::process(path, &self.folder, &component.name)?,
+            (Program::Builtin { .. }, Hosting::Processes) => {
+                Child::process(&self.options.program, &self.folder, &component.name)?
+            }
+            (Program::Builtin { kind }, Hosting::OneProcess) => {
+                Child::thread(self.registry.find(kind), &self.folder, &component.name)?
+            }
+        };
+        self.region.components()[index].pid.store(child.pid(), Relaxed);
+        Ok(child)
+    }
+
+    fn start_guard(&mut self) -> Result<(), LaunchError> {
+        let guard = Child::guard(&self.options.program, &self.folder)?;
+        self.region.header().guard.store(guard.pid(), Relaxed);
+        self.guard = Some(guard);
+        Ok(())
+    }
+
+    /// Makes every worker look at the command, whatever it waits for.
+    fn signal_all(&self) {
+        for (index, child) in self.children.iter().enumerate() {
+            child.nudge(self.region.components()[index].thread.load(Relaxed) as i32);
+        }
+    }
+
+    fn clean_up(&mut self) {
+        for child in &mut self.children {
+            child.kill();
+        }
+        self.folder.remove();
+        if let Some(guard) = &mut self.guard {
+            guard.kill();
+        }
+    }
+}
+
+/// How long components may take to configure themselves.
+const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
+/// How long they may take to end when told to.
+const STOP_WITHIN: Duration = Duration::from_secs(2);

@@ -1,0 +1,186 @@
+//! The report of a finished run.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering::Relaxed;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Launch;
+use crate::plan::ClockKind;
+use crate::region::{ComponentBlock, Misses};
+use crate::state::Digest;
+use crate::telemetry::Percentiles;
+
+/// Version of the report's format; raised when a field changes its meaning or goes.
+pub const REPORT_VERSION: u32 = 1;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum Exit {
+    /// Its duration was over.
+    Finished,
+    /// A signal asked for its end.
+    Interrupted,
+    /// Something failed; the robot was brought to its safe state.
+    SafeStop {
+        /// What failed.
+        reason: String,
+    },
+}
+
+/// The report of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Report {
+    /// Version of this format.
+    pub version: u32,
+    /// Name of the graph.
+    pub graph: String,
+    /// The clock that drove it.
+    pub clock: ClockKind,
+    /// How long it ran, s: simulated time in lockstep.
+    pub duration_s: f64,
+    /// Simulated time per wall-clock time; 1 in real time.
+    pub realtime_factor: f64,
+    /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
+    pub state_hash: Option<String>,
+    /// How it ended.
+    pub exit: Exit,
+    /// What the system denied, in words; empty when everything asked for was granted.
+    pub lost: Vec<String>,
+    /// Each component, in the order of the graph file.
+    pub components: Vec<ComponentReport>,
+    /// Each latency budget, in the order of the graph file.
+    pub latencies: Vec<LatencyReport>,
+    /// What components had to say, by name.
+    pub results: BTreeMap<String, serde_json::Value>,
+}
+
+/// One component in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ComponentReport {
+    /// Its name in the graph.
+    pub name: String,
+    /// Process id of its last process.
+    pub pid: u32,
+    /// Steps done.
+    pub steps: u64,
+    /// Steps per second between its first and its last step.
+    pub rate_hz: f64,
+    /// From release (or triggering publication) to the beginning of the step, ns.
+    pub lateness_ns: Percentiles,
+    /// From the beginning to the end of the step, ns.
+    pub execution_ns: Percentiles,
+    /// Missed steps by cause.
+    pub misses: Misses,
+    /// Steps that returned an error and were tolerated.
+    pub errors: u64,
+    /// Samples withheld or refused because of their content or their lateness.
+    pub refused: u64,
+    /// How often it was restarted.
+    pub restarts: u32,
+    /// Heap allocations in steps after the first 100, its own; `null` if its program does not count them.
+    pub allocations: Option<u64>,
+    /// Heap allocations in steps after the first 100 made by foreign code that is named in its docs.
+    pub allocations_apart: Option<u64>,
+    /// Page faults of its thread after the first 100 steps.
+    pub page_faults: u64,
+    /// `SCHED_FIFO` priority read back; 0 for normal time sharing.
+    pub fifo_priority: u32,
+    /// Whether its memory was locked, read back.
+    pub memory_locked: bool,
+}
+
+/// One latency budget in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LatencyReport {
+    /// Topic at the head of the chain.
+    pub from: String,
+    /// Topic at its end.
+    pub to: String,
+    /// The budget, ns.
+    pub max_ns: u64,
+    /// Measured, from the source time of `from` to the publish time of `to`, ns.
+    pub latency_ns: Percentiles,
+    /// Measurements above the budget.
+    pub missed: u64,
+    /// Measurements in all.
+    pub count: u64,
+}
+
+impl Launch<'_> {
+    pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
+        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        let components = self.plan.components.iter().zip(self.region.components());
+        Report {
+            version: REPORT_VERSION,
+            graph: self.plan.name.clone(),
+            clock: self.plan.clock,
+            duration_s: duration_ns as f64 * 1e-9,
+            realtime_factor: 1.0,
+            state_hash: lockstep.then(|| self.state_hash()),
+            exit,
+            lost: self.lost.clone(),
+            components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
+            latencies: self
+                .plan
+                .latencies
+                .iter()
+                .zip(self.region.latencies())
+                .map(|(plan, block)| LatencyReport {
+                    from: self.plan.topics[plan.from].name.clone(),
+                    to: self.plan.topics[plan.to].name.clone(),
+                    max_ns: plan.max_ns,
+                    latency_ns: block.latency.percentiles(),
+                    missed: block.missed.load(Relaxed),
+                    count: block.latency.count(),
+                })
+                .collect(),
+            results: self
+                .plan
+                .components
+                .iter()
+                .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
+                .collect(),
+        }
+    }
+
+    fn state_hash(&self) -> String {
+        let mut digest = Digest::default();
+        for (topic, block) in self.plan.topics.iter().zip(self.region.topics()) {
+            digest.write(topic.name.as_bytes());
+            digest.write_u64(block.published.load(Relaxed));
+            digest.write_u64(block.digest.load(Relaxed));
+        }
+        format!("{:016x}", digest.finish())
+    }
+}
+
+/// Steps per second between the first and the last step.
+pub(super) fn rate_hz(block: &ComponentBlock) -> f64 {
+    let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
+    let intervals = block.steps.load(Relaxed).saturating_sub(1);
+    if last > first { intervals as f64 * 1e9 / (last - first) as f64 } else { 0.0 }
+}
+
+fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
+    let counts = block.counts_allocations.load(Relaxed) != 0;
+    ComponentReport {
+        name: name.to_string(),
+        pid: block.pid.load(Relaxed),
+        steps: block.steps.load(Relaxed),
+        rate_hz: rate_hz(block),
+        lateness_ns: block.lateness.percentiles(),
+        execution_ns: block.execution.percentiles(),
+        misses: block.misses(),
+        errors: block.errors.load(Relaxed),
+        refused: block.refused.load(Relaxed),
+        restarts: block.restarts.load(Relaxed),
+        allocations: counts.then(|| block.allocations.load(Relaxed)),
+        allocations_apart: counts.then(|| block.allocations_apart.load(Relaxed)),
+        page_faults: block.page_faults.load(Relaxed),
+        fifo_priority: block.fifo_priority.load(Relaxed),
+        memory_locked: block.memory_locked.load(Relaxed) != 0,
+    }
+}

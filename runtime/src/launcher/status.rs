@@ -1,0 +1,76 @@
+//! How a running graph is doing, read from its region without touching any component.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use serde::Serialize;
+
+use super::{Launch, report};
+use crate::os::monotonic_ns;
+use crate::plan::Plan;
+use crate::region::{Misses, Phase, Region};
+use crate::telemetry::Percentiles;
+
+/// How a running graph is doing.
+#[derive(Debug, Clone, Serialize)]
+pub struct Status {
+    /// Time since the start, ns.
+    pub elapsed_ns: u64,
+    /// Each component, in the order of the graph file.
+    pub components: Vec<ComponentStatus>,
+}
+
+/// How a component is doing.
+#[derive(Debug, Clone, Serialize)]
+pub struct ComponentStatus {
+    /// Its name.
+    pub name: String,
+    /// Where it is in its life.
+    pub phase: Phase,
+    /// Its process.
+    pub pid: u32,
+    /// Steps done.
+    pub steps: u64,
+    /// Steps per second so far.
+    pub rate_hz: f64,
+    /// Release lateness, ns.
+    pub lateness_ns: Percentiles,
+    /// Execution time, ns.
+    pub execution_ns: Percentiles,
+    /// Missed steps by cause.
+    pub misses: Misses,
+    /// How often it was restarted.
+    pub restarts: u32,
+    /// Whether it is an actuator in its safe state.
+    pub safe: bool,
+}
+
+impl Status {
+    /// Reads the status of a run.
+    pub fn read(plan: &Plan, region: &Region) -> Self {
+        let start = region.header().start_ns.load(Relaxed);
+        let components = plan
+            .components
+            .iter()
+            .zip(region.components())
+            .map(|(component, block)| ComponentStatus {
+                name: component.name.clone(),
+                phase: block.phase(),
+                pid: block.pid.load(Relaxed),
+                steps: block.steps.load(Relaxed),
+                rate_hz: report::rate_hz(block),
+                lateness_ns: block.lateness.percentiles(),
+                execution_ns: block.execution.percentiles(),
+                misses: block.misses(),
+                restarts: block.restarts.load(Relaxed),
+                safe: block.safe.load(Relaxed) != 0,
+            })
+            .collect();
+        Self { elapsed_ns: monotonic_ns().saturating_sub(start), components }
+    }
+}
+
+impl Launch<'_> {
+    pub(super) fn status(&self) -> Status {
+        Status::read(&self.plan, &self.region)
+    }
+}

@@ -1,0 +1,177 @@
+//! Watching a graph run in real time.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use super::restart::History;
+use super::{Event, Exit, Launch, Services, ending::Signals};
+use crate::os::monotonic_ns;
+use crate::plan::OnFailure;
+use crate::region::{Command, Phase};
+
+/// What follows from a component's end.
+pub(super) enum Verdict {
+    /// It is being started again.
+    Restarted,
+    /// The graph goes on without it.
+    Ignored,
+    /// The graph cannot go on.
+    Fatal(String),
+}
+
+/// What is remembered of each component while the graph runs.
+#[derive(Default)]
+pub(super) struct Care {
+    history: History,
+    /// When it ended, if it is on its way up again.
+    down_since_ns: Option<u64>,
+    gone: bool,
+}
+
+impl Care {
+    /// Whether it has ended for good.
+    pub(super) fn is_gone(&self) -> bool {
+        self.gone
+    }
+}
+
+impl Launch<'_> {
+    /// Watches until the run's duration is over, a signal comes, or something fails for good.
+    pub(super) fn supervise(
+        &mut self,
+        services: &Services,
+        signals: &Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Exit {
+        let start = self.region.header().start_ns.load(Relaxed);
+        let end = self.plan.duration_ns.map(|duration| start + duration);
+        let mut care: Vec<Care> = self.children.iter().map(|_| Care::default()).collect();
+        let mut next_status = start;
+        loop {
+            let now = monotonic_ns();
+            if signals.raised() > 0 {
+                return Exit::Interrupted;
+            }
+            if end.is_some_and(|end| now >= end) {
+                return Exit::Finished;
+            }
+            self.relay_output(observe);
+            if self.region.header().command() == Command::SafeStop {
+                let reason = "a component ordered the safe stop (a latency budget or an overrun policy)";
+                self.safe_stop(reason, observe);
+                return Exit::SafeStop { reason: reason.to_string() };
+            }
+            for index in 0..self.children.len() {
+                let verdict = self.look_after(index, &mut care[index], services, observe);
+                if let Some(Verdict::Fatal(reason)) = verdict {
+                    self.safe_stop(&reason, observe);
+                    return Exit::SafeStop { reason };
+                }
+            }
+            if care.iter().all(|care| care.gone) {
+                return Exit::Finished;
+            }
+            self.look_after_guard(observe);
+            if now >= next_status {
+                next_status = now + 50_000_000;
+                observe(Event::Status(&self.status()));
+            }
+            self.wait_for_something(signals, end.map(|end| end.saturating_sub(now)));
+        }
+    }
+
+    /// Waits until a process ends, a signal comes, or it is time to look again.
+    fn wait_for_something(&self, signals: &Signals, remaining_ns: Option<u64>) {
+        let wait = remaining_ns.unwrap_or(u64::MAX).min(20_000_000);
+        let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
+        let mut polled = vec![PollFd::new(signals.stream(), PollFlags::IN)];
+        for child in self.children.iter().chain(&self.guard) {
+            if let Some(descriptor) = child.descriptor() {
+                polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
+            }
+        }
+        let _ = poll(&mut polled, Some(&timeout));
+    }
+
+    /// Looks whether a component ended or came back, and acts by its policy.
+    pub(super) fn look_after(
+        &mut self,
+        index: usize,
+        care: &mut Care,
+        services: &Services,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Verdict> {
+        if care.gone {
+            return None;
+        }
+        let now = monotonic_ns();
+        let component = &self.plan.components[index];
+        let block = &self.region.components()[index];
+        if let Some(down) = care.down_since_ns {
+            if block.phase() == Phase::Running && self.children[index].ended().is_none() {
+                care.down_since_ns = None;
+                observe(Event::Restarted { component: &component.name, after_ns: now - down });
+            } else if now - down > component.restart.within_ns && self.children[index].ended().is_none() {
+                let took = component.restart.within_ns / 1_000_000;
+                block.set_failure(
+                    block.steps.load(Relaxed),
+                    &format!("not stepping {took} ms after its restart"),
+                );
+                self.children[index].kill();
+            }
+        }
+        let how = self.children[index].ended()?.to_string();
+        care.down_since_ns = None;
+        let block = &self.region.components()[index];
+        let failed = block.phase() != Phase::Stopped;
+        let (tick, reason) = match block.failure() {
+            Some((tick, message)) if failed => (tick, message),
+            _ => (block.steps.load(Relaxed), how),
+        };
+        self.relay_output(observe);
+        let name = self.plan.components[index].name.clone();
+        let policy = self.plan.components[index].restart;
+        if care.history.grant(&policy, failed, now) {
+            observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "restarting" });
+            // The dead process still holds its places in the topics until somebody cleans up after it.
+            services.node.try_cleanup_dead_nodes();
+            let block = &self.region.components()[index];
+            block.restarts.fetch_add(1, Relaxed);
+            block.forget_failure();
+            block.enter(Phase::Created);
+            return match self.start(index) {
+                Ok(child) => {
+                    self.children[index] = child;
+                    care.down_since_ns = Some(now);
+                    Some(Verdict::Restarted)
+                }
+                Err(error) => Some(Verdict::Fatal(error.to_string())),
+            };
+        }
+        care.gone = true;
+        if !failed || self.plan.components[index].on_failure == OnFailure::Ignore {
+            if failed {
+                let consequence = "the graph goes on without it";
+                observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
+            }
+            return Some(Verdict::Ignored);
+        }
+        observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "safe stop" });
+        Some(Verdict::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
+    }
+
+    /// A guard that was killed is replaced: there must always be one.
+    fn look_after_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let Some(guard) = &mut self.guard else { return };
+        let Some(how) = guard.ended().map(str::to_string) else { return };
+        let consequence = match self.start_guard() {
+            Ok(()) => "started again",
+            Err(_) => "could not be started again: the run goes on unguarded",
+        };
+        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence });
+        if consequence != "started again" {
+            self.guard = None;
+        }
+    }
+}
