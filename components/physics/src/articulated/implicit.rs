@@ -1,0 +1,309 @@
+//! The end velocity of a step: drives, friction and stops that all depend on it, solved together.
+
+use nalgebra::DMatrix;
+
+use super::cholesky;
+use super::{JointEvents, JointProperties};
+use crate::JointCommand;
+
+/// The joint of this index moves nothing that has inertia.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Singular(pub usize);
+
+/// Where the step starts.
+pub(super) struct Start<'a> {
+    pub(super) q: &'a [f64],
+    pub(super) v: &'a [f64],
+    /// Length of the step \[s\].
+    pub(super) h: f64,
+    pub(super) mass: &'a DMatrix<f64>,
+    /// C(q, v) v + g(q).
+    pub(super) bias: &'a [f64],
+}
+
+/// Which branch of its laws a joint is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Mode {
+    drive: Drive,
+    friction: Friction,
+    stop: Stop,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Drive {
+    Linear,
+    High,
+    Low,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Friction {
+    None,
+    Stick,
+    /// Moving forwards, friction pushes back.
+    Forwards,
+    Backwards,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stop {
+    Free,
+    Lower,
+    Upper,
+}
+
+/// One joint's laws as functions of its end velocity.
+#[derive(Clone, Debug)]
+struct Laws {
+    /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
+    drive_0: f64,
+    drive_slope: f64,
+    limit: f64,
+    damping: f64,
+    friction: f64,
+    /// Range of `v+` the stops allow.
+    slowest: f64,
+    fastest: f64,
+}
+
+/// How fast a joint that starts beyond a stop is brought back: the distance falls by this rate \[1/s\]. Gentle, because
+/// the stop's reach in one step would otherwise be a blow.
+const RECOVERY_RATE: f64 = 20.0;
+
+impl Laws {
+    fn new(joint: &JointProperties, command: &JointCommand, q: f64, h: f64) -> Self {
+        // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
+        let reach =
+            |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
+        Self {
+            drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
+            drive_slope: command.kd + h * command.kp,
+            limit: joint.effort_limit.abs(),
+            damping: joint.damping,
+            friction: joint.friction,
+            slowest: reach(joint.lower - q, q < joint.lower),
+            fastest: reach(joint.upper - q, q > joint.upper),
+        }
+    }
+
+    /// Drive effort at end velocity `x`, after clamping.
+    fn drive(&self, x: f64) -> f64 {
+        (self.drive_0 - self.drive_slope * x).clamp(-self.limit, self.limit)
+    }
+
+    fn drive_mode(&self, x: f64) -> Drive {
+        let raw = self.drive_0 - self.drive_slope * x;
+        if raw > self.limit {
+            Drive::High
+        } else if raw < -self.limit {
+            Drive::Low
+        } else {
+            Drive::Linear
+        }
+    }
+
+    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
+    fn force(&self, mode: &Mode) -> (f64, f64) {
+        let (drive, slope) = match mode.drive {
+            Drive::Linear => (self.drive_0, self.drive_slope),
+            Drive::High => (self.limit, 0.0),
+            Drive::Low => (-self.limit, 0.0),
+        };
+        let friction = match mode.friction {
+            Friction::None | Friction::Stick => 0.0,
+            Friction::Forwards => -self.friction,
+            Friction::Backwards => self.friction,
+        };
+        (drive + friction, slope + self.damping)
+    }
+
+    /// The velocity `mode` fixes, if it does.
+    fn fixed(&self, mode: &Mode) -> Option<f64> {
+        match (mode.stop, mode.friction) {
+            (Stop::Lower, _) => Some(self.slowest),
+            (Stop::Upper, _) => Some(self.fastest),
+            (Stop::Free, Friction::Stick) => Some(0.0),
+            (Stop::Free, _) => None,
+        }
+    }
+
+    /// The mode in which the solution `x` belongs, `missing` being the force that holds a fixed velocity.
+    fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
+        let drive = self.drive_mode(x);
+        let mut friction = mode.friction;
+        let stop = match mode.stop {
+            Stop::Lower if missing >= 0.0 => Stop::Lower,
+            Stop::Upper if missing <= 0.0 => Stop::Upper,
+            Stop::Lower | Stop::Upper => Stop::Free,
+            Stop::Free => {
+                friction = match mode.friction {
+                    Friction::None => Friction::None,
+                    Friction::Stick if missing > self.friction => Friction::Backwards,
+                    Friction::Stick if missing < -self.friction => Friction::Forwards,
+                    Friction::Stick => Friction::Stick,
+                    Friction::Forwards if x < 0.0 => Friction::Stick,
+                    Friction::Backwards if x > 0.0 => Friction::Stick,
+                    slipping => slipping,
+                };
+                let slack = 1e-13 * (1.0 + x.abs());
+                if x < self.slowest - slack {
+                    Stop::Lower
+                } else if x > self.fastest + slack {
+                    Stop::Upper
+                } else {
+                    Stop::Free
+                }
+            }
+        };
+        Mode { drive, friction, stop }
+    }
+
+    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)`, the others standing as they
+    /// are: a monotone scalar equation with kinks.
+    fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
+        // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
+        let root = |push: f64| {
+            let linear =
+                (h * (self.drive_0 + push) - rest) / (inertia + h * (self.drive_slope + self.damping));
+            match self.drive_mode(linear) {
+                Drive::Linear => linear,
+                Drive::High => (h * (self.limit + push) - rest) / (inertia + h * self.damping),
+                Drive::Low => (h * (push - self.limit) - rest) / (inertia + h * self.damping),
+            }
+        };
+        let without = root(0.0);
+        let x = if self.friction == 0.0 {
+            without
+        } else if without > 0.0 {
+            root(-self.friction).max(0.0)
+        } else {
+            root(self.friction).min(0.0)
+        };
+        x.max(self.slowest).min(self.fastest)
+    }
+}
+
+/// Workspace of the active-set iteration.
+#[derive(Clone, Debug)]
+pub(super) struct ImplicitSolver {
+    modes: Vec<Mode>,
+    laws: Vec<Laws>,
+    system: DMatrix<f64>,
+}
+
+const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
+
+/// Sweeps of the relaxation that takes over when the active set runs in a circle.
+const SWEEPS: usize = 200;
+
+impl ImplicitSolver {
+    pub(super) fn new(n: usize) -> Self {
+        Self { modes: vec![START; n], laws: Vec::with_capacity(n), system: DMatrix::zeros(n, n) }
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.modes.fill(START);
+    }
+
+    /// The end velocity into `x`, the drive efforts into `tau`.
+    pub(super) fn solve(
+        &mut self,
+        joints: &[JointProperties],
+        commands: &[JointCommand],
+        start: &Start<'_>,
+        x: &mut [f64],
+        tau: &mut [f64],
+    ) -> Result<JointEvents, Singular> {
+        self.laws.clear();
+        for (i, (joint, command)) in joints.iter().zip(commands).enumerate() {
+            self.laws.push(Laws::new(joint, command, start.q[i], start.h));
+            let mode = &mut self.modes[i];
+            match (joint.friction > 0.0, mode.friction) {
+                (true, Friction::None) => mode.friction = Friction::Stick,
+                (false, _) => mode.friction = Friction::None,
+                _ => {}
+            }
+        }
+        let mut settled = false;
+        for _ in 0..4 * joints.len() + 8 {
+            self.solve_modes(start, x)?;
+            settled = true;
+            for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
+                let (constant, slope) = laws.force(mode);
+                let missing = inertial(start, x, i) / start.h + start.bias[i] - (constant - slope * x[i]);
+                let explained = laws.explain(mode, x[i], missing);
+                settled &= explained == *mode;
+                *mode = explained;
+            }
+            if settled {
+                break;
+            }
+        }
+        if !settled {
+            self.relax(start, x);
+        }
+        let mut events = JointEvents::default();
+        for ((laws, x), tau) in self.laws.iter().zip(x.iter()).zip(tau) {
+            *tau = laws.drive(*x);
+            events.saturated += usize::from(laws.drive_mode(*x) != Drive::Linear);
+            events.at_limit += usize::from(*x == laws.slowest || *x == laws.fastest);
+        }
+        Ok(events)
+    }
+
+    /// The linear system of the current modes: joints with a fixed velocity leave it.
+    fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
+        self.system.copy_from(start.mass);
+        for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
+            let (constant, slope) = laws.force(mode);
+            self.system[(i, i)] += start.h * slope;
+            x[i] = start.h * (constant - start.bias[i]);
+            for (j, v) in start.v.iter().enumerate() {
+                x[i] += start.mass[(i, j)] * v;
+            }
+        }
+        for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
+            let Some(velocity) = laws.fixed(mode) else { continue };
+            for (j, x) in x.iter_mut().enumerate() {
+                *x -= self.system[(j, i)] * velocity;
+                self.system[(i, j)] = 0.0;
+                self.system[(j, i)] = 0.0;
+            }
+            self.system[(i, i)] = 1.0;
+            x[i] = velocity;
+        }
+        cholesky::factor(&mut self.system).map_err(Singular)?;
+        cholesky::solve(&self.system, x);
+        // What a mode fixes stays exact, whatever the rounding.
+        for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x) {
+            if let Some(velocity) = laws.fixed(mode) {
+                *x = velocity;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges because the
+    /// problem is convex. The next step starts its guess afresh.
+    fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
+        for _ in 0..SWEEPS {
+            let mut change = 0.0_f64;
+            for (i, laws) in self.laws.iter().enumerate() {
+                let inertia = start.mass[(i, i)];
+                let rest = inertial(start, x, i) - inertia * x[i] + start.h * start.bias[i];
+                let next = laws.solve_alone(inertia, rest, start.h);
+                change = change.max((next - x[i]).abs());
+                x[i] = next;
+            }
+            if change < 1e-12 {
+                break;
+            }
+        }
+        self.modes.fill(START);
+    }
+}
+
+/// Row `i` of `M (x - v)`.
+fn inertial(start: &Start<'_>, x: &[f64], i: usize) -> f64 {
+    x.iter().zip(start.v).enumerate().map(|(j, (x, v))| start.mass[(i, j)] * (x - v)).sum()
+}

@@ -1,0 +1,36 @@
+//! Masses and inertias as rapier can take them.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rapier3d_f64::dynamics::MassProperties;
+
+use super::convert;
+
+/// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this on the way in.
+///
+/// Rapier diagonalises inertias with absolute thresholds, below which it takes any axis for a principal one. In
+/// kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia about the wrong axis comes out.
+pub(super) const MILLIGRAMS: f64 = 1e6;
+
+/// Relative distance put between the principal moments. Rapier also picks arbitrary axes when two are equal.
+const SPREAD: f64 = 1e-7;
+
+/// Mass \[kg\], centre of mass and inertia about it \[kg m2\] for rapier.
+pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix3<f64>) -> MassProperties {
+    let eigen = rotational.symmetric_eigen();
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.set_column(2, &-axes.column(2));
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
+    let mut moments = eigen.eigenvalues;
+    moments[order[0]] *= 1.0 - SPREAD;
+    moments[order[2]] *= 1.0 + SPREAD;
+    let frame = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    MassProperties::with_principal_inertia_frame(
+        convert::vector(com),
+        mass * MILLIGRAMS,
+        convert::vector(&(moments * MILLIGRAMS)),
+        convert::pose(&Isometry3::from_parts(Translation3::identity(), frame)).rotation,
+    )
+}

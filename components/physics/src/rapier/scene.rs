@@ -1,0 +1,199 @@
+//! Rapier's side: all its sets in one place, with the objects in them.
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use rapier3d_f64::dynamics::{
+    CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,
+    MultibodyJointSet, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet,
+};
+use rapier3d_f64::geometry::{BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NarrowPhase};
+use rapier3d_f64::math::Vector;
+use rapier3d_f64::pipeline::{ActiveHooks, PhysicsPipeline};
+
+use super::convert;
+use super::inertia::{MILLIGRAMS, mass_properties};
+use super::surfaces::{PairTable, Surface};
+use crate::{Contact, World};
+
+/// Rapier's world.
+pub(super) struct Scene {
+    pub(super) bodies: RigidBodySet,
+    pub(super) colliders: ColliderSet,
+    pub(super) multibodies: MultibodyJointSet,
+    pub(super) objects: Vec<RigidBodyHandle>,
+    /// Whether any object can move.
+    pub(super) lively: bool,
+    parameters: IntegrationParameters,
+    pipeline: PhysicsPipeline,
+    islands: IslandManager,
+    broad_phase: BroadPhaseBvh,
+    narrow_phase: NarrowPhase,
+    joints: ImpulseJointSet,
+    soft_bodies: SoftBodySet,
+    ccd: CCDSolver,
+}
+
+impl Scene {
+    /// Rapier with the objects of `world`, without their surfaces.
+    pub(super) fn new(world: &World, contact_iterations: usize) -> Self {
+        let parameters = IntegrationParameters {
+            num_solver_iterations: contact_iterations,
+            // Contacts are foreseen 5 mm ahead; nothing here is fast and thin enough to need continuous detection.
+            normalized_prediction_distance: 0.005,
+            max_ccd_substeps: 0,
+            // Both trade exactness of the contact points for speed in scenes of thousands of bodies.
+            contact_clustering: false,
+            contact_recycling: false,
+            ..IntegrationParameters::default()
+        };
+        let mut bodies = RigidBodySet::new();
+        let objects = world
+            .objects
+            .iter()
+            .map(|object| {
+                let builder = match object.mass {
+                    Some(mass) => {
+                        let inertia = Matrix3::from_diagonal(&object.shape.principal_inertia(mass));
+                        let mass = mass_properties(mass, &Vector3::zeros(), &inertia);
+                        RigidBodyBuilder::dynamic().additional_mass_properties(mass)
+                    }
+                    None => RigidBodyBuilder::fixed(),
+                };
+                // A sleeping object would wake a step late, and falling asleep is one more thing to happen in a step.
+                bodies.insert(
+                    builder
+                        .pose(convert::pose(&object.pose()))
+                        .can_sleep(false)
+                        .gyroscopic_forces_enabled(true),
+                )
+            })
+            .collect();
+        Self {
+            bodies,
+            colliders: ColliderSet::new(),
+            multibodies: MultibodyJointSet::new(),
+            objects,
+            lively: world.objects.iter().any(|object| object.is_dynamic()),
+            parameters,
+            pipeline: PhysicsPipeline::new(),
+            islands: IslandManager::new(),
+            broad_phase: BroadPhaseBvh::new(),
+            narrow_phase: NarrowPhase::new(),
+            joints: ImpulseJointSet::new(),
+            soft_bodies: SoftBodySet::new(),
+            ccd: CCDSolver::new(),
+        }
+    }
+
+    /// Fixes surface number `index` to `body`, or to the world.
+    pub(super) fn attach(
+        &mut self,
+        index: usize,
+        surface: &Surface,
+        body: Option<RigidBodyHandle>,
+    ) -> ColliderHandle {
+        let collider = ColliderBuilder::new(surface.shape.clone())
+            .position(convert::pose(&surface.placement))
+            .density(0.0)
+            .friction(surface.friction)
+            .restitution(surface.restitution)
+            .friction_combine_rule(CoefficientCombineRule::Average)
+            .restitution_combine_rule(CoefficientCombineRule::Average)
+            .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS)
+            .user_data(index as u128);
+        match body {
+            Some(body) => self.colliders.insert_with_parent(collider, body, &mut self.bodies),
+            None => self.colliders.insert(collider),
+        }
+    }
+
+    /// One step of `dt` \[s\] of everything that is enabled.
+    pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
+        self.parameters.dt = dt;
+        self.pipeline.step(
+            convert::vector(gravity),
+            &self.parameters,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.joints,
+            &mut self.multibodies,
+            &mut self.soft_bodies,
+            &mut self.ccd,
+            pairs,
+            &(),
+        );
+    }
+
+    /// Integration step inside a step of `dt` \[s\].
+    pub(super) fn substep(&self, dt: f64) -> f64 {
+        dt / self.parameters.num_solver_iterations as f64
+    }
+
+    pub(super) fn object_pose(&self, index: usize) -> Isometry3<f64> {
+        convert::pose_back(self.bodies[self.objects[index]].position())
+    }
+
+    pub(super) fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
+        let body = &self.bodies[self.objects[index]];
+        (convert::vector_back(body.linvel()), convert::vector_back(body.angvel()))
+    }
+
+    /// Places an object and stops it.
+    pub(super) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
+        let body = &mut self.bodies[self.objects[index]];
+        // Rapier takes a body out of the simulation when its state stops being a number.
+        body.set_enabled(true);
+        body.set_position(convert::pose(pose), true);
+        body.set_linvel(Vector::ZERO, true);
+        body.set_angvel(Vector::ZERO, true);
+    }
+
+    /// The first object whose state is not a number any more.
+    pub(super) fn broken_object(&self) -> Option<usize> {
+        self.objects.iter().position(|handle| {
+            let body = &self.bodies[*handle];
+            !body.is_enabled()
+                || !body.position().is_finite()
+                || !body.linvel().is_finite()
+                || !body.angvel().is_finite()
+        })
+    }
+
+    /// Shows the contact points of the last step; pairs that `current` denies are left out.
+    pub(super) fn visit_contacts(
+        &self,
+        surfaces: &[Surface],
+        substep: f64,
+        current: impl Fn(usize, usize) -> bool,
+        visit: &mut dyn FnMut(&Contact<'_>),
+    ) {
+        for pair in self.narrow_phase.contact_pairs() {
+            let surface = |handle| self.colliders.get(handle).map(|collider| collider.user_data as usize);
+            let (Some(first), Some(second)) = (surface(pair.collider1), surface(pair.collider2)) else {
+                continue;
+            };
+            if !current(first, second) {
+                continue;
+            }
+            for manifold in pair.manifolds() {
+                for point in &manifold.points {
+                    // Rapier also keeps points that may touch soon.
+                    if point.dist > 0.0 && point.data.impulse <= 0.0 {
+                        continue;
+                    }
+                    let on_first = self.colliders[pair.collider1].position() * point.local_p1;
+                    visit(&Contact {
+                        first: &surfaces[first].name,
+                        second: &surfaces[second].name,
+                        point: convert::point_back(on_first),
+                        normal: convert::vector_back(manifold.data.normal),
+                        depth: (-point.dist).max(0.0),
+                        force: point.data.impulse / (MILLIGRAMS * substep),
+                    });
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! The world around the robot, as a file describes it.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Gravity, a ground and simple objects. Lengths in metres, angles in radians, masses in kilograms; poses in the
+/// world, which is the base frame of the robot, z up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct World {
+    /// Acceleration of free fall (m/s2).
+    pub gravity: [f64; 3],
+    /// A horizontal plane. None unless given.
+    pub ground: Option<Ground>,
+    /// Objects, fixed or free to move. Names must differ.
+    pub objects: Vec<Object>,
+}
+
+impl Default for World {
+    /// Earth's gravity, nothing else.
+    fn default() -> Self {
+        Self { gravity: [0.0, 0.0, -9.81], ground: None, objects: Vec::new() }
+    }
+}
+
+/// A horizontal plane, solid below.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ground {
+    /// Height of the plane (m).
+    pub height: f64,
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
+}
+
+impl Default for Ground {
+    fn default() -> Self {
+        Self { height: 0.0, friction: 0.8, restitution: 0.0 }
+    }
+}
+
+/// An object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Name, unique in the world; neither `ground` nor that of a robot link.
+    pub name: String,
+    /// Its shape, centred on its origin, of uniform density.
+    pub shape: ObjectShape,
+    /// Mass (kg). Without it the object is fixed.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub mass: Option<f64>,
+    /// Position of its centre (m).
+    pub position: [f64; 3],
+    /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    #[serde(default)]
+    pub rpy: [f64; 3],
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    #[serde(default = "default_friction")]
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
+}
+
+fn default_friction() -> f64 {
+    0.8
+}
+
+/// Shapes of objects.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ObjectShape {
+    /// A box.
+    Box {
+        /// Full sides along x, y and z (m).
+        size: [f64; 3],
+    },
+    /// A sphere.
+    Sphere {
+        /// Radius (m).
+        radius: f64,
+    },
+    /// A cylinder along z.
+    Cylinder {
+        /// Radius (m).
+        radius: f64,
+        /// Full length (m).
+        length: f64,
+    },
+}
+
+impl Object {
+    /// Pose of the object at the start.
+    pub fn pose(&self) -> Isometry3<f64> {
+        let [roll, pitch, yaw] = self.rpy;
+        Isometry3::from_parts(
+            Translation3::from(self.position),
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        )
+    }
+
+    /// Whether it moves.
+    pub fn is_dynamic(&self) -> bool {
+        self.mass.is_some()
+    }
+}
+
+impl ObjectShape {
+    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre \[kg m2\].
+    pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
+        match *self {
+            Self::Box { size: [x, y, z] } => {
+                Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 12.0)
+            }
+            Self::Sphere { radius } => Vector3::from_element(0.4 * mass * radius * radius),
+            Self::Cylinder { radius, length } => {
+                let across = mass * (3.0 * radius * radius + length * length) / 12.0;
+                Vector3::new(across, across, 0.5 * mass * radius * radius)
+            }
+        }
+    }
+
+    fn dimensions(&self) -> [(&'static str, f64); 3] {
+        match *self {
+            Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
+            Self::Sphere { radius } => [("radius", radius); 3],
+            Self::Cylinder { radius, length } => [("radius", radius), ("length", length), ("length", length)],
+        }
+    }
+}
+
+/// A mistake in a world description.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldError {
+    /// A number outside its range.
+    #[error("{owner}: `{field}` is {value}, expected {expected}")]
+    Value {
+        /// The object, `ground` or `world`.
+        owner: String,
+        /// The field.
+        field: &'static str,
+        /// What was found.
+        value: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// Two objects with one name, or a name that is already taken.
+    #[error("the object name \"{name}\" is taken by {by}; give the object another name")]
+    NameTaken {
+        /// The name.
+        name: String,
+        /// Who has it.
+        by: &'static str,
+    },
+}
+
+impl World {
+    /// Checks every value and name; `links` are the names the robot already uses.
+    ///
+    /// # Errors
+    ///
+    /// The first mistake found.
+    pub fn check<'a>(&self, links: impl Iterator<Item = &'a str> + Clone) -> Result<(), WorldError> {
+        for value in self.gravity {
+            finite("world", "gravity", value)?;
+        }
+        if let Some(ground) = &self.ground {
+            finite("ground", "height", ground.height)?;
+            surface("ground", ground.friction, ground.restitution)?;
+        }
+        for (index, object) in self.objects.iter().enumerate() {
+            let name = object.name.as_str();
+            let taken = |by| Err(WorldError::NameTaken { name: name.to_owned(), by });
+            if name == "ground" {
+                return taken("the ground plane");
+            }
+            if links.clone().any(|link| link == name) {
+                return taken("a link of the robot");
+            }
+            if self.objects[..index].iter().any(|other| other.name == name) {
+                return taken("an object before it");
+            }
+            for value in object.position {
+                finite(name, "position", value)?;
+            }
+            for value in object.rpy {
+                finite(name, "rpy", value)?;
+            }
+            for (field, value) in object.shape.dimensions() {
+                positive(name, field, value)?;
+            }
+            if let Some(mass) = object.mass {
+                positive(name, "mass", mass)?;
+            }
+            surface(name, object.friction, object.restitution)?;
+        }
+        Ok(())
+    }
+}
+
+fn check(
+    owner: &str,
+    field: &'static str,
+    value: f64,
+    good: bool,
+    expected: &'static str,
+) -> Result<(), WorldError> {
+    if good { Ok(()) } else { Err(WorldError::Value { owner: owner.to_owned(), field, value, expected }) }
+}
+
+fn finite(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite(), "a finite number")
+}
+
+fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
+}
+
+fn surface(owner: &str, friction: f64, restitution: f64) -> Result<(), WorldError> {
+    check(owner, "friction", friction, friction.is_finite() && friction >= 0.0, "a number from 0 up")?;
+    check(owner, "restitution", restitution, (0.0..=1.0).contains(&restitution), "a number from 0 to 1")
+}
