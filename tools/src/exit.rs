@@ -1,0 +1,21 @@
+//! Exit codes, documented in the book. 2 is clap's, for wrong usage.
+
+use std::process::ExitCode;
+
+/// Something failed.
+pub(crate) const FAILED: ExitCode = ExitCode::FAILURE;
+
+/// A graph file, or another file that a person wrote, is not right.
+pub(crate) fn invalid() -> ExitCode {
+    ExitCode::from(3)
+}
+
+/// The run ended in a safe stop.
+pub(crate) fn safe_stop() -> ExitCode {
+    ExitCode::from(4)
+}
+
+/// The machine is not fit for what was asked.
+pub(crate) fn unfit() -> ExitCode {
+    ExitCode::from(5)
+}

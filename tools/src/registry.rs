@@ -1,0 +1,23 @@
+//! The component kinds this program hosts, and the robots it knows.
+
+use std::path::Path;
+
+use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+
+/// Everything built in.
+pub(crate) fn registry() -> Registry {
+    Registry::new(
+        RobotSource { check: check_robot },
+        [
+            Kind::of::<motorium_physics::RapierPhysics>(),
+            Kind::of::<motorium_sensors::JointEncoder>(),
+            Kind::of::<motorium_control::QpController>(),
+            Kind::of::<motorium_policies::DmpPolicy>(),
+            Kind::of::<motorium_interfaces::ConsoleLog>(),
+        ],
+    )
+}
+
+fn check_robot(urdf: &str, base: &Path) -> Result<(), ConfigError> {
+    motorium_robots::load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+}
