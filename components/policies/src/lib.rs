@@ -1,9 +1,31 @@
 //! Policies for motorium: movement primitives.
 //!
 //! - [`dmp`]: discrete dynamic movement primitives for any number of dimensions, and for orientations.
+//! - [`reach`]: a hand led through a sequence of poses by them.
 //! - [`rotation`]: the exponential map they stand on.
 //!
-//! The models are plain libraries: construct, start, [`step`](dmp::DiscreteDmp::step). Stepping never allocates.
+//! The models are plain libraries: construct, start, step. Only construction allocates.
+//!
+//! ```
+//! use std::time::Duration;
+//! use motorium_policies::reach::{Leg, PathShape, PoseReach, ReachPhase, Repeat};
+//! use nalgebra::{Isometry3, Vector3};
+//!
+//! let leg = Leg {
+//!     goal: Isometry3::translation(0.5, 0.2, 0.4),
+//!     duration: Duration::from_secs(2),
+//!     dwell: Duration::from_millis(500),
+//!     shape: PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.1) },
+//! };
+//! let mut reach = PoseReach::new(vec![leg], Repeat::Once)?;
+//! reach.start(Isometry3::translation(0.3, 0.0, 0.5))?;
+//! while reach.phase() != ReachPhase::Finished {
+//!     reach.step(Duration::from_millis(1));
+//! }
+//! assert!((reach.pose().translation.vector - Vector3::new(0.5, 0.2, 0.4)).norm() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod dmp;
+pub mod reach;
 pub mod rotation;

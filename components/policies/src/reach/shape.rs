@@ -1,0 +1,119 @@
+//! The shape of the way from one goal to the next.
+
+use nalgebra::{DMatrix, Vector3};
+
+use crate::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
+
+/// How the position travels to a goal. The orientation always turns along the great arc.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum PathShape {
+    /// Along the straight line.
+    #[default]
+    Straight,
+    /// Along an arc that is off the straight line by `apex` half way, in world axes, m: over an obstacle, say.
+    Arc {
+        /// The largest deviation.
+        apex: Vector3<f64>,
+    },
+    /// As a primitive of three dimensions has learned it. It must be a [`Variant::QuinticGoal`], the one that starts
+    /// without a jolt and arrives on time.
+    Learned(DmpModel),
+}
+
+/// Why a shape leads nowhere.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ShapeError {
+    /// An apex that is no place.
+    #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers", .0.x, .0.y, .0.z)]
+    Apex(Vector3<f64>),
+    /// A primitive that moves something else.
+    #[error("the learned shape has {found} dimensions, expected 3: the position of the hand")]
+    Dimensions {
+        /// Its dimensions.
+        found: usize,
+    },
+    /// A primitive that starts with a jolt or arrives late.
+    #[error(
+        "the learned shape is a {found:?} primitive, expected QuinticGoal: the others start with a jolt or arrive late"
+    )]
+    Variant {
+        /// Its variant.
+        found: Variant,
+    },
+}
+
+impl PathShape {
+    /// The primitive that moves the position.
+    pub(super) fn model(&self) -> Result<DmpModel, ShapeError> {
+        match self {
+            Self::Straight => Ok(plain()),
+            Self::Arc { apex } if apex.iter().all(|value| value.is_finite()) => Ok(arc(*apex)),
+            Self::Arc { apex } => Err(ShapeError::Apex(*apex)),
+            Self::Learned(model) if model.dimensions() != 3 => {
+                Err(ShapeError::Dimensions { found: model.dimensions() })
+            }
+            Self::Learned(model) if model.settings().variant != Variant::QuinticGoal => {
+                Err(ShapeError::Variant { found: model.settings().variant })
+            }
+            Self::Learned(model) => Ok(model.clone()),
+        }
+    }
+}
+
+/// Three dimensions without a forcing term.
+pub(super) fn plain() -> DmpModel {
+    DmpModel::new(3, Settings::default())
+        .expect("the default settings are in range and three dimensions are some")
+}
+
+/// Learned from the deviation `apex * 64 p^3 (1 - p)^3`, which begins and ends at rest and unaccelerated.
+fn arc(apex: Vector3<f64>) -> DmpModel {
+    const SAMPLES: usize = 301;
+    let sampled = |profile: fn(f64) -> f64| {
+        DMatrix::from_fn(SAMPLES, 3, |k, d| apex[d] * profile(k as f64 / (SAMPLES - 1) as f64))
+    };
+    let demonstration = Demonstration::with_derivatives(
+        1.0,
+        sampled(|p| 64.0 * (p * (1.0 - p)).powi(3)),
+        sampled(|p| 192.0 * (p * (1.0 - p)).powi(2) * (1.0 - 2.0 * p)),
+        sampled(|p| 384.0 * p * (1.0 - p) * (1.0 - 5.0 * p + 5.0 * p * p)),
+    )
+    .expect("the profile is finite, of one shape and long enough");
+    DmpModel::fit(Settings::default(), &[demonstration], Regression::default())
+        .expect("one demonstration with ten samples a kernel determines the weights")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dmp::DiscreteDmp;
+
+    #[test]
+    fn an_arc_passes_through_its_apex_and_comes_back_to_the_line() {
+        let apex = Vector3::new(0.0, -0.05, 0.2);
+        let mut dmp = DiscreteDmp::new(PathShape::Arc { apex }.model().unwrap());
+        dmp.start(&[0.0; 3], &[0.4, 0.0, 0.0], 1.0).unwrap();
+        let mut worst = 0.0_f64;
+        for k in 1..=1000 {
+            dmp.step(1e-3);
+            let p = f64::from(k) / 1000.0;
+            let expected = 64.0 * (p * (1.0 - p)).powi(3) * apex;
+            worst =
+                worst.max((dmp.position()[1] - expected.y).abs()).max((dmp.position()[2] - expected.z).abs());
+        }
+        assert!(worst < 2e-5, "off by {worst} m");
+    }
+
+    #[test]
+    fn shapes_that_lead_nowhere_are_refused() {
+        let apex = Vector3::new(0.0, f64::NAN, 0.0);
+        let error = PathShape::Arc { apex }.model().unwrap_err().to_string();
+        assert_eq!(error, "the apex of the arc is (0.0, NaN, 0.0) m, expected finite numbers");
+        let flat = DmpModel::new(2, Settings::default()).unwrap();
+        assert_eq!(PathShape::Learned(flat).model().unwrap_err(), ShapeError::Dimensions { found: 2 });
+        let classic =
+            DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
+        let error = PathShape::Learned(classic).model().unwrap_err();
+        assert_eq!(error, ShapeError::Variant { found: Variant::Classic });
+    }
+}

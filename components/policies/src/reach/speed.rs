@@ -1,0 +1,86 @@
+//! How fast the time of a policy runs against the time of the world.
+
+/// The largest change of a speed factor, per second: from standstill to nominal speed takes a quarter of a second.
+pub const SPEED_SLEW: f64 = 4.0;
+
+/// Turns real time into the time of the policy, at a rate that follows the commanded one without a jump.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    commanded: f64,
+    rate: f64,
+    slope: f64,
+    /// Part of a nanosecond of policy time that has not been handed out yet.
+    remainder: f64,
+}
+
+impl Pace {
+    pub(super) fn new() -> Self {
+        Self { commanded: 1.0, rate: 1.0, slope: 0.0, remainder: 0.0 }
+    }
+
+    pub(super) fn command(&mut self, rate: f64) {
+        self.commanded = rate;
+    }
+
+    /// Takes up the commanded rate at once: for a policy that stands still.
+    pub(super) fn jump(&mut self) {
+        *self = Self { rate: self.commanded, slope: 0.0, remainder: 0.0, ..*self };
+    }
+
+    /// Nanoseconds of policy time in a step of `real` nanoseconds.
+    pub(super) fn advance(&mut self, real: u64) -> u64 {
+        let seconds = real as f64 * 1e-9;
+        let before = self.rate;
+        let change = (self.commanded - before).clamp(-SPEED_SLEW * seconds, SPEED_SLEW * seconds);
+        self.rate = before + change;
+        self.slope = if seconds > 0.0 { change / seconds } else { 0.0 };
+        if change == 0.0 && self.rate == 1.0 {
+            return real;
+        }
+        let exact = 0.5 * (before + self.rate) * real as f64 + self.remainder;
+        let whole = exact.floor();
+        self.remainder = exact - whole;
+        whole as u64
+    }
+
+    /// Policy seconds per second, now.
+    pub(super) fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// Change of the rate in the last step, per second.
+    pub(super) fn slope(&self) -> f64 {
+        self.slope
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn at_nominal_speed_time_passes_to_the_nanosecond() {
+        let mut pace = Pace::new();
+        assert_eq!(pace.advance(1_000_001), 1_000_001);
+    }
+
+    #[test]
+    fn no_time_is_lost_to_rounding_at_an_odd_speed() {
+        let mut pace = Pace::new();
+        pace.command(1.0 / 3.0);
+        pace.jump();
+        let passed: u64 = (0..3000).map(|_| pace.advance(1000)).sum();
+        assert!((999_999..=1_000_000).contains(&passed), "{passed}");
+    }
+
+    #[test]
+    fn the_rate_changes_no_faster_than_the_slew_allows() {
+        let mut pace = Pace::new();
+        pace.command(0.0);
+        let passed: u64 = (0..500).map(|_| pace.advance(1_000_000)).sum();
+        // a triangle of a quarter of a second and height one
+        assert!((passed as f64 - 0.125e9).abs() < 1e3, "{passed}");
+        assert_eq!(pace.rate(), 0.0);
+        assert_eq!(pace.slope(), 0.0);
+    }
+}
