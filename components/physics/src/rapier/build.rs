@@ -115,7 +115,7 @@ impl Rapier {
             overdriven: vec![false; n],
             near: false,
             stale: true,
-            substep: 1e-3,
+            dt: 1e-3,
             model,
             options,
             world,

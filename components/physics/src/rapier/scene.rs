@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rapier3d_f64::dynamics::{
     CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,
-    MultibodyJointSet, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet,
+    MultibodyJointSet, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet, SpringCoefficients,
 };
 use rapier3d_f64::geometry::{BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NarrowPhase};
 use rapier3d_f64::math::Vector;
@@ -35,11 +35,16 @@ pub(super) struct Scene {
 impl Scene {
     /// Rapier with the objects of `world`, without their surfaces.
     pub(super) fn new(world: &World, contact_iterations: usize) -> Self {
+        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g sink
+        // in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms, without bouncing.
+        let softness = SpringCoefficients::new(500.0, 5.0);
         let parameters = IntegrationParameters {
             num_solver_iterations: contact_iterations,
             // Contacts are foreseen 5 mm ahead; nothing here is fast and thin enough to need continuous detection.
             normalized_prediction_distance: 0.005,
             max_ccd_substeps: 0,
+            contact_softness: softness,
+            static_contact_softness: softness,
             // Both trade exactness of the contact points for speed in scenes of thousands of bodies.
             contact_clustering: false,
             contact_recycling: false,
@@ -161,11 +166,11 @@ impl Scene {
         })
     }
 
-    /// Shows the contact points of the last step; pairs that `current` denies are left out.
+    /// Shows the contact points of the last step, which was `dt` \[s\] long; pairs that `current` denies are left out.
     pub(super) fn visit_contacts(
         &self,
         surfaces: &[Surface],
-        substep: f64,
+        dt: f64,
         current: impl Fn(usize, usize) -> bool,
         visit: &mut dyn FnMut(&Contact<'_>),
     ) {
@@ -190,7 +195,7 @@ impl Scene {
                         point: convert::point_back(on_first),
                         normal: convert::vector_back(manifold.data.normal),
                         depth: (-point.dist).max(0.0),
-                        force: point.data.impulse / (MILLIGRAMS * substep),
+                        force: point.data.impulse / (MILLIGRAMS * dt),
                     });
                 }
             }
