@@ -1,9 +1,11 @@
 //! The `motorium` command: launches component graphs and looks into them.
 
 mod commands;
-mod default_graph;
+mod draw;
 mod exit;
 mod registry;
+mod report;
+mod screen;
 mod style;
 
 use std::process::ExitCode;

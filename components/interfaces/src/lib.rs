@@ -1,1 +1,5 @@
-//! Interfaces between motorium graphs and people
+//! Interfaces between motorium graphs and people.
+
+mod console;
+
+pub use console::{ConsoleLog, ConsoleLogConfig};

@@ -14,6 +14,8 @@ mod topic;
 
 use std::process::ExitCode;
 
+pub(crate) use run::line;
+
 use clap::{Parser, Subcommand};
 
 /// A zero-copy shared-memory robotics runtime.

@@ -1,0 +1,56 @@
+//! Loading a graph file for a command: what is wrong with it is shown in its place.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium::component::Registry;
+use motorium::graph::{self, Checked, Override};
+
+use crate::exit;
+
+/// The graph that runs when none is named.
+pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
+
+/// Which graph, and what to change in it.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct GraphArgs {
+    /// The graph file
+    #[arg(default_value = DEFAULT_GRAPH)]
+    pub(crate) graph: PathBuf,
+    /// Set a value of the graph file, such as `controller.config.gain=2`; may be repeated
+    #[arg(long = "set", value_name = "COMPONENT.KEY=VALUE")]
+    pub(crate) set: Vec<Override>,
+}
+
+impl Default for GraphArgs {
+    fn default() -> Self {
+        Self { graph: PathBuf::from(DEFAULT_GRAPH), set: Vec::new() }
+    }
+}
+
+impl GraphArgs {
+    /// Loads and checks the graph. What is wrong goes to standard error, or as JSON to standard output; the error is
+    /// then the exit code.
+    pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
+        let colour = std::io::stderr().is_terminal();
+        match graph::load(&self.graph, &self.set, registry) {
+            Ok(checked) => {
+                if !json {
+                    for warning in &checked.warnings {
+                        anstream::eprintln!("{}\n", warning.render(colour));
+                    }
+                }
+                Ok(checked)
+            }
+            Err(error) => {
+                if json {
+                    println!("{}", serde_json::json!({ "valid": false, "diagnostics": error.reports() }));
+                } else {
+                    anstream::eprintln!("{}", error.render(colour));
+                }
+                Err(exit::invalid())
+            }
+        }
+    }
+}

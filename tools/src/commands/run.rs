@@ -1,0 +1,121 @@
+//! `motorium run`: launches a graph.
+
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium::graph::Override;
+use motorium::launcher::{self, Event, Exit, Hosting, Options};
+use motorium::plan::ClockKind;
+
+use super::loading::GraphArgs;
+use crate::screen::{Plain, Screen};
+use crate::{exit, registry, report, style};
+
+/// Launch a graph: every component as its own process.
+///
+/// Example: motorium run graphs/panda-reach.toml --for 10s --clock lockstep
+#[derive(Debug, Default, clap::Args)]
+pub(crate) struct Run {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// How long to run, such as `10s` or `500 ms`; as the graph says, or until Ctrl-C, if not given
+    #[arg(long = "for", value_name = "DURATION")]
+    duration: Option<String>,
+    /// The clock: as the graph says if not given
+    #[arg(long, value_enum)]
+    clock: Option<Clock>,
+    /// Host all components in this process instead of one each
+    #[arg(long)]
+    in_process: bool,
+    /// Print the report as JSON on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Clock {
+    /// The machine's clock, absolute deadlines
+    Realtime,
+    /// Simulated time, deterministic, as fast as the machine allows
+    Lockstep,
+}
+
+impl Run {
+    pub(crate) fn run(mut self) -> anyhow::Result<ExitCode> {
+        let mut set = |path: &str, value: String| {
+            self.graph.set.push(Override { path: path.to_string(), value });
+        };
+        if let Some(duration) = &self.duration {
+            set("duration", format!("{duration:?}"));
+        }
+        match self.clock {
+            Some(Clock::Realtime) => set("clock", "\"realtime\"".to_string()),
+            Some(Clock::Lockstep) => set("clock", "\"lockstep\"".to_string()),
+            None => {}
+        }
+        let registry = registry::registry();
+        let checked = match self.graph.load(&registry, self.json) {
+            Ok(checked) => checked,
+            Err(code) => return Ok(code),
+        };
+        let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
+        let program = std::env::current_exe().context("finding this program's own file")?;
+        let options = Options { hosting, program };
+        let plan = checked.plan;
+        let lockstep = plan.clock == ClockKind::Lockstep;
+        let live = !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
+        let report = if live {
+            let mut screen = Screen::new(&plan)?;
+            launcher::run(plan, &registry, &options, &mut |event| screen.show(&event))?
+        } else {
+            let mut plain = Plain::new(self.json);
+            launcher::run(plan, &registry, &options, &mut |event| plain.show(&event))?
+        };
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            anstream::print!("{}", report::summary(&report));
+        }
+        Ok(match &report.exit {
+            Exit::Finished | Exit::Interrupted => ExitCode::SUCCESS,
+            Exit::SafeStop { reason } => {
+                anstream::eprintln!("{}: safe stop: {reason}", style::error("error"));
+                exit::safe_stop()
+            }
+        })
+    }
+}
+
+/// What an event says, as a line; nothing for those that are only shown as a picture.
+pub(crate) fn line(event: &Event<'_>) -> Option<String> {
+    let line = match event {
+        Event::Created { run, plan } => {
+            let clock = match plan.clock {
+                ClockKind::Realtime => "in real time",
+                ClockKind::Lockstep => "in lockstep",
+            };
+            format!(
+                "{} {}: {} components {clock} (run {run})",
+                style::strong("motorium"),
+                plan.name,
+                plan.components.len()
+            )
+        }
+        Event::Lost(what) => format!("{} {what}", style::warning("warning:")),
+        Event::Started => "all ports connected, running".to_string(),
+        Event::Output { component, line } => format!("{} {line}", style::dim(format!("[{component}]"))),
+        Event::Failed { component, tick, reason, consequence } => {
+            format!("{} `{component}` at tick {tick}: {reason}; {consequence}", style::error("failed:"))
+        }
+        Event::Restarted { component, after_ns } => {
+            format!("`{component}` steps again after {:.1} ms", *after_ns as f64 * 1e-6)
+        }
+        Event::SafeStop { reason } => format!("{} {reason}", style::error("safe stop:")),
+        Event::Safe { after_ns } => {
+            format!("all actuators in their safe state after {:.2} ms", *after_ns as f64 * 1e-6)
+        }
+        Event::Status(_) => return None,
+    };
+    Some(line)
+}

@@ -1,0 +1,153 @@
+//! The report of a run as text.
+
+use std::fmt::Write as _;
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use motorium::launcher::{Exit, Report};
+use motorium::plan::ClockKind;
+use motorium::telemetry::Percentiles;
+
+use crate::style;
+
+/// A table without lines, its columns apart by two blanks.
+pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled).set_header(header);
+    table
+}
+
+fn right_from(table: &mut Table, first: usize) {
+    for column in table.column_iter_mut().skip(first) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+}
+
+/// A duration in microseconds, three digits.
+pub(crate) fn microseconds(ns: u64) -> String {
+    let us = ns as f64 * 1e-3;
+    match us {
+        x if x < 0.1 => format!("{us:.3}"),
+        x if x < 100.0 => format!("{us:.1}"),
+        _ => format!("{us:.0}"),
+    }
+}
+
+fn percentiles(p: &Percentiles) -> String {
+    let parts = [p.p50, p.p99, p.p999, p.max].map(microseconds);
+    parts.join(" / ")
+}
+
+/// The closing summary of a run.
+pub(crate) fn summary(report: &Report) -> String {
+    let mut text = String::new();
+    let how = match &report.exit {
+        Exit::Finished => style::good("finished"),
+        Exit::Interrupted => style::warning("interrupted"),
+        Exit::SafeStop { .. } => style::error("safe stop"),
+    };
+    let _ = write!(text, "\n{} {how} after {:.1} s", style::strong(&report.graph), report.duration_s);
+    if report.clock == ClockKind::Lockstep {
+        let _ = write!(text, " of simulated time, {:.1} times faster than real time", report.realtime_factor);
+    }
+    if let Some(hash) = &report.state_hash {
+        let _ = write!(text, ", state hash {hash}");
+    }
+    text.push_str("\n\n");
+    let realtime = report.clock == ClockKind::Realtime;
+    let mut components = if realtime {
+        table(["component", "steps", "Hz", "late us p50/p99/p99.9/max", "step us p50/p99/p99.9/max", "missed", "skipped", "restarts", "allocs", "faults"])
+    } else {
+        table(["component", "steps", "step us p50/p99/p99.9/max", "restarts", "allocs", "faults"])
+    };
+    for c in &report.components {
+        let allocations = match (c.allocations, c.allocations_apart) {
+            (None, _) => "?".to_string(),
+            (Some(own), Some(apart)) if apart > 0 => format!("{own} (+{apart})"),
+            (Some(own), _) => own.to_string(),
+        };
+        let missed = c.misses.late_wake + c.misses.long_step + c.misses.late_input;
+        let row = if realtime {
+            vec![
+                c.name.clone(),
+                c.steps.to_string(),
+                format!("{:.1}", c.rate_hz),
+                percentiles(&c.lateness_ns),
+                percentiles(&c.execution_ns),
+                missed.to_string(),
+                c.misses.skipped.to_string(),
+                c.restarts.to_string(),
+                allocations,
+                c.page_faults.to_string(),
+            ]
+        } else {
+            vec![
+                c.name.clone(),
+                c.steps.to_string(),
+                percentiles(&c.execution_ns),
+                c.restarts.to_string(),
+                allocations,
+                c.page_faults.to_string(),
+            ]
+        };
+        components.add_row(row);
+    }
+    right_from(&mut components, 1);
+    let _ = writeln!(text, "{}", components.trim_fmt());
+    missed_steps(report, &mut text);
+    for latency in &report.latencies {
+        let _ = writeln!(
+            text,
+            "latency {} -> {}: {} us (p50/p99/p99.9/max), budget {} us, missed {} of {}",
+            latency.from,
+            latency.to,
+            percentiles(&latency.latency_ns),
+            microseconds(latency.max_ns),
+            latency.missed,
+            latency.count
+        );
+    }
+    for (name, result) in &report.results {
+        let _ = writeln!(text, "{} {}", style::strong(format!("{name}:")), plain(result));
+    }
+    text
+}
+
+/// Names the cause of every missed step: one of the host is not one of ours.
+fn missed_steps(report: &Report, text: &mut String) {
+    for c in &report.components {
+        let misses = &c.misses;
+        let causes: Vec<String> = [
+            (misses.late_wake, "woken late by the system"),
+            (misses.long_step, "step too long"),
+            (misses.late_input, "stale command, safe state applied"),
+            (misses.over_budget, "over budget"),
+            (c.errors, "errors tolerated"),
+            (c.refused, "samples refused"),
+        ]
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, cause)| format!("{count} {cause}"))
+        .collect();
+        if !causes.is_empty() {
+            let _ = writeln!(text, "{}: {}", c.name, causes.join(", "));
+        }
+    }
+}
+
+/// A JSON value as one readable line.
+fn plain(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Object(map) => {
+            map.iter().map(|(key, value)| format!("{key} {}", plain(value))).collect::<Vec<_>>().join(", ")
+        }
+        serde_json::Value::Array(items) => {
+            format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(", "))
+        }
+        serde_json::Value::Number(number) => match number.as_f64() {
+            Some(x) if !number.is_i64() && !number.is_u64() => format!("{x:.3e}"),
+            _ => number.to_string(),
+        },
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
