@@ -1,0 +1,156 @@
+//! Readings held back until their latency is over.
+
+/// A delay line on time stamps: a frame of numbers taken at `t` can be read from `t + latency` on, to the nanosecond.
+///
+/// Frames that become due between two reads are passed over: the newest due one is read. Memory for all frames on their
+/// way is taken at construction.
+#[derive(Clone, Debug)]
+pub struct DelayLine {
+    latency: u64,
+    width: usize,
+    /// Ring of frames, oldest first from `head`; the oldest is the one that was last read, once one was.
+    times: Vec<u64>,
+    values: Vec<f64>,
+    head: usize,
+    count: usize,
+    lost: u64,
+}
+
+impl DelayLine {
+    /// A line for frames of `width` numbers, taken no more often than every `shortest_period` nanoseconds.
+    ///
+    /// Frames that come more often push out the oldest ones, which [`lost`](Self::lost) counts.
+    pub fn new(latency_ns: u64, width: usize, shortest_period: u64) -> Self {
+        // The frame read last was due then, but not its successor: now, a period later, it is younger than the latency
+        // and two periods. It, the new one and all between them must fit.
+        let capacity = (latency_ns / shortest_period.max(1)) as usize + 3;
+        Self {
+            latency: latency_ns,
+            width,
+            times: vec![0; capacity],
+            values: vec![0.0; capacity * width],
+            head: 0,
+            count: 0,
+            lost: 0,
+        }
+    }
+
+    /// How many frames fit.
+    pub fn capacity(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Frames that were pushed out before they were due, because they came more often than announced.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Forgets every frame.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Takes in the frame of a time and returns the place to write it to. A time before that of the last frame means
+    /// that the clock began anew, and empties the line.
+    pub fn push(&mut self, time: u64) -> &mut [f64] {
+        if self.count > 0 && time < self.times[self.slot(self.count - 1)] {
+            self.clear();
+        }
+        if self.count == self.capacity() {
+            self.lost += 1;
+            self.drop_oldest();
+        }
+        let slot = self.slot(self.count);
+        self.count += 1;
+        self.times[slot] = time;
+        &mut self.values[slot * self.width..(slot + 1) * self.width]
+    }
+
+    /// The newest frame that is due at a time, with the time it was taken. Stays readable until the next one is due.
+    pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
+        while self.count > 1 && self.is_due(1, now) {
+            self.drop_oldest();
+        }
+        if self.count == 0 || !self.is_due(0, now) {
+            return None;
+        }
+        let slot = self.slot(0);
+        Some((self.times[slot], &self.values[slot * self.width..(slot + 1) * self.width]))
+    }
+
+    fn is_due(&self, index: usize, now: u64) -> bool {
+        self.times[self.slot(index)].saturating_add(self.latency) <= now
+    }
+
+    fn drop_oldest(&mut self) {
+        self.head = self.slot(1);
+        self.count -= 1;
+    }
+
+    fn slot(&self, index: usize) -> usize {
+        (self.head + index) % self.capacity()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_due_at_its_latency_to_the_nanosecond() {
+        let mut line = DelayLine::new(1500, 1, 1000);
+        line.push(10_000)[0] = 7.0;
+        assert_eq!(line.read(11_499), None);
+        assert_eq!(line.read(11_500), Some((10_000, &[7.0][..])));
+        assert_eq!(line.read(99_000), Some((10_000, &[7.0][..])), "the last reading stays");
+    }
+
+    #[test]
+    fn without_latency_a_frame_is_due_at_once() {
+        let mut line = DelayLine::new(0, 2, 1000);
+        line.push(5).copy_from_slice(&[1.0, 2.0]);
+        assert_eq!(line.read(5), Some((5, &[1.0, 2.0][..])));
+    }
+
+    #[test]
+    fn the_newest_of_several_due_frames_is_read() {
+        let mut line = DelayLine::new(3000, 1, 1000);
+        for time in [0, 1000, 2000, 3000] {
+            line.push(time)[0] = time as f64;
+        }
+        assert_eq!(line.read(5500), Some((2000, &[2000.0][..])));
+        assert_eq!(line.lost(), 0);
+    }
+
+    #[test]
+    fn a_stream_at_the_announced_rate_never_loses_a_frame() {
+        for latency in [0, 1, 999, 1000, 1001, 7300, 10_000] {
+            let mut line = DelayLine::new(latency, 1, 1000);
+            for k in 0..200_u64 {
+                line.push(1000 * k)[0] = k as f64;
+                let expected = (1000 * k).checked_sub(latency).map(|age| age / 1000);
+                assert_eq!(line.read(1000 * k).map(|(time, _)| time / 1000), expected, "latency {latency}");
+            }
+            assert_eq!(line.lost(), 0, "latency {latency}");
+        }
+    }
+
+    #[test]
+    fn frames_faster_than_announced_push_out_the_oldest_and_are_counted() {
+        let mut line = DelayLine::new(4000, 1, 1000);
+        for time in 0..20 {
+            line.push(time)[0] = time as f64;
+        }
+        assert_eq!(line.lost(), 20 - line.capacity() as u64);
+        assert_eq!(line.read(100_000), Some((19, &[19.0][..])));
+    }
+
+    #[test]
+    fn a_clock_that_begins_anew_empties_the_line() {
+        let mut line = DelayLine::new(100, 1, 1000);
+        line.push(50_000)[0] = 1.0;
+        line.push(10)[0] = 2.0;
+        assert_eq!(line.read(60), None);
+        assert_eq!(line.read(110), Some((10, &[2.0][..])));
+    }
+}

@@ -1,0 +1,34 @@
+//! Reproducible Gaussian noise.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+/// A source of standard normal numbers: the same seed and channel give the same sequence.
+///
+/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so that switching the noise
+/// of one quantity on or off leaves that of the others alone.
+#[derive(Clone, Debug)]
+pub struct Noise {
+    generator: Pcg64,
+}
+
+impl Noise {
+    /// Channel `channel` of a seed.
+    pub fn new(seed: u64, channel: u64) -> Self {
+        // a generator of seeds for each seed, and from it the seed of the channel: streams of one state correlate
+        let mut seeds = Pcg64::seed_from_u64(seed);
+        seeds.advance(u128::from(channel) << 32);
+        Self { generator: Pcg64::from_rng(&mut seeds) }
+    }
+
+    /// Adds noise of the given standard deviation to every value. Draws nothing for a deviation of 0.
+    pub fn add(&mut self, deviations: &[f64], values: &mut [f64]) {
+        for (value, deviation) in values.iter_mut().zip(deviations) {
+            if *deviation > 0.0 {
+                let standard: f64 = StandardNormal.sample(&mut self.generator);
+                *value += deviation * standard;
+            }
+        }
+    }
+}

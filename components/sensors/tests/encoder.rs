@@ -1,0 +1,251 @@
+//! What a joint encoder promises.
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use motorium_sensors::encoder::{
+    EncoderSettings, JointEncoder, PerJoint, SampleError, SettingsError, VelocitySource,
+};
+
+const PERIOD_NS: u64 = 1_000_000;
+
+fn encoder(joints: usize, settings: &EncoderSettings) -> JointEncoder {
+    JointEncoder::new(joints, settings, Duration::from_nanos(PERIOD_NS)).unwrap()
+}
+
+/// Position, velocity and effort readings of one resting joint.
+fn readings(settings: &EncoderSettings, samples: u64) -> [Vec<f64>; 3] {
+    let mut encoder = encoder(1, settings);
+    let mut columns = [const { Vec::new() }; 3];
+    for k in 0..samples {
+        encoder.sample(k * PERIOD_NS, &[0.4], &[-0.2], &[3.0]).unwrap();
+        let reading = encoder.reading(k * PERIOD_NS).unwrap();
+        let values = [reading.position, reading.velocity, reading.effort];
+        columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value[0]));
+    }
+    columns
+}
+
+fn noisy(seed: u64) -> EncoderSettings {
+    EncoderSettings {
+        position_noise: PerJoint::Same(2e-3),
+        velocity_noise: PerJoint::Same(0.05),
+        effort_noise: PerJoint::Same(0.4),
+        seed,
+        ..EncoderSettings::default()
+    }
+}
+
+#[test]
+fn an_ideal_encoder_reads_the_truth_at_once() {
+    let mut encoder = encoder(2, &EncoderSettings::default());
+    encoder.sample(7, &[0.1, -3.0], &[1.0, 2.0], &[5.0, -6.0]).unwrap();
+    let reading = encoder.reading(7).unwrap();
+    assert_eq!(reading.sampled_at, 7);
+    assert_eq!(
+        (reading.position, reading.velocity, reading.effort),
+        (&[0.1, -3.0][..], &[1.0, 2.0][..], &[5.0, -6.0][..])
+    );
+}
+
+/// Tolerances are five standard errors of the estimates.
+#[test]
+fn noise_is_normal_with_the_deviation_asked_for() {
+    let samples = 100_000_u64;
+    let n = samples as f64;
+    for (column, (mean, deviation)) in
+        readings(&noisy(3), samples).iter().zip([(0.4, 2e-3), (-0.2, 0.05), (3.0, 0.4)])
+    {
+        let standard: Vec<f64> = column.iter().map(|value| (value - mean) / deviation).collect();
+        let moment = |power: i32| standard.iter().map(|z| z.powi(power)).sum::<f64>() / n;
+        assert!(moment(1).abs() < 5.0 / n.sqrt(), "mean {}", moment(1));
+        assert!((moment(2) - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "variance {}", moment(2));
+        assert!(moment(3).abs() < 5.0 * (15.0 / n).sqrt(), "skewness {}", moment(3));
+        assert!((moment(4) - 3.0).abs() < 5.0 * (96.0 / n).sqrt(), "kurtosis {}", moment(4));
+        let within = |bound: f64| standard.iter().filter(|z| z.abs() < bound).count() as f64 / n;
+        assert!((within(1.0) - 0.682_689).abs() < 5.0 * (0.2166 / n).sqrt());
+        assert!((within(2.0) - 0.954_500).abs() < 5.0 * (0.0434 / n).sqrt());
+        // white: nothing of one sample is left in the next
+        let lag = standard.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / n;
+        assert!(lag.abs() < 5.0 / n.sqrt(), "autocorrelation {lag}");
+    }
+}
+
+#[test]
+fn the_noises_of_position_velocity_and_effort_are_independent() {
+    let samples = 50_000_u64;
+    let [position, velocity, effort] = readings(&noisy(3), samples);
+    let correlation = |a: &[f64], b: &[f64]| {
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+        let (ma, mb) = (mean(a), mean(b));
+        let product = |x: &[f64], mx: f64, y: &[f64], my: f64| {
+            x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum::<f64>()
+        };
+        product(a, ma, b, mb) / (product(a, ma, a, ma) * product(b, mb, b, mb)).sqrt()
+    };
+    let bound = 5.0 / (samples as f64).sqrt();
+    assert!(correlation(&position, &velocity).abs() < bound);
+    assert!(correlation(&position, &effort).abs() < bound);
+    assert!(correlation(&velocity, &effort).abs() < bound);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_readings_and_another_seed_others() {
+    assert_eq!(readings(&noisy(11), 500), readings(&noisy(11), 500));
+    let ([one, ..], [other, ..]) = (readings(&noisy(11), 500), readings(&noisy(12), 500));
+    assert!(one.iter().zip(&other).all(|(a, b)| a != b));
+}
+
+#[test]
+fn switching_one_noise_off_leaves_the_others_as_they_were() {
+    let quiet = EncoderSettings { velocity_noise: PerJoint::Same(0.0), ..noisy(5) };
+    let ([position, _, effort], [same_position, velocity, same_effort]) =
+        (readings(&noisy(5), 200), readings(&quiet, 200));
+    assert_eq!((position, effort), (same_position, same_effort));
+    assert!(velocity.iter().all(|v| *v == -0.2));
+}
+
+#[test]
+fn a_position_is_the_nearest_whole_number_of_steps() {
+    let step = TAU / 8192.0;
+    let settings = EncoderSettings { resolution: PerJoint::Same(step), ..EncoderSettings::default() };
+    let mut encoder = encoder(1, &settings);
+    for k in 0..20_000_u64 {
+        let truth = -4.0 + 4e-4 * k as f64;
+        encoder.sample(k * PERIOD_NS, &[truth], &[0.0], &[0.0]).unwrap();
+        let read = encoder.reading(k * PERIOD_NS).unwrap().position[0];
+        assert!((read - truth).abs() <= 0.5 * step * (1.0 + 1e-9), "{truth} read as {read}");
+        let counts = (truth / step).round();
+        assert_eq!(read, counts * step);
+    }
+}
+
+#[test]
+fn noisy_positions_lie_on_the_steps_too() {
+    let settings = EncoderSettings { resolution: PerJoint::Same(1e-3), ..noisy(1) };
+    let [position, ..] = readings(&settings, 5000);
+    assert!(position.iter().all(|q| (q / 1e-3 - (q / 1e-3).round()).abs() < 1e-9));
+    let distinct: std::collections::BTreeSet<i64> =
+        position.iter().map(|q| (q / 1e-3).round() as i64).collect();
+    assert!(distinct.len() > 8, "the noise spans several steps, found {distinct:?}");
+}
+
+#[test]
+fn every_joint_has_its_own_resolution_and_noise() {
+    let settings = EncoderSettings {
+        resolution: PerJoint::Each(vec![0.1, 0.0]),
+        position_noise: PerJoint::Each(vec![0.0, 1e-3]),
+        ..EncoderSettings::default()
+    };
+    let mut encoder = encoder(2, &settings);
+    encoder.sample(0, &[0.26, 0.26], &[0.0; 2], &[0.0; 2]).unwrap();
+    let reading = encoder.reading(0).unwrap();
+    assert!((reading.position[0] - 0.3).abs() < 1e-15);
+    assert!(reading.position[1] != 0.26 && (reading.position[1] - 0.26).abs() < 0.01);
+}
+
+#[test]
+fn a_latency_of_whole_periods_delays_by_exactly_that_many_ticks() {
+    for ticks in [0, 1, 3, 10] {
+        let settings = EncoderSettings { latency_ns: ticks * PERIOD_NS, ..EncoderSettings::default() };
+        let mut encoder = encoder(1, &settings);
+        for k in 0..100_u64 {
+            encoder.sample(k * PERIOD_NS, &[k as f64], &[0.0], &[0.0]).unwrap();
+            let read =
+                encoder.reading(k * PERIOD_NS).map(|reading| (reading.sampled_at, reading.position[0]));
+            let expected = k.checked_sub(ticks).map(|sampled| (sampled * PERIOD_NS, sampled as f64));
+            assert_eq!(read, expected, "{ticks} ticks, at tick {k}");
+        }
+        assert_eq!(encoder.lost(), 0);
+    }
+}
+
+#[test]
+fn a_latency_of_half_a_period_shows_at_the_next_tick() {
+    let settings = EncoderSettings { latency_ns: PERIOD_NS / 2, ..EncoderSettings::default() };
+    let mut encoder = encoder(1, &settings);
+    encoder.sample(0, &[1.0], &[0.0], &[0.0]).unwrap();
+    assert!(encoder.reading(PERIOD_NS / 2 - 1).is_none());
+    assert_eq!(encoder.reading(PERIOD_NS / 2).unwrap().position, [1.0]);
+    encoder.sample(PERIOD_NS, &[2.0], &[0.0], &[0.0]).unwrap();
+    assert_eq!(encoder.reading(PERIOD_NS).unwrap().position, [1.0]);
+}
+
+fn differentiated(cutoff_hz: f64) -> EncoderSettings {
+    EncoderSettings { velocity: VelocitySource::Differentiated { cutoff_hz }, ..EncoderSettings::default() }
+}
+
+#[test]
+fn a_differentiated_velocity_follows_a_ramp_like_a_first_order_low_pass() {
+    let (cutoff, speed) = (20.0, 0.7);
+    let mut encoder = encoder(1, &differentiated(cutoff));
+    for k in 0..400_u64 {
+        let t = k as f64 * 1e-3;
+        encoder.sample(k * PERIOD_NS, &[speed * t], &[f64::NAN], &[0.0]).unwrap();
+        let read = encoder.reading(k * PERIOD_NS).unwrap().velocity[0];
+        let expected = speed * (1.0 - (-TAU * cutoff * t).exp());
+        assert!((read - expected).abs() < 1e-9, "{read} instead of {expected} at {t} s");
+    }
+}
+
+#[test]
+fn a_differentiated_velocity_shows_the_steps_of_the_position() {
+    let step = 1e-3;
+    let settings = EncoderSettings { resolution: PerJoint::Same(step), ..differentiated(1e6) };
+    let mut encoder = encoder(1, &settings);
+    for k in 0..1000_u64 {
+        encoder.sample(k * PERIOD_NS, &[0.3e-3 * k as f64], &[0.3], &[0.0]).unwrap();
+        // one step a millisecond, or none
+        let read = encoder.reading(k * PERIOD_NS).unwrap().velocity[0];
+        assert!(read.abs() < 1e-6 || (read - 1.0).abs() < 1e-6, "{read} rad/s at {k}");
+    }
+}
+
+#[test]
+fn a_sample_of_the_same_time_and_a_clock_that_begins_anew_leave_the_velocity_finite() {
+    let mut encoder = encoder(1, &differentiated(50.0));
+    let mut velocity = |time, q: f64| {
+        encoder.sample(time, &[q], &[0.0], &[0.0]).unwrap();
+        encoder.reading(time).unwrap().velocity[0]
+    };
+    assert_eq!(velocity(5_000_000, 0.0), 0.0);
+    let moving = velocity(6_000_000, 0.1);
+    assert!(moving > 1.0);
+    assert_eq!(velocity(6_000_000, 0.1), moving);
+    assert_eq!(velocity(0, 9.0), 0.0);
+}
+
+#[test]
+fn a_joint_state_of_another_size_is_refused() {
+    let error =
+        encoder(2, &EncoderSettings::default()).sample(0, &[0.0; 3], &[0.0; 2], &[0.0; 2]).unwrap_err();
+    assert_eq!(error, SampleError { position: 3, velocity: 2, effort: 2, joints: 2 });
+    assert!(error.to_string().starts_with("the joint state has 3 positions, 2 velocities and 2 efforts"));
+}
+
+#[test]
+fn settings_that_describe_no_sensor_are_refused() {
+    let refuse =
+        |settings: EncoderSettings| JointEncoder::new(2, &settings, Duration::from_millis(1)).unwrap_err();
+    let settings = EncoderSettings { resolution: PerJoint::Each(vec![0.1]), ..EncoderSettings::default() };
+    assert_eq!(refuse(settings), SettingsError::Count { name: "resolution", found: 1, expected: 2 });
+    let settings = EncoderSettings { position_noise: PerJoint::Same(-1.0), ..EncoderSettings::default() };
+    assert_eq!(refuse(settings).to_string(), "position_noise = -1: expected a finite number of at least 0");
+    let settings = EncoderSettings { velocity_noise: PerJoint::Same(0.1), ..differentiated(50.0) };
+    assert_eq!(refuse(settings), SettingsError::NeedlessVelocityNoise);
+    assert!(refuse(differentiated(0.0)).to_string().starts_with("velocity.cutoff_hz = 0"));
+    let settings = EncoderSettings { latency_ns: u64::MAX, ..EncoderSettings::default() };
+    assert!(matches!(refuse(settings), SettingsError::Latency { .. }));
+}
+
+#[test]
+fn settings_are_read_from_a_file_with_one_number_or_a_list() {
+    let text = r#"{"resolution": [0.001, 0.0], "position_noise": 0.002, "latency_ns": 500000,
+                   "velocity": {"kind": "differentiated", "cutoff_hz": 80.0}}"#;
+    let settings: EncoderSettings = serde_json::from_str(text).unwrap();
+    assert_eq!(settings.resolution, PerJoint::Each(vec![0.001, 0.0]));
+    assert_eq!(settings.position_noise, PerJoint::Same(0.002));
+    assert_eq!(settings.velocity, VelocitySource::Differentiated { cutoff_hz: 80.0 });
+    let error = serde_json::from_str::<EncoderSettings>(r#"{"resolutoin": 1.0}"#).unwrap_err().to_string();
+    assert!(error.contains("resolutoin"), "{error}");
+}
