@@ -1,0 +1,98 @@
+//! A user's component that goes wrong on order: it passes a joint state through until its time has come.
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::state::JointState;
+use motorium::worker::{Input, Output, Setup};
+
+/// What goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Fault {
+    /// Nothing.
+    None,
+    /// The step panics.
+    Panic,
+    /// The step returns an error.
+    Error,
+    /// The output holds a NaN.
+    Nan,
+    /// The process ends in the middle of a step.
+    Exit,
+    /// The step takes 20 ms.
+    Stall,
+    /// Configuring fails.
+    Configure,
+    /// Configuring panics.
+    ConfigurePanic,
+    /// The step allocates.
+    Allocate,
+}
+
+/// Which fault, and when.
+#[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct FaultyConfig {
+    /// What goes wrong.
+    fault: Fault,
+    /// At which step; every step from there on.
+    #[serde(default)]
+    at: u64,
+    /// Only in the first process, not after a restart.
+    #[serde(default)]
+    once: bool,
+}
+
+struct Faulty {
+    input: Input<JointState>,
+    output: Output<JointState>,
+    config: FaultyConfig,
+    restarted: bool,
+    steps: u64,
+}
+
+impl Component for Faulty {
+    const KIND: &'static str = "test.faulty";
+    const SUMMARY: &'static str = "passes a joint state through until it goes wrong";
+    type Config = FaultyConfig;
+
+    fn declare(_: &FaultyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<JointState>("input", "joint state");
+        declare.output::<JointState>("output", "the same joint state");
+        declare.float("gain", 1.0, 0.0..=10.0, "", "factor on the positions");
+        Ok(())
+    }
+
+    fn configure(config: FaultyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        match config.fault {
+            Fault::Configure => return Err(ConfigureError::failed("configured to fail")),
+            Fault::ConfigurePanic => panic!("configured to panic"),
+            _ => {}
+        }
+        let restarted = setup.checkpoint(1)?.resume().is_some();
+        setup.checkpoint(1)?.save([1.0]);
+        let (input, output) = (setup.input("input")?, setup.output("output")?);
+        Ok(Self { input, output, config, restarted, steps: 0 })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.steps += 1;
+        let Some(state) = self.input.latest() else { return Ok(()) };
+        let mut output = self.output.loan()?;
+        *output = *state;
+        let due = tick.index >= self.config.at && !(self.config.once && self.restarted);
+        if due {
+            match self.config.fault {
+                Fault::Panic => panic!("ordered to panic"),
+                Fault::Error => return Err(StepError::failed("ordered to fail")),
+                Fault::Nan => output.position_mut()[0] = f64::NAN,
+                Fault::Exit => std::process::exit(7),
+                Fault::Stall => std::thread::sleep(std::time::Duration::from_millis(20)),
+                Fault::Allocate => drop(core::hint::black_box(vec![tick.index])),
+                Fault::None | Fault::Configure | Fault::ConfigurePanic => {}
+            }
+        }
+        output.publish()
+    }
+}
+
+motorium::main!(Faulty);

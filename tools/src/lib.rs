@@ -1,0 +1,40 @@
+//! The `motorium` command: launches component graphs and looks into them.
+
+mod commands;
+mod draw;
+mod exit;
+mod registry;
+mod report;
+mod screen;
+mod style;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use motorium::worker::{Program, run_worker};
+
+/// The whole program; its `main` only adds the allocator that counts.
+pub fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    // This program is also the process of every built-in component, and the guard.
+    match Program::from_arguments(&arguments) {
+        Some(Program::Worker { folder, component }) => {
+            let registry = registry::registry();
+            return run_worker(&folder, &component, |plan| match &plan.program {
+                motorium::plan::Program::Builtin { kind } => registry.find(kind).copied(),
+                motorium::plan::Program::Exec { .. } => None,
+            });
+        }
+        Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
+        Some(Program::Describe) | None => {}
+    }
+    motorium::transport::quieten();
+    let command = commands::Cli::parse();
+    match command.run() {
+        Ok(code) => code,
+        Err(error) => {
+            anstream::eprintln!("{}: {error:#}", style::error("error"));
+            exit::FAILED
+        }
+    }
+}
