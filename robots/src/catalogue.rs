@@ -26,7 +26,8 @@ macro_rules! entry {
     };
 }
 
-static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| vec![entry!("panda")]);
+static ENTRIES: LazyLock<Vec<Entry>> =
+    LazyLock::new(|| vec![entry!("panda"), entry!("pendulum"), entry!("planar-3r")]);
 
 /// All robots of the catalogue, in alphabetical order.
 pub fn catalogue() -> &'static [Entry] {

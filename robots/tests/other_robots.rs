@@ -1,0 +1,114 @@
+//! Robots of others against Pinocchio, where their files are on this machine; each test says why it is skipped.
+//!
+//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs: `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder
+//! with `panda_description` and others in it), or the PyPI package `example-robot-data` of the `python3` in the path.
+
+mod golden;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use golden::Golden;
+use motorium_robots::{LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
+
+const ROBOTS: &str = "cmeel.prefix/share/example-robot-data/robots";
+
+fn independent(reference: &str, base: &Path) -> Loaded {
+    let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
+    load_with(reference, base, &options).unwrap()
+}
+
+fn vectors(name: &str) -> Option<Golden> {
+    let folder = std::env::var_os("MOTORIUM_GOLDEN")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/golden"), PathBuf::from);
+    let path = folder.join(name).with_extension("json");
+    if path.is_file() {
+        return Some(Golden::parse(&std::fs::read_to_string(&path).unwrap()));
+    }
+    println!("skipped: no vectors of {name} at {}", path.display());
+    None
+}
+
+fn robots() -> Option<PathBuf> {
+    if let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA") {
+        return Some(PathBuf::from(folder));
+    }
+    let output = Command::new("python3")
+        .args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"])
+        .output()
+        .ok()?;
+    let folder = Path::new(String::from_utf8(output.stdout).ok()?.trim()).join(ROBOTS);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: set MOTORIUM_EXAMPLE_ROBOT_DATA, or pip install --no-deps example-robot-data==6.0.0");
+    None
+}
+
+fn agrees(name: &str, urdf: &str) {
+    let (Some(golden), Some(robots)) = (vectors(name), robots()) else { return };
+    let robot = independent(urdf, &robots);
+    let errors = golden.compare(&robot.model);
+    println!("{name}: {} warnings; {}", robot.warnings.len(), errors.summary());
+    errors.stay_below(1e-10, 1e-8);
+}
+
+#[test]
+fn our_panda_agrees_with_frankas() {
+    let Some(golden) = vectors("panda") else { return };
+    let panda = independent("panda", Path::new("."));
+    let errors = golden.compare(&panda.model);
+    println!("our panda: {}", errors.summary());
+    errors.stay_below(1e-10, 1e-8);
+    golden.compare_limits(&panda.model);
+}
+
+#[test]
+fn frankas_panda_agrees_with_pinocchio() {
+    agrees("panda", "panda_description/urdf/panda.urdf");
+}
+
+#[test]
+fn the_ur5_agrees_with_pinocchio() {
+    agrees("ur5", "ur_description/urdf/ur5_robot.urdf");
+}
+
+#[test]
+fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
+    agrees("tiago", "tiago_description/robots/tiago.urdf");
+}
+
+#[test]
+fn every_robot_of_the_package_loads_or_is_refused_with_its_line() {
+    let Some(robots) = robots() else { return };
+    let mut files = Vec::new();
+    find_urdfs(&robots, &mut files);
+    let (mut loaded, mut refused) = (0, 0);
+    for file in files {
+        match load(file.to_str().unwrap(), Path::new("")) {
+            Ok(robot) => {
+                loaded += 1;
+                assert!(robot.model.frames().len() > robot.model.bodies().len(), "{}", file.display());
+            }
+            Err(LoadError::Urdf(error)) => {
+                refused += 1;
+                println!("{error}");
+                assert!(error.at.is_some(), "{error}");
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+    println!("{loaded} loaded, {refused} refused");
+    assert!(loaded > 20 * refused);
+}
+
+fn find_urdfs(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            find_urdfs(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "urdf") {
+            found.push(path);
+        }
+    }
+}

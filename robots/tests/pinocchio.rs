@@ -1,0 +1,24 @@
+//! The catalogue against Pinocchio, by vectors that `golden/generate.py` wrote.
+
+mod golden;
+
+use std::path::Path;
+
+use golden::Golden;
+use motorium_robots::load;
+
+#[test]
+fn the_panda_agrees_with_pinocchio_in_every_quantity() {
+    let golden = Golden::parse(include_str!("golden/panda.json"));
+    let panda = load("panda", Path::new(".")).unwrap();
+    let errors = golden.compare(&panda.model);
+    println!("{}", errors.summary());
+    assert_eq!(errors.0.len(), 13, "{}", errors.summary());
+    errors.stay_below(1e-10, 1e-10);
+}
+
+#[test]
+fn the_panda_has_the_limits_pinocchio_reads() {
+    let golden = Golden::parse(include_str!("golden/panda.json"));
+    golden.compare_limits(&load("panda", Path::new(".")).unwrap().model);
+}
