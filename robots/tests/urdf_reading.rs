@@ -1,0 +1,262 @@
+//! What a URDF file becomes.
+
+use std::path::Path;
+
+use approx::assert_relative_eq;
+use motorium_robots::{
+    Dynamics, Geometry, JointKind, Kinematics, LoadError, MimicMode, Model, ModelWarning, PackagePath,
+    Reference, UrdfRobot, load, parse_urdf,
+};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+const BRANCHING: &str = include_str!("fixtures/branching.urdf");
+
+fn read(text: &str) -> UrdfRobot {
+    parse_urdf(text, None, MimicMode::Follow, &PackagePath::default()).unwrap()
+}
+
+fn warnings(text: &str) -> Vec<String> {
+    read(text).warnings.iter().map(ToString::to_string).collect()
+}
+
+/// A robot whose link `b` has this mass and these principal moments, on a hinge about z.
+fn with_inertial(inertial: &str) -> String {
+    format!(
+        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{inertial}</link>\
+         <joint name=\"j\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/></joint></robot>"
+    )
+}
+
+fn inertial(mass: f64, [x, y, z]: [f64; 3]) -> String {
+    format!(
+        "<inertial><mass value=\"{mass}\"/>\
+         <inertia ixx=\"{x}\" ixy=\"0\" ixz=\"0\" iyy=\"{y}\" iyz=\"0\" izz=\"{z}\"/></inertial>"
+    )
+}
+
+#[test]
+fn joints_stand_parents_first_in_file_order_and_every_link_has_a_frame() {
+    let UrdfRobot { model, warnings } = read(BRANCHING);
+    let bodies: Vec<_> = model.bodies().iter().map(|body| body.name.as_str()).collect();
+    assert_eq!(bodies, ["torso", "lift", "upper", "lower", "slider", "wheel"]);
+    assert_eq!(model.joint_names(), ["waist", "lift_joint", "shoulder", "wheel_joint"]);
+    let parents: Vec<_> = model.bodies().iter().map(|body| body.parent).collect();
+    assert_eq!(parents, [None, Some(0), Some(1), Some(2), Some(3), None]);
+    assert_eq!(model.frames().len(), 10);
+    assert_eq!((model.nq(), model.nv(), model.joint_index("shoulder")), (4, 4, Some(2)));
+    assert_eq!(model.joint_index("elbow"), None);
+    assert_eq!(model.joint(1).kind, JointKind::Prismatic);
+    // "1 2 -2" is three long.
+    let [ModelWarning::AxisLength { joint, length }] = &warnings[..] else { panic!("{warnings:?}") };
+    assert_eq!((joint.as_str(), *length), ("waist", 3.0));
+}
+
+#[test]
+fn limits_are_infinite_where_the_file_gives_none() {
+    let model = read(BRANCHING).model;
+    let wheel = model.joint_index("wheel_joint").unwrap();
+    assert_eq!(model.lower()[wheel], f64::NEG_INFINITY);
+    assert_eq!(model.upper()[wheel], f64::INFINITY);
+    assert_eq!(model.velocity_limit()[wheel], f64::INFINITY);
+    assert_eq!(model.effort_limit()[wheel], f64::INFINITY);
+    assert_eq!((model.joint(wheel).dynamics.damping, model.joint(wheel).dynamics.friction), (0.2, 0.1));
+    let lift = model.joint_index("lift_joint").unwrap();
+    assert_eq!((model.lower()[lift], model.upper()[lift]), (-0.2, 0.4));
+    assert_eq!((model.velocity_limit()[lift], model.effort_limit()[lift]), (1.0, 500.0));
+}
+
+#[test]
+fn welded_links_merge_by_the_parallel_axis_theorem() {
+    // Two points of 1 kg, 2 m apart along x: about the middle 0, 2, 2 kg m2.
+    let point = "<inertial><mass value=\"1\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/></inertial>";
+    let text = format!(
+        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{point}</link><link name=\"c\">{point}</link>\
+         <joint name=\"j\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/></joint>\
+         <joint name=\"w\" type=\"fixed\"><parent link=\"b\"/><child link=\"c\"/><origin xyz=\"2 0 0\" rpy=\"1 2 3\"/></joint>\
+         </robot>"
+    );
+    let model = read(&text).model;
+    let body = &model.bodies()[0].inertia;
+    assert_eq!(body.mass, 2.0);
+    assert_relative_eq!(body.com, Vector3::new(1.0, 0.0, 0.0), epsilon = 1e-15);
+    assert_relative_eq!(
+        body.rotational,
+        Matrix3::from_diagonal(&Vector3::new(0.0, 2.0, 2.0)),
+        epsilon = 1e-14
+    );
+    let mut mass = DMatrix::zeros(1, 1);
+    Dynamics::new(&model).crba(&model, &[0.3], &mut mass);
+    assert_relative_eq!(mass[(0, 0)], 4.0, epsilon = 1e-14);
+}
+
+#[test]
+fn independent_mimics_have_columns_of_their_own() {
+    let options = (MimicMode::Independent, PackagePath::default());
+    let model = parse_urdf(BRANCHING, None, options.0, &options.1).unwrap().model;
+    assert_eq!(model.joint_names(), ["waist", "lift_joint", "shoulder", "elbow", "slide", "wheel_joint"]);
+}
+
+#[test]
+fn following_is_what_independent_joints_do_when_moved_together() {
+    let followed = read(BRANCHING).model;
+    let free = parse_urdf(BRANCHING, None, MimicMode::Independent, &PackagePath::default()).unwrap().model;
+    let (q, v) = ([0.3, -0.1, 0.7, 1.1], [0.5, 0.2, -0.8, 2.0]);
+    let elbow = -1.5 * q[2] + 0.3;
+    let q_free = [q[0], q[1], q[2], elbow, 0.1 * elbow - 0.05, q[3]];
+    let v_free = [v[0], v[1], v[2], -1.5 * v[2], -0.15 * v[2], v[3]];
+    let pose = |model: &Model, q: &[f64], v: &[f64]| {
+        let mut kinematics = Kinematics::new(model);
+        kinematics.update_with_velocity(model, q, v);
+        let tool = model.frame("tool").unwrap();
+        (kinematics.pose(model, tool), kinematics.velocity_in(model, tool, Reference::World).vector())
+    };
+    let (ours, theirs) = (pose(&followed, &q, &v), pose(&free, &q_free, &v_free));
+    assert_relative_eq!(ours.0, theirs.0, epsilon = 1e-14);
+    assert_relative_eq!(ours.1, theirs.1, epsilon = 1e-14);
+    // Virtual work: the master carries the efforts of its followers by their ratios.
+    let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let (mut tau, mut tau_free) = ([0.0; 4], [0.0; 6]);
+    Dynamics::new(&followed).bias(&followed, &q, &v, gravity, &mut tau);
+    Dynamics::new(&free).bias(&free, &q_free, &v_free, gravity, &mut tau_free);
+    let folded = tau_free[2] - 1.5 * tau_free[3] - 0.15 * tau_free[4];
+    assert_relative_eq!(tau[2], folded, epsilon = 1e-13);
+}
+
+#[test]
+fn impossible_inertias_load_with_a_warning_that_names_the_link() {
+    assert_eq!(warnings(&with_inertial(&inertial(1.0, [1.0, 1.0, 1.5]))), [""; 0]);
+    assert_eq!(
+        warnings(&with_inertial(&inertial(1.0, [1.0, -1.0, 1.5]))),
+        ["link \"b\": rotational inertia is not positive definite (principal moments -1, 1, 1.5 kg m2)"]
+    );
+    assert_eq!(
+        warnings(&with_inertial(&inertial(1.0, [1.0, 1.0, 2.5]))),
+        ["link \"b\": rotational inertia breaks the triangle inequality \
+          (principal moments 1, 1, 2.5 kg m2: the largest exceeds the sum of the others)"]
+    );
+    assert_eq!(
+        warnings(&with_inertial(&inertial(0.0, [1.0, 1.0, 1.0]))),
+        ["link \"b\": rotational inertia without mass"]
+    );
+}
+
+#[test]
+fn a_joint_that_moves_nothing_heavy_loads_but_has_no_forward_dynamics() {
+    let UrdfRobot { model, warnings } = read(&with_inertial(""));
+    let [ModelWarning::NoInertia { link, joint }] = &warnings[..] else { panic!("{warnings:?}") };
+    assert_eq!((link.as_str(), joint.as_str()), ("b", "j"));
+    let mut a = [0.0];
+    let error =
+        Dynamics::new(&model).forward(&model, &[0.0], &[0.0], &[1.0], Vector3::zeros(), &mut a).unwrap_err();
+    assert_eq!(error.index, 0);
+}
+
+#[test]
+fn limits_that_are_probably_meant_otherwise_are_named() {
+    let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">INERTIAL</link>\
+                <joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/>LIMIT</joint></robot>"
+        .replace("INERTIAL", &inertial(1.0, [1.0, 1.0, 1.0]));
+    let warnings = |limit: &str| warnings(&text.replace("LIMIT", limit));
+    assert_eq!(
+        warnings(r#"<limit velocity="0" effort="0"/>"#),
+        [
+            "joint \"j\": velocity limit is 0, taken literally; leave it out or raise it if it means unknown",
+            "joint \"j\": effort limit is 0, taken literally; leave it out or raise it if it means unknown",
+            "joint \"j\": lower and upper limit are both 0; it cannot move",
+        ]
+    );
+    assert_eq!(
+        warnings(r#"<limit lower="-1" upper="1" velocity="1"/>"#),
+        ["joint \"j\": <limit> gives no effort; taken as unlimited"]
+    );
+}
+
+#[test]
+fn visuals_and_extensions_do_no_harm() {
+    // A texture without a file and a mesh that is nowhere, in parts nobody here reads.
+    let text = "<robot name=\"r\"><material name=\"m\"><texture/></material><gazebo><plugin/></gazebo>\
+                <link name=\"a\"><visual><geometry><mesh filename=\"package://no/such\"/></geometry>\
+                <material name=\"é\"><texture/></material></visual></link></robot>";
+    assert_eq!(warnings(text), [""; 0]);
+}
+
+#[test]
+fn collision_shapes_are_placed_in_their_body() {
+    let model = load("panda", Path::new(".")).unwrap().model;
+    assert!(!model.base_shapes().is_empty());
+    let hand = model.bodies().iter().find(|body| body.name == "panda_link7").unwrap();
+    let shape = hand.shapes.iter().find(|shape| shape.link == "panda_hand").unwrap();
+    assert_relative_eq!(shape.placement.translation.vector, Vector3::new(0.0, 0.0, 0.14), epsilon = 1e-12);
+    assert_relative_eq!(
+        shape.placement.rotation.euler_angles().2,
+        -std::f64::consts::FRAC_PI_4,
+        epsilon = 1e-12
+    );
+    assert!(matches!(shape.geometry, Geometry::Box { .. }));
+}
+
+#[test]
+fn meshes_are_found_by_folders_prefixes_and_ancestors() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let make = |path: &str| {
+        let path = root.join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, "").unwrap();
+        path
+    };
+    let listed = make("ros/listed/m.stl");
+    let installed = make("prefix/share/installed/m.stl");
+    let own = make("ws/own/meshes/m.stl");
+    let urdf = make("ws/own/urdf/robot.urdf");
+    let packages = PackagePath { folders: vec![root.join("ros")], prefixes: vec![root.join("prefix")] };
+    let find = |uri: &str| packages.resolve(uri, Some(&urdf));
+    assert_eq!(find("package://listed/m.stl"), Ok(listed));
+    assert_eq!(find("package://installed/m.stl"), Ok(installed));
+    assert_eq!(find("package://own/meshes/m.stl"), Ok(own.clone()));
+    assert_eq!(find("../meshes/m.stl").unwrap().canonicalize().unwrap(), own.canonicalize().unwrap());
+    assert_eq!(find(&format!("file://{}", own.display())), Ok(own));
+    let tried = find("package://missing/m.stl").unwrap_err();
+    assert!(tried.contains(&root.join("ros/missing")), "{tried:?}");
+
+    let text = "<robot name=\"r\"><link name=\"a\"><collision><geometry>\
+                <mesh filename=\"package://missing/m.stl\" scale=\"1 2 3\"/></geometry></collision></link></robot>";
+    let UrdfRobot { model, warnings } = parse_urdf(text, Some(&urdf), MimicMode::Follow, &packages).unwrap();
+    assert!(matches!(&warnings[..], [ModelWarning::MissingMesh { link, .. }] if link == "a"), "{warnings:?}");
+    let Geometry::Mesh { path: None, scale, .. } = &model.base_shapes()[0].geometry else { panic!() };
+    assert_eq!(*scale, Vector3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn an_unknown_frame_suggests_the_nearest() {
+    let model = load("panda", Path::new(".")).unwrap().model;
+    assert_eq!(
+        model.frame("panda_hnd_tcp").unwrap_err().to_string(),
+        "robot \"panda\" has no link \"panda_hnd_tcp\" (did you mean \"panda_hand_tcp\"?)"
+    );
+}
+
+#[test]
+fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir(root.join("mine")).unwrap();
+    std::fs::write(root.join("mine/arm.urdf"), with_inertial(&inertial(1.0, [1.0, 1.0, 1.0]))).unwrap();
+    assert!(load("mine", root).unwrap().profile.is_none());
+
+    let profile = "title = \"Mine\"\nsources = []\njoints = [\"j\"]\nhome = \"up\"\n[poses]\nup = [0.5]\n";
+    std::fs::write(root.join("mine/arm.toml"), profile).unwrap();
+    let loaded = load("mine", root).unwrap();
+    assert_eq!(loaded.path, Some(root.join("mine/arm.urdf")));
+    assert_eq!(loaded.profile.unwrap().home(&loaded.model).unwrap().as_slice(), [0.5]);
+
+    std::fs::write(root.join("mine/arm.toml"), profile.replace("\"j\"", "\"k\"")).unwrap();
+    let error = load("mine/arm.urdf", root).unwrap_err();
+    assert!(matches!(error, LoadError::Profile { .. }), "{error}");
+    assert!(
+        error
+            .to_string()
+            .ends_with("`joints` names joint \"k\", which is no independent joint of robot \"r\""),
+        "{error}"
+    );
+}
