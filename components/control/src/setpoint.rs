@@ -38,7 +38,8 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered.
+    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered. A joint whose velocity
+    /// is no number stands still.
     ///
     /// # Panics
     /// If `v` has not one entry per independent joint.
@@ -47,6 +48,10 @@ impl JointSetpoint {
         for (joint, v) in v.iter().enumerate() {
             let from = self.position[joint];
             let wanted = from + v * dt;
+            if !wanted.is_finite() {
+                self.velocity[joint] = 0.0;
+                continue;
+            }
             let to = wanted.max(self.lower[joint].min(from)).min(self.upper[joint].max(from));
             self.position[joint] = to;
             self.velocity[joint] = if to == wanted { *v } else { (to - from) / dt };

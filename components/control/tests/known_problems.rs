@@ -81,6 +81,15 @@ fn hock_schittkowski_76_is_solved() {
     assert_solution(&structure, &problem, &[3.0 / 11.0, 23.0 / 11.0, 0.0, 6.0 / 11.0]);
 }
 
+#[test]
+fn a_problem_without_constraints_is_a_linear_system() {
+    let structure = Structure::new(2);
+    let mut problem = Problem::new(&structure);
+    problem.hessian = dmatrix![2.0, 1.0; 1.0, 3.0];
+    problem.gradient = dvector![-1.0, -8.0];
+    assert_solution(&structure, &problem, &[-1.0, 3.0]);
+}
+
 fn separable(curvature: f64) -> (Structure, Problem) {
     let structure = Structure::new(4).bounds(Sides::Both);
     let mut problem = Problem::new(&structure);

@@ -19,8 +19,8 @@ pub struct CartesianSettings {
     pub max_linear_speed: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\].
     pub max_angular_speed: f64,
-    /// Levenberg-Marquardt damping per squared weighted error: calm where the target is out of reach, absent at
-    /// the target.
+    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the target is out
+    /// of reach, and vanishes at the target. Should exceed half the tick period times the reach of the robot.
     pub damping: f64,
 }
 
@@ -32,7 +32,7 @@ impl Default for CartesianSettings {
             orientation_weight: 0.5,
             max_linear_speed: f64::INFINITY,
             max_angular_speed: f64::INFINITY,
-            damping: 1e-2,
+            damping: 5e-3,
         }
     }
 }
@@ -48,14 +48,18 @@ impl Default for CartesianSettings {
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the target's axes,
-/// and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -gain e` gives the cost
+/// and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -c`, `c = gain e`, gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 damping |W e|^2 |v|^2,   A = Jlog(T_tb) J_b,   b = gain e + Jlog(T_bt) nu_t
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
 /// ```
 ///
-/// (as in Pink's frame task, there per step and without the target's velocity). The part `gain e` is scaled down as
-/// a whole where it would exceed the largest speeds, so that the direction is kept.
+/// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down as a
+/// whole where it would exceed the largest speeds, so that the direction is kept.
+///
+/// The damping follows the error, not its square: an error that no motion can reduce bends the cost by about
+/// `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With less damping than
+/// `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the correction.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {
     frame: FrameId,
@@ -184,7 +188,7 @@ impl Task for CartesianTask {
     fn add_to(&self, problem: &mut Problem) {
         let weights = self.weights();
         let squared = weights.component_mul(&weights);
-        let damping = self.settings.damping * weights.component_mul(&self.error).norm_squared();
+        let damping = self.settings.damping * squared.component_mul(&self.correction()).norm();
         for j in 0..self.jacobian.ncols() {
             let weighted = squared.component_mul(&self.jacobian.fixed_columns::<1>(j));
             problem.gradient[j] -= weighted.dot(&self.desired);

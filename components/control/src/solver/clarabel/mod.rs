@@ -83,9 +83,11 @@ impl ClarabelSolver {
         let constraints = layout.constraint_pattern();
         let gradient = vec![0.0; structure.variables()];
         let limits = vec![1.0; layout.constraint_count()];
-        let solver =
+        let mut solver =
             DefaultSolver::new(&hessian, &gradient, &constraints, &limits, &layout.cones(), settings.build())
                 .expect("the layout is consistent and the settings are valid");
+        // the first solve allocates more than any later one (tables of Clarabel's stopwatch): get it over with
+        solver.solve();
         Self {
             hessian: hessian.nzval,
             constraints: constraints.nzval,
