@@ -28,7 +28,7 @@ fn malformed_xml_is_refused_with_line_and_column() {
     );
     assert_eq!(
         fault("<robot name=\"r\">\n  <link name=\"a\" name=\"b\"/>\n</robot>"),
-        "robot.urdf:2:18: not well-formed XML: attribute 'name'"
+        "robot.urdf:2:18: not well-formed XML: attribute 'name' is already defined"
     );
     assert!(fault("").starts_with("robot.urdf:1:1: not well-formed XML: "), "{}", fault(""));
 }

@@ -64,9 +64,8 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| {
         let at = error.pos();
-        let message = error.to_string();
         // The place stands in front of the whole message already.
-        let message = message.split(" at ").next().unwrap_or(&message).to_owned();
+        let message = error.to_string().replace(&format!(" at {at}"), "");
         UrdfError::new(Position { line: at.row, column: at.col }, UrdfProblem::Xml(message))
     })?;
     let root = document.root_element();
