@@ -8,6 +8,7 @@ mod input;
 mod observer;
 mod output;
 mod parameter;
+mod pooled;
 mod topic;
 mod variant;
 

@@ -4,11 +4,14 @@ use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 use iceoryx2_cal::shm_allocator::{bump_allocator::BumpAllocator, pool_allocator::PoolAllocator};
 use iceoryx2_cal::{
-    arc_sync_policy, bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory,
-    serialize, shared_memory, static_storage, zero_copy_connection,
+    bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory, serialize,
+    shared_memory, static_storage, zero_copy_connection,
 };
 
-/// Processes on one machine, as `ipc::Service`, but woken through a semaphore in shared memory.
+use super::pooled::Pooled;
+
+/// Processes on one machine, as `ipc::Service`, but woken through a semaphore in shared memory, and lending samples
+/// without the heap.
 ///
 /// A wake-up is one futex call instead of a datagram and an `epoll`, which halves a blocking hop. Topics carry no
 /// event, so stock `ipc::Service` programs (`iox2`, the Python wheel) exchange samples with this variant.
@@ -30,8 +33,7 @@ impl iceoryx2::service::Service for Shared {
     type Event = event::SemaphoreShmCountingBitSet;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
-    type ArcThreadSafetyPolicy<T: Send + core::fmt::Debug + Abandonable> =
-        arc_sync_policy::single_threaded::SingleThreaded<T>;
+    type ArcThreadSafetyPolicy<T: Send + core::fmt::Debug + Abandonable> = Pooled<T>;
     type BlackboardMgmt<K: Send + Sync + core::fmt::Debug + ZeroCopySend + 'static> =
         dynamic_storage::recommended::Ipc<K>;
     type BlackboardPayload = shared_memory::recommended::Ipc<BumpAllocator>;

@@ -1,0 +1,268 @@
+//! Shared ownership within one thread whose memory comes from a pool.
+//!
+//! iceoryx2 makes one reference-counted value per lent sample. With the system's allocator that would be a heap
+//! allocation per publication; the pool gives the same block back again.
+
+#![allow(unsafe_code)] // a reference count and a free list over raw memory; every function says why it is sound
+
+use core::alloc::Layout;
+use core::cell::Cell;
+use core::fmt::Debug;
+use core::mem::ManuallyDrop;
+use core::ops::Deref;
+use core::ptr::NonNull;
+use std::alloc::{alloc, dealloc, handle_alloc_error};
+
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_cal::arc_sync_policy::{ArcSyncPolicy, ArcSyncPolicyCreationError, LockGuard};
+
+/// Blocks of this size and alignment are kept for reuse.
+const BLOCK: Layout = match Layout::from_size_align(128, 16) {
+    Ok(layout) => layout,
+    Err(_) => panic!("a constant layout is valid"),
+};
+/// So many free blocks a thread keeps: one per output port is needed.
+const KEPT: usize = 32;
+
+/// Free blocks of one thread.
+struct Pool {
+    blocks: [Cell<*mut u8>; KEPT],
+    count: Cell<usize>,
+}
+
+thread_local! {
+    static POOL: Pool =
+        const { Pool { blocks: [const { Cell::new(core::ptr::null_mut()) }; KEPT], count: Cell::new(0) } };
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        for block in &self.blocks[..self.count.get()] {
+            // SAFETY: every kept block was allocated with `BLOCK` and is owned by the pool alone.
+            unsafe { dealloc(block.get(), BLOCK) };
+        }
+    }
+}
+
+fn fits(layout: Layout) -> bool {
+    layout.size() <= BLOCK.size() && layout.align() <= BLOCK.align()
+}
+
+/// Memory for a value of this layout, from the pool where possible.
+fn take(layout: Layout) -> *mut u8 {
+    let reused = POOL.try_with(|pool| {
+        let count = pool.count.get();
+        (fits(layout) && count > 0).then(|| {
+            pool.count.set(count - 1);
+            pool.blocks[count - 1].get()
+        })
+    });
+    if let Ok(Some(block)) = reused {
+        return block;
+    }
+    let layout = if fits(layout) { BLOCK } else { layout };
+    // SAFETY: the layout's size is not zero: it holds at least a count.
+    let memory = unsafe { alloc(layout) };
+    if memory.is_null() {
+        handle_alloc_error(layout);
+    }
+    memory
+}
+
+/// Gives memory back that `take` gave for the same layout.
+fn give(memory: *mut u8, layout: Layout) {
+    let kept = fits(layout)
+        && POOL
+            .try_with(|pool| {
+                let count = pool.count.get();
+                let room = count < KEPT;
+                if room {
+                    pool.blocks[count].set(memory);
+                    pool.count.set(count + 1);
+                }
+                room
+            })
+            .unwrap_or(false);
+    if !kept {
+        let layout = if fits(layout) { BLOCK } else { layout };
+        // SAFETY: `take` allocated it with this very layout, and the caller owns it.
+        unsafe { dealloc(memory, layout) };
+    }
+}
+
+/// The value and how many handles share it.
+struct Shared<T> {
+    handles: Cell<usize>,
+    value: ManuallyDrop<T>,
+}
+
+/// A handle on a value shared within one thread.
+pub struct Pooled<T> {
+    shared: NonNull<Shared<T>>,
+}
+
+impl<T> Pooled<T> {
+    fn shared(&self) -> &Shared<T> {
+        // SAFETY: the block lives as long as any handle, and this is one. The handle is neither `Send` nor `Sync`,
+        // so nobody changes the count meanwhile.
+        unsafe { self.shared.as_ref() }
+    }
+
+    /// Lets go of one handle; true if it was the last.
+    fn release(&self) -> bool {
+        let handles = self.shared().handles.get() - 1;
+        self.shared().handles.set(handles);
+        handles == 0
+    }
+}
+
+impl<T: Debug> Debug for Pooled<T> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_tuple("Pooled").field(&*self.shared().value).finish()
+    }
+}
+
+impl<T> Clone for Pooled<T> {
+    fn clone(&self) -> Self {
+        self.shared().handles.set(self.shared().handles.get() + 1);
+        Self { shared: self.shared }
+    }
+}
+
+impl<T> Drop for Pooled<T> {
+    fn drop(&mut self) {
+        if self.release() {
+            // SAFETY: this was the last handle: nobody else sees the value or its block.
+            unsafe { ManuallyDrop::drop(&mut self.shared.as_mut().value) };
+            give(self.shared.as_ptr().cast(), Layout::new::<Shared<T>>());
+        }
+    }
+}
+
+impl<T: Abandonable> Abandonable for Pooled<T> {
+    unsafe fn abandon_in_place(mut this: NonNull<Self>) {
+        // SAFETY: the caller hands over a valid handle that it will not use or drop any more.
+        let handle = unsafe { this.as_mut() };
+        if handle.release() {
+            // SAFETY: the last handle: the value is abandoned in its place, its block is left as it is.
+            unsafe { T::abandon_in_place(NonNull::from_mut(&mut *handle.shared.as_mut().value)) };
+        }
+    }
+}
+
+/// Access to the value; within one thread there is nothing to lock.
+#[derive(Debug)]
+pub struct Access<'parent, T> {
+    value: &'parent T,
+}
+
+impl<T> Deref for Access<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.value
+    }
+}
+
+impl<'parent, T: Send + Debug + Abandonable> LockGuard<'parent, T> for Access<'parent, T> {}
+
+impl<T: Send + Debug + Abandonable> ArcSyncPolicy<T> for Pooled<T> {
+    type LockGuard<'parent>
+        = Access<'parent, T>
+    where
+        Self: 'parent,
+        T: 'parent;
+
+    fn new(value: T) -> Result<Self, ArcSyncPolicyCreationError> {
+        let block = take(Layout::new::<Shared<T>>()).cast::<Shared<T>>();
+        // SAFETY: the block is large and aligned enough for its layout and owned by nobody else.
+        unsafe { block.write(Shared { handles: Cell::new(1), value: ManuallyDrop::new(value) }) };
+        NonNull::new(block)
+            .map(|shared| Self { shared })
+            .ok_or(ArcSyncPolicyCreationError::InsufficientResources)
+    }
+
+    fn lock(&self) -> Self::LockGuard<'_> {
+        Access { value: &self.shared().value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use super::*;
+
+    #[derive(Debug)]
+    struct Counted(Rc<Cell<u32>>, [u64; 4]);
+
+    // SAFETY: the tests keep every value on one thread; `Send` is only demanded by the trait.
+    unsafe impl Send for Counted {}
+
+    impl Abandonable for Counted {
+        unsafe fn abandon_in_place(_: NonNull<Self>) {}
+    }
+
+    impl Drop for Counted {
+        fn drop(&mut self) {
+            self.0.set(self.0.get() + 1);
+        }
+    }
+
+    fn counted(drops: &Rc<Cell<u32>>) -> Pooled<Counted> {
+        Pooled::new(Counted(drops.clone(), [7; 4])).unwrap()
+    }
+
+    #[test]
+    fn the_value_is_dropped_once_with_the_last_handle() {
+        let drops = Rc::new(Cell::new(0));
+        let first = counted(&drops);
+        let second = first.clone();
+        drop(first);
+        assert_eq!(drops.get(), 0);
+        assert_eq!(second.lock().1, [7; 4]);
+        drop(second);
+        assert_eq!(drops.get(), 1);
+    }
+
+    #[test]
+    fn a_block_given_back_is_the_next_one_taken() {
+        let drops = Rc::new(Cell::new(0));
+        let first = counted(&drops);
+        let address = first.shared.as_ptr();
+        drop(first);
+        assert_eq!(counted(&drops).shared.as_ptr(), address);
+    }
+
+    #[test]
+    fn more_blocks_than_the_pool_keeps_are_freed_and_made_anew() {
+        let drops = Rc::new(Cell::new(0));
+        for _ in 0..3 {
+            let many: Vec<_> = (0..KEPT + 9).map(|_| counted(&drops)).collect();
+            drop(many);
+        }
+        assert_eq!(drops.get(), 3 * (KEPT as u32 + 9));
+    }
+
+    #[test]
+    fn a_value_too_large_for_the_pool_lives_and_dies_like_any_other() {
+        #[derive(Debug)]
+        struct Large([u64; 100]);
+        impl Abandonable for Large {
+            unsafe fn abandon_in_place(_: NonNull<Self>) {}
+        }
+        let large = Pooled::new(Large([3; 100])).unwrap();
+        assert_eq!(large.clone().lock().0[99], 3);
+    }
+
+    #[test]
+    fn an_abandoned_handle_leaves_the_others_alone() {
+        let drops = Rc::new(Cell::new(0));
+        let kept = counted(&drops);
+        let mut abandoned = ManuallyDrop::new(kept.clone());
+        // SAFETY: the handle is not used afterwards.
+        unsafe { Pooled::abandon_in_place(NonNull::from_mut(&mut *abandoned)) };
+        drop(kept);
+        assert_eq!(drops.get(), 1);
+    }
+}
