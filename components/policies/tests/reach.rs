@@ -195,6 +195,20 @@ fn a_goal_replaced_on_the_way_is_reached_without_a_jump() {
 }
 
 #[test]
+fn a_leg_that_is_aimed_anew_leads_to_its_new_goal_and_a_later_one_can_be_the_first() {
+    let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
+    let goal = pose([0.1, 0.2, 0.7], [0.3, 0.0, 0.0]);
+    reach.aim(2, goal).unwrap();
+    reach.start_with(2, home()).unwrap();
+    assert_eq!((reach.leg(), reach.goal()), (2, goal));
+    (0..2500).for_each(|_| reach.step(TICK));
+    assert_eq!(reach.phase(), ReachPhase::Finished);
+    assert!(position_error(&reach) < 1e-5 && orientation_error(&reach) < 1e-9);
+    let error = reach.aim(3, goal).unwrap_err();
+    assert_eq!(error.to_string(), "there is no leg 3: there are 3, counted from 0");
+}
+
+#[test]
 fn it_waits_until_it_is_started() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     reach.step(TICK);

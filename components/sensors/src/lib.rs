@@ -8,14 +8,14 @@
 //!
 //! ```
 //! use std::time::Duration;
-//! use motorium_sensors::encoder::{EncoderSettings, JointEncoder, PerJoint};
+//! use motorium_sensors::encoder::{EncoderSettings, EncoderModel, PerJoint};
 //!
 //! let settings = EncoderSettings {
 //!     resolution: PerJoint::Same(1e-3),
 //!     latency_ns: 2_000_000,
 //!     ..EncoderSettings::default()
 //! };
-//! let mut encoder = JointEncoder::new(1, &settings, Duration::from_millis(1))?;
+//! let mut encoder = EncoderModel::new(1, &settings, Duration::from_millis(1))?;
 //! encoder.sample(0, &[0.1234], &[0.5], &[0.0])?;
 //! assert!(encoder.reading(1_999_999).is_none());
 //! let reading = encoder.reading(2_000_000).unwrap();

@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 
 use motorium_sensors::encoder::{
-    EncoderSettings, JointEncoder, PerJoint, SampleError, SettingsError, VelocitySource,
+    EncoderModel, EncoderSettings, PerJoint, SampleError, SettingsError, VelocitySource,
 };
 
 const PERIOD_NS: u64 = 1_000_000;
 
-fn encoder(joints: usize, settings: &EncoderSettings) -> JointEncoder {
-    JointEncoder::new(joints, settings, Duration::from_nanos(PERIOD_NS)).unwrap()
+fn encoder(joints: usize, settings: &EncoderSettings) -> EncoderModel {
+    EncoderModel::new(joints, settings, Duration::from_nanos(PERIOD_NS)).unwrap()
 }
 
 /// Position, velocity and effort readings of one resting joint.
@@ -226,7 +226,7 @@ fn a_joint_state_of_another_size_is_refused() {
 #[test]
 fn settings_that_describe_no_sensor_are_refused() {
     let refuse =
-        |settings: EncoderSettings| JointEncoder::new(2, &settings, Duration::from_millis(1)).unwrap_err();
+        |settings: EncoderSettings| EncoderModel::new(2, &settings, Duration::from_millis(1)).unwrap_err();
     let settings = EncoderSettings { resolution: PerJoint::Each(vec![0.1]), ..EncoderSettings::default() };
     assert_eq!(refuse(settings), SettingsError::Count { name: "resolution", found: 1, expected: 2 });
     let settings = EncoderSettings { position_noise: PerJoint::Same(-1.0), ..EncoderSettings::default() };

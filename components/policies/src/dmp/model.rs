@@ -1,13 +1,14 @@
 //! What a primitive has learned: its settings, its weights and the displacement it was shown.
 
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{Gate, Kernels};
 use super::settings::{ModelError, Settings, Variant};
 use super::spring::CriticalSpring;
 
-/// A discrete primitive without its state: constant while it runs, shared by copies.
+/// A discrete primitive without its state: constant while it runs.
 ///
 /// Weights are in the unit of the movement: for [`Variant::Classic`] and [`Variant::QuinticGoal`] the forcing term is an
 /// acceleration in normalised time (unit of y per duration squared), for [`Variant::GoalSafe`] a displacement (unit of y).
@@ -113,7 +114,7 @@ impl DmpModel {
 }
 
 /// A [`DmpModel`] as it is written to a file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredModel {
     /// The settings.

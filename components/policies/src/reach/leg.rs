@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use nalgebra::Isometry3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::shape::{PathShape, ShapeError};
 use crate::dmp::MoveError;
@@ -21,7 +23,8 @@ pub struct Leg {
 }
 
 /// What follows the last leg.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Repeat {
     /// The hand stays at the last goal.
     #[default]
@@ -66,6 +69,14 @@ pub enum SteerError {
     /// Steered before it was started.
     #[error("the reach has not been started, so it has no pose to be steered from")]
     NotStarted,
+    /// A leg that does not exist.
+    #[error("there is no leg {leg}: there are {legs}, counted from 0")]
+    NoSuchLeg {
+        /// What was asked for.
+        leg: usize,
+        /// How many there are.
+        legs: usize,
+    },
     /// A speed that cannot be run.
     #[error("a speed factor of {found}, expected a finite number of at least 0")]
     Speed {

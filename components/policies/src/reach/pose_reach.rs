@@ -95,12 +95,21 @@ impl PoseReach {
     /// # Errors
     /// A pose that is not finite.
     pub fn start(&mut self, pose: Isometry3<f64>) -> Result<(), SteerError> {
+        self.start_with(0, pose)
+    }
+
+    /// As [`start`](Self::start), for the goal of a later leg.
+    ///
+    /// # Errors
+    /// A leg that does not exist, or a pose that is not finite.
+    pub fn start_with(&mut self, leg: usize, pose: Isometry3<f64>) -> Result<(), SteerError> {
+        self.check_leg(leg)?;
         check("the pose to start from", &pose)?;
         let still = Twist::default();
         self.pace.jump();
         self.depart(
-            0,
-            self.legs[0].goal,
+            leg,
+            self.legs[leg].goal,
             Motion {
                 position: pose.translation.vector,
                 orientation: pose.rotation,
@@ -108,6 +117,18 @@ impl PoseReach {
                 acceleration: still,
             },
         )?;
+        Ok(())
+    }
+
+    /// Replaces the goal of a leg from the next time it is set out for. See [`redirect`](Self::redirect) for the one
+    /// that is under way.
+    ///
+    /// # Errors
+    /// A leg that does not exist, or a pose that is not finite.
+    pub fn aim(&mut self, leg: usize, goal: Isometry3<f64>) -> Result<(), SteerError> {
+        self.check_leg(leg)?;
+        check("the goal", &goal)?;
+        self.legs[leg].goal = goal;
         Ok(())
     }
 
@@ -203,6 +224,11 @@ impl PoseReach {
         self.phase
     }
 
+    /// Number of legs.
+    pub fn legs(&self) -> usize {
+        self.legs.len()
+    }
+
     /// The leg it is on, from 0.
     pub fn leg(&self) -> usize {
         self.current
@@ -260,6 +286,11 @@ impl PoseReach {
         let seconds = nanoseconds as f64 * 1e-9;
         self.legs[self.current].position.step(seconds);
         self.orientation.step(seconds);
+    }
+
+    fn check_leg(&self, leg: usize) -> Result<(), SteerError> {
+        let legs = self.legs.len();
+        if leg < legs { Ok(()) } else { Err(SteerError::NoSuchLeg { leg, legs }) }
     }
 
     fn is_last(&self) -> bool {

@@ -13,7 +13,7 @@ use crate::noise::Noise;
 /// noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
 /// [`new`](Self::new).
 #[derive(Clone, Debug)]
-pub struct JointEncoder {
+pub struct EncoderModel {
     joints: usize,
     resolution: Vec<f64>,
     position: Channel,
@@ -66,7 +66,7 @@ pub struct SampleError {
 /// The most readings that may be under way at once.
 const MOST_FRAMES: u64 = 100_000;
 
-impl JointEncoder {
+impl EncoderModel {
     /// Sensors for `joints` joints, sampled no more often than every `shortest_period`.
     ///
     /// # Errors
