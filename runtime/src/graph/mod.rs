@@ -1,1 +1,142 @@
 //! The graph file: parsed, resolved, checked, with every mistake shown in its place.
+//!
+//! [`load`] turns a graph file into a [`Plan`], or into all that is wrong with it. On the way:
+//!
+//! * [`source`], [`overrides`]: the texts, and `--set` in place of values of the file;
+//! * [`read`], [`values`], [`units`], [`model`]: from TOML to typed tables, key by key;
+//! * [`resolve`]: names looked up, wires and times checked, defaults filled in;
+//! * [`diagnostic`], [`render`]: what is wrong, where, and what to do about it;
+//! * [`mod@schema`]: the JSON Schema, from the same tables.
+
+mod defaults;
+mod diagnostic;
+mod error;
+mod json;
+mod machine;
+mod model;
+mod nearest;
+mod overrides;
+mod parse;
+mod read;
+mod render;
+mod resolve;
+mod schema;
+mod source;
+pub mod units;
+mod values;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+pub use diagnostic::{Diagnostic, DiagnosticReport, PlaceReport, Severity};
+pub use error::GraphError;
+pub use machine::Machine;
+pub use overrides::{Override, OverrideError};
+pub use schema::schema;
+
+use crate::component::Registry;
+use crate::plan::Plan;
+use diagnostic::Report;
+use source::Sources;
+
+/// A graph that can run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked {
+    /// The graph, resolved.
+    pub plan: Plan,
+    /// What is allowed but probably not meant.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Reads a graph file, puts `overrides` in place and checks everything that can be checked before anything starts, for
+/// the machine this runs on.
+///
+/// # Errors
+/// All mistakes that were found, each with its place and with advice.
+pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<Checked, GraphError> {
+    load_for(path, overrides, registry, &Machine::detect())
+}
+
+/// As [`load`], for a given machine.
+///
+/// # Errors
+/// All mistakes that were found, each with its place and with advice.
+pub fn load_for(
+    path: &Path,
+    overrides: &[Override],
+    registry: &Registry,
+    machine: &Machine,
+) -> Result<Checked, GraphError> {
+    match std::fs::read(path) {
+        Ok(bytes) => match String::from_utf8(bytes) {
+            Ok(text) => check(path, text, overrides, registry, machine),
+            Err(error) => Err(not_text(path, &error)),
+        },
+        Err(error) => Err(unreadable(path, &error)),
+    }
+}
+
+/// As [`load_for`], for a text that stands for the content of the file at `path`.
+///
+/// # Errors
+/// All mistakes that were found, each with its place and with advice.
+pub fn check(
+    path: &Path,
+    text: String,
+    overrides: &[Override],
+    registry: &Registry,
+    machine: &Machine,
+) -> Result<Checked, GraphError> {
+    let mut sources = Sources::new(path.display().to_string(), text);
+    for setting in overrides {
+        sources.add("--set".to_string(), setting.to_string());
+    }
+    let sources = Arc::new(sources);
+    let mut report = Report::new(Arc::clone(&sources));
+    let folder = folder_of(path);
+    let context = resolve::Context { file: path, folder: &folder, registry, machine };
+    let texts = parse::Texts::new(&sources, overrides);
+    let plan = texts.parse(&mut report).and_then(|graph| resolve::resolve(&graph, &context, &mut report));
+    match plan {
+        Some(plan) => Ok(Checked { plan, warnings: report.into_diagnostics() }),
+        None => Err(GraphError::new(report.into_diagnostics())),
+    }
+}
+
+/// The folder of a file, absolute where that can be found out.
+fn folder_of(path: &Path) -> PathBuf {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf())
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {
+    let name = path.display().to_string();
+    let mut report = Report::new(Arc::new(Sources::new(name.clone(), String::new())));
+    let graphs: Vec<String> = std::fs::read_dir(folder_of(path))
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".toml"))
+        .collect();
+    let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let near = nearest::nearest(wanted, graphs.iter().map(String::as_str));
+    let diagnostic = report.error(format!("the graph file `{name}` cannot be read: {error}"));
+    if let Some(near) = near {
+        diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display()));
+    }
+    GraphError::new(report.into_diagnostics())
+}
+
+fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> GraphError {
+    let valid = error.utf8_error().valid_up_to();
+    let text = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
+    let mut report = Report::new(Arc::new(Sources::new(path.display().to_string(), text)));
+    report
+        .error("the graph file is not text")
+        .at(&(valid..valid), "the first byte that is not UTF-8 follows here")
+        .advise("save the file as UTF-8");
+    GraphError::new(report.into_diagnostics())
+}

@@ -1,0 +1,32 @@
+//! What holds when the graph file does not say. The JSON Schema shows the same values.
+
+use super::units::TimeSpan;
+use super::values::Schedule;
+use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+
+const MICROSECOND: u64 = 1_000;
+const MILLISECOND: u64 = 1_000_000;
+const SECOND: u64 = 1_000_000_000;
+
+pub(super) const CLOCK: ClockKind = ClockKind::Realtime;
+pub(super) const SEED: u64 = 0;
+pub(super) const SPIN: TimeSpan = TimeSpan { ns: 100 * MICROSECOND };
+pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;
+pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
+pub(super) const SCHEDULE: Schedule = Schedule::Fifo;
+pub(super) const ON_OVERRUN: OnOverrun = OnOverrun::Skip;
+pub(super) const ON_ERROR: OnError = OnError::Fail;
+pub(super) const ON_FAILURE: OnFailure = OnFailure::SafeStop;
+pub(super) const RESTART_WHEN: RestartWhen = RestartWhen::Never;
+pub(super) const RESTART_AT_MOST: u32 = 5;
+pub(super) const RESTART_WINDOW: TimeSpan = TimeSpan { ns: 10 * SECOND };
+pub(super) const RESTART_WITHIN: TimeSpan = TimeSpan { ns: SECOND };
+pub(super) const ON_MISS: OnMiss = OnMiss::Warn;
+pub(super) const STALE_AFTER: TimeSpan = TimeSpan { ns: 5 * MILLISECOND };
+pub(super) const SAFE_STATE: SafeState = SafeState::Hold;
+pub(super) const SETTLE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
+
+/// Priority of the fastest real-time component; each slower rate gets [`PRIORITY_STEP`] less.
+pub(super) const FASTEST_PRIORITY: u8 = 80;
+/// Distance between the priorities of two rates: room to put a component between them by hand.
+pub(super) const PRIORITY_STEP: u8 = 5;

@@ -1,0 +1,189 @@
+//! What is wrong with a graph, where, and what to do about it.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::source::{Sources, Span};
+
+/// How bad it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// The graph cannot run.
+    Error,
+    /// The graph runs, but probably not as meant.
+    Warning,
+}
+
+/// A place in the graph file, or in a `--set` override, with what is to be seen there.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Label {
+    pub span: Span,
+    pub text: String,
+}
+
+/// One mistake: what was found, where, and what to try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnostic {
+    pub(super) severity: Severity,
+    pub(super) message: String,
+    pub(super) primary: Option<Label>,
+    pub(super) secondary: Vec<Label>,
+    pub(super) notes: Vec<String>,
+    pub(super) advice: Option<String>,
+    pub(super) sources: Arc<Sources>,
+}
+
+/// A place as data.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+pub struct PlaceReport {
+    /// The graph file, or `--set` for an override of the command line.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// What is to be seen there; may be empty.
+    pub label: String,
+}
+
+/// One mistake as data, for `--json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+pub struct DiagnosticReport {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What was found and what was expected.
+    pub message: String,
+    /// The graph file, or `--set` for an override of the command line.
+    pub file: String,
+    /// Line, from 1; absent when the mistake is about the file as a whole.
+    pub line: Option<usize>,
+    /// Column in characters, from 1.
+    pub column: Option<usize>,
+    /// What is to be seen at that place; may be empty.
+    pub label: String,
+    /// Other places that have to do with it.
+    pub related: Vec<PlaceReport>,
+    /// Further facts.
+    pub notes: Vec<String>,
+    /// What to try.
+    pub advice: Option<String>,
+}
+
+impl Diagnostic {
+    /// How bad it is.
+    pub fn severity(&self) -> Severity {
+        self.severity
+    }
+
+    /// What was found and what was expected, in one line.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// What to try.
+    pub fn advice(&self) -> Option<&str> {
+        self.advice.as_deref()
+    }
+
+    /// Everything as data.
+    pub fn report(&self) -> DiagnosticReport {
+        let place = |label: &Label| {
+            let source = self.sources.of(&label.span);
+            let (line, column) = source.position(&label.span);
+            PlaceReport { file: source.name.clone(), line, column, label: label.text.clone() }
+        };
+        let primary = self.primary.as_ref().map(place);
+        DiagnosticReport {
+            severity: self.severity,
+            message: self.message.clone(),
+            file: primary.as_ref().map_or_else(|| self.sources.file().name.clone(), |p| p.file.clone()),
+            line: primary.as_ref().map(|p| p.line),
+            column: primary.as_ref().map(|p| p.column),
+            label: primary.map(|p| p.label).unwrap_or_default(),
+            related: self.secondary.iter().map(place).collect(),
+            notes: self.notes.clone(),
+            advice: self.advice.clone(),
+        }
+    }
+
+    /// The main place.
+    pub(super) fn at(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
+        self.primary = Some(Label { span: span.clone(), text: label.into() });
+        self
+    }
+
+    /// Another place that has to do with it.
+    pub(super) fn and(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
+        self.secondary.push(Label { span: span.clone(), text: label.into() });
+        self
+    }
+
+    /// A further fact.
+    pub(super) fn note(&mut self, note: impl Into<String>) -> &mut Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// What to try.
+    pub(super) fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
+        self.advice = Some(advice.into());
+        self
+    }
+}
+
+impl Serialize for Diagnostic {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.report().serialize(serializer)
+    }
+}
+
+/// Collects what is wrong while a graph is read and resolved.
+#[derive(Debug)]
+pub(super) struct Report {
+    sources: Arc<Sources>,
+    diagnostics: Vec<Diagnostic>,
+}
+
+impl Report {
+    pub(super) fn new(sources: Arc<Sources>) -> Self {
+        Self { sources, diagnostics: Vec::new() }
+    }
+
+    /// Adds an error; the rest of it is added to what this returns.
+    pub(super) fn error(&mut self, message: impl Into<String>) -> &mut Diagnostic {
+        self.add(Severity::Error, message.into())
+    }
+
+    /// Adds a warning; the rest of it is added to what this returns.
+    pub(super) fn warning(&mut self, message: impl Into<String>) -> &mut Diagnostic {
+        self.add(Severity::Warning, message.into())
+    }
+
+    fn add(&mut self, severity: Severity, message: String) -> &mut Diagnostic {
+        self.diagnostics.push(Diagnostic {
+            severity,
+            message,
+            primary: None,
+            secondary: Vec::new(),
+            notes: Vec::new(),
+            advice: None,
+            sources: Arc::clone(&self.sources),
+        });
+        let last = self.diagnostics.len() - 1;
+        &mut self.diagnostics[last]
+    }
+
+    /// Whether the graph cannot run.
+    pub(super) fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
+    }
+
+    /// Everything collected, in the order of the file; what has no place comes first.
+    pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
+        self.diagnostics.sort_by_key(|diagnostic| diagnostic.primary.as_ref().map(|label| label.span.start));
+        self.diagnostics.dedup();
+        self.diagnostics
+    }
+}

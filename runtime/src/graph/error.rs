@@ -1,0 +1,57 @@
+//! A graph that cannot run.
+
+use serde::Serialize;
+
+use super::diagnostic::{Diagnostic, Severity};
+
+/// Everything that was found wrong with a graph; at least one error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct GraphError {
+    diagnostics: Vec<Diagnostic>,
+}
+
+impl GraphError {
+    pub(super) fn new(diagnostics: Vec<Diagnostic>) -> Self {
+        Self { diagnostics }
+    }
+
+    /// Errors and warnings in the order of the file.
+    pub fn diagnostics(&self) -> &[Diagnostic] {
+        &self.diagnostics
+    }
+
+    /// All of them with the lines of the file they are about, and a line that counts them.
+    pub fn render(&self, colour: bool) -> String {
+        let mut text = String::new();
+        for diagnostic in &self.diagnostics {
+            text.push_str(diagnostic.render(colour).trim_end());
+            text.push_str("\n\n");
+        }
+        text.push_str(&self.summary());
+        text.push('\n');
+        text
+    }
+
+    fn summary(&self) -> String {
+        let errors = self.diagnostics.iter().filter(|d| d.severity() == Severity::Error).count();
+        let file = self.diagnostics.first().map_or("", |diagnostic| diagnostic.sources.file().name.as_str());
+        match errors {
+            1 => format!("{file}: 1 error, nothing was started"),
+            errors => format!("{file}: {errors} errors, nothing was started"),
+        }
+    }
+}
+
+impl core::fmt::Display for GraphError {
+    /// The first error and how many there are; [`GraphError::render`] shows all.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let first = self.diagnostics.iter().find(|diagnostic| diagnostic.severity() == Severity::Error);
+        match first {
+            Some(first) => write!(f, "{}: {}", self.summary(), first.message()),
+            None => f.write_str(&self.summary()),
+        }
+    }
+}
+
+impl core::error::Error for GraphError {}

@@ -1,0 +1,72 @@
+//! The `config` table as JSON: so it travels to the process of the component.
+
+use serde_json::{Map, Value as Json};
+use toml::de::DeValue;
+
+use super::diagnostic::Report;
+use super::read::{Value, entries};
+use super::source::Span;
+
+/// A TOML value as JSON; what JSON cannot hold is reported.
+pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
+    Some(match value.get_ref() {
+        DeValue::String(text) => Json::String(text.to_string()),
+        DeValue::Boolean(flag) => Json::Bool(*flag),
+        DeValue::Datetime(time) => Json::String(time.to_string()),
+        DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
+            Ok(number) => Json::from(number),
+            Err(_) => {
+                report
+                    .error(format!("the number {} is too large", number.as_str()))
+                    .at(&value.span(), "does not fit into 64 bits");
+                return None;
+            }
+        },
+        DeValue::Float(number) => {
+            let parsed: Option<f64> = number.as_str().parse().ok();
+            match parsed.and_then(serde_json::Number::from_f64) {
+                Some(number) => Json::Number(number),
+                None => {
+                    report
+                        .error(format!("{} is not a finite number", number.as_str()))
+                        .at(&value.span(), "a configuration holds finite numbers only")
+                        .advise("leave the key out if it means \"no limit\"");
+                    return None;
+                }
+            }
+        }
+        DeValue::Array(array) => {
+            let elements: Vec<_> = array.iter().map(|element| to_json(element, report)).collect();
+            Json::Array(elements.into_iter().collect::<Option<_>>()?)
+        }
+        DeValue::Table(table) => {
+            let mut map = Some(Map::new());
+            for (key, value) in entries(table) {
+                match (to_json(value, report), &mut map) {
+                    (Some(value), Some(map)) => {
+                        map.insert(key.get_ref().to_string(), value);
+                    }
+                    _ => map = None,
+                }
+            }
+            Json::Object(map?)
+        }
+    })
+}
+
+/// The place of a key in a `config` table, dotted: `tasks.0.gain` or `tasks[0].gain`; as deep as it can be followed.
+pub(super) fn find(config: &Value<'_>, path: &str) -> Option<Span> {
+    let mut place = None;
+    let mut value = config;
+    for step in path.split(['.', '[', ']']).filter(|step| !step.is_empty()) {
+        let next = match value.get_ref() {
+            DeValue::Table(table) => table.get(step),
+            DeValue::Array(array) => step.parse().ok().and_then(|index: usize| array.get(index)),
+            _ => None,
+        };
+        let Some(next) = next else { break };
+        value = next;
+        place = Some(value.span());
+    }
+    place
+}

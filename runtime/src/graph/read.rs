@@ -1,0 +1,158 @@
+//! Reading TOML tables key by key, so that every mistake is found and none hides another.
+
+use std::borrow::Cow;
+
+use toml::Spanned;
+use toml::de::{DeString, DeTable, DeValue};
+
+use super::diagnostic::{Diagnostic, Report};
+use super::nearest::{list, nearest};
+use super::source::Span;
+
+/// A TOML value with its place.
+pub(super) type Value<'i> = Spanned<DeValue<'i>>;
+
+/// What stands at a key of the file.
+#[derive(Debug, Clone)]
+pub(super) struct At<T> {
+    /// The value; `None` if it was refused, which has then been reported.
+    pub value: Option<T>,
+    /// Place of the value.
+    pub span: Span,
+    /// Place of the key; that of the value for an element of an array.
+    pub key: Span,
+}
+
+impl<T> At<T> {
+    /// The value, if it was good.
+    pub(super) fn get(&self) -> Option<&T> {
+        self.value.as_ref()
+    }
+}
+
+/// The good value of a key that may be absent.
+pub(super) fn good<T>(key: &Option<At<T>>) -> Option<&T> {
+    key.as_ref().and_then(At::get)
+}
+
+/// The good value of a key, or its default if it is absent or was refused.
+pub(super) fn good_or<T: Copy>(key: &Option<At<T>>, default: T) -> T {
+    good(key).copied().unwrap_or(default)
+}
+
+impl<T: schemars::JsonSchema> schemars::JsonSchema for At<T> {
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+
+    fn schema_id() -> Cow<'static, str> {
+        T::schema_id()
+    }
+
+    fn inline_schema() -> bool {
+        T::inline_schema()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        T::json_schema(generator)
+    }
+}
+
+/// A type that is read from a TOML value. What cannot be is reported, under the name `key`.
+pub(super) trait Read<'i>: Sized {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self>;
+}
+
+/// Takes the keys of one table, one after the other; [`Keys::finish`] reports those that nobody asked for.
+pub(super) struct Keys<'t, 'i, 'r> {
+    table: &'t DeTable<'i>,
+    known: Vec<&'static str>,
+    report: &'r mut Report,
+}
+
+impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
+    /// The keys of a table.
+    pub(super) fn of(table: &'t DeTable<'i>, report: &'r mut Report) -> Self {
+        Self { table, known: Vec::new(), report }
+    }
+
+    /// The keys of the table that stands at `key`, if it is one.
+    pub(super) fn read(key: &str, value: &'t Value<'i>, report: &'r mut Report) -> Option<Self> {
+        let table = table(key, value, report)?;
+        Some(Self::of(table, report))
+    }
+
+    /// What stands at a key.
+    pub(super) fn take<T: Read<'i>>(&mut self, name: &'static str) -> Option<At<T>> {
+        self.known.push(name);
+        let (key, value) = self.table.get_key_value(name)?;
+        let read = T::read(name, value, self.report);
+        Some(At { value: read, span: value.span(), key: key.span() })
+    }
+
+    /// Reports the keys that were not taken. `context` says whose keys they are.
+    pub(super) fn finish(self, context: &str) {
+        for key in self.table.keys().filter(|key| !self.known.contains(&key.get_ref().as_ref())) {
+            let name = key.get_ref().as_ref();
+            let advice = match nearest(name, self.known.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("the keys of {context} are {}", list(self.known.iter().copied())),
+            };
+            self.report
+                .error(format!("unknown key `{name}` in {context}"))
+                .at(&key.span(), "not a key that is known here")
+                .advise(advice);
+        }
+    }
+}
+
+/// Names and values of a table whose keys the user chooses, in the order of the file.
+pub(super) fn entries<'t, 'i>(table: &'t DeTable<'i>) -> Vec<(&'t Spanned<DeString<'i>>, &'t Value<'i>)> {
+    let mut entries: Vec<_> = table.iter().collect();
+    entries.sort_by_key(|(key, _)| key.span().start);
+    entries
+}
+
+/// The table that stands at a key.
+pub(super) fn table<'t, 'i>(key: &str, value: &'t Value<'i>, report: &mut Report) -> Option<&'t DeTable<'i>> {
+    let table = value.get_ref().as_table();
+    if table.is_none() {
+        mismatch(key, value, "a table", report).advise(format!("write `[{key}]` or `{key} = {{ ... }}`"));
+    }
+    table
+}
+
+/// The text that stands at a key.
+pub(super) fn text<'t>(
+    key: &str,
+    value: &'t Value<'_>,
+    expected: &str,
+    report: &mut Report,
+) -> Option<&'t str> {
+    let text = value.get_ref().as_str();
+    if text.is_none() {
+        mismatch(key, value, expected, report);
+    }
+    text
+}
+
+/// Reports a value of the wrong type.
+pub(super) fn mismatch<'r>(
+    key: &str,
+    value: &Value<'_>,
+    expected: &str,
+    report: &'r mut Report,
+) -> &'r mut Diagnostic {
+    let found = match value.get_ref() {
+        DeValue::String(text) => format!("the text \"{text}\""),
+        DeValue::Integer(number) => format!("the whole number {}", number.as_str()),
+        DeValue::Float(number) => format!("the number {}", number.as_str()),
+        DeValue::Boolean(flag) => flag.to_string(),
+        DeValue::Datetime(_) => "a date or time of day".to_string(),
+        DeValue::Array(_) => "an array".to_string(),
+        DeValue::Table(_) => "a table".to_string(),
+    };
+    report
+        .error(format!("`{key}` is {found}, expected {expected}"))
+        .at(&value.span(), format!("expected {expected}"))
+}

@@ -1,0 +1,141 @@
+//! The plan, put together from its resolved parts.
+
+use super::latency::Latencies;
+use super::scheduling::Scheduling;
+use super::timing::Timing;
+use super::wiring::Wiring;
+use super::{Context, Draft};
+use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::graph::defaults;
+use crate::graph::model::{GraphTable, RestartTable};
+use crate::graph::read::{good, good_or};
+use crate::graph::values::Name;
+use crate::plan::{
+    Activation, ComponentPlan, ParameterPlan, Plan, PortPlan, RestartPlan, SafetyPlan, TopicPlan,
+};
+use crate::state::Digest;
+
+/// Everything that was resolved.
+pub(super) struct Parts<'g, 'i> {
+    pub drafts: Vec<Draft<'g, 'i>>,
+    pub wiring: Wiring,
+    pub timing: Timing,
+    pub scheduling: Scheduling,
+    pub parameters: Vec<Vec<ParameterPlan>>,
+    pub latencies: Latencies,
+    pub safety: SafetyPlan,
+    pub order: Vec<usize>,
+}
+
+impl Parts<'_, '_> {
+    /// The plan; `None` if a part is missing, which only a graph with errors has.
+    pub(super) fn assemble(self, graph: &GraphTable<'_>, context: &Context<'_>) -> Option<Plan> {
+        let Name(name) = good(&graph.name)?.clone();
+        let seed = good_or(&graph.seed, defaults::SEED);
+        let components = (0..self.drafts.len()).map(|index| self.component(index, seed));
+        let topics = (0..self.wiring.topics.len()).map(|index| self.topic(index));
+        Some(Plan {
+            name,
+            file: context.file.to_path_buf(),
+            clock: good_or(&graph.clock, defaults::CLOCK),
+            duration_ns: good(&graph.duration).map(|duration| duration.ns),
+            seed,
+            components: components.collect::<Option<_>>()?,
+            topics: topics.collect::<Option<_>>()?,
+            latencies: self.latencies.plans,
+            scheduling: self.scheduling.plan,
+            safety: self.safety,
+        })
+    }
+
+    fn component(&self, index: usize, seed: u64) -> Option<ComponentPlan> {
+        let draft = &self.drafts[index];
+        let declaration = draft.declaration.as_ref()?;
+        let ports = |direction| -> Vec<PortPlan> {
+            draft
+                .ports(direction)
+                .enumerate()
+                .map(|(at, port)| self.port(index, direction, at, port))
+                .collect()
+        };
+        Some(ComponentPlan {
+            name: draft.name.to_string(),
+            program: draft.program.clone()?,
+            activation: self.timing.activation[index].clone()?,
+            budget_ns: good(&draft.table.budget).map(|budget| budget.ns),
+            core: self.scheduling.cores[index],
+            class: self.scheduling.classes[index],
+            inputs: ports(Direction::Input),
+            outputs: ports(Direction::Output),
+            cause: self.latencies.causes[index],
+            parameters: self.parameters[index].clone(),
+            config: draft.config.clone(),
+            robot: draft.robot.clone(),
+            actuator: declaration.actuator,
+            seed: derive_seed(seed, draft.name),
+            on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
+            on_error: good_or(&draft.table.on_error, defaults::ON_ERROR),
+            on_failure: good_or(&draft.table.on_failure, defaults::ON_FAILURE),
+            restart: restart(good(&draft.table.restart)),
+            order: self.order[index],
+        })
+    }
+
+    fn port(&self, component: usize, direction: Direction, index: usize, port: &PortDeclaration) -> PortPlan {
+        PortPlan {
+            port: port.name.clone(),
+            topic: self.wiring.of_port(component, direction, index).and_then(|wire| wire.topic),
+            pattern: port.pattern,
+            layout: port.layout.clone(),
+        }
+    }
+
+    fn topic(&self, topic: usize) -> Option<TopicPlan> {
+        let writer = self.wiring.writer(topic)?;
+        let written = self.drafts[writer.component].ports(Direction::Output).nth(writer.index?)?;
+        let readers: Vec<usize> =
+            self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
+        let pattern = match written.pattern {
+            TopicPattern::State => TopicPattern::State,
+            // every reader gets as much room as the one that wants most
+            TopicPattern::Stream { capacity } => {
+                let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
+                    match self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern {
+                        TopicPattern::Stream { capacity } => Some(capacity),
+                        TopicPattern::State => None,
+                    }
+                });
+                TopicPattern::Stream { capacity: wanted.fold(capacity, usize::max) }
+            }
+        };
+        let triggered = |component: &usize| matches!(self.timing.activation[*component], Some(Activation::Triggered { topic: by, .. }) if by == topic);
+        Some(TopicPlan {
+            name: self.wiring.topics[topic].clone(),
+            pattern,
+            layout: written.layout.clone(),
+            writer: writer.component,
+            triggers: (0..self.drafts.len()).filter(triggered).collect(),
+            readers,
+        })
+    }
+}
+
+fn restart(table: Option<&RestartTable>) -> RestartPlan {
+    let of = |key: fn(&RestartTable) -> &Option<crate::graph::read::At<crate::graph::units::TimeSpan>>,
+              default| { table.map_or(default, |table| good_or(key(table), default)) };
+    RestartPlan {
+        when: table.map_or(defaults::RESTART_WHEN, |table| good_or(&table.when, defaults::RESTART_WHEN)),
+        at_most: table
+            .map_or(defaults::RESTART_AT_MOST, |table| good_or(&table.at_most, defaults::RESTART_AT_MOST)),
+        window_ns: of(|table| &table.window, defaults::RESTART_WINDOW).ns,
+        within_ns: of(|table| &table.within, defaults::RESTART_WITHIN).ns,
+    }
+}
+
+/// The seed of one component: it depends on its name, not on its place, so that adding a component changes no other.
+fn derive_seed(seed: u64, name: &str) -> u64 {
+    let mut digest = Digest::default();
+    digest.write_u64(seed);
+    digest.write(name.as_bytes());
+    digest.finish()
+}

@@ -1,0 +1,244 @@
+//! What each component is: its kind or program, its robot, its configuration, and what it then declares.
+
+use serde_json::Value as Json;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::robots::Robot;
+use super::{Context, Draft, exec};
+use crate::component::{ConfigError, ConfigProblem, ConfigSource, Declaration, TopicPattern};
+use crate::graph::diagnostic::Report;
+use crate::graph::json::{find, to_json};
+use crate::graph::model::{ComponentTable, GraphTable};
+use crate::graph::nearest::{list, nearest, suggest};
+use crate::graph::read::{At, Value, good};
+use crate::graph::source::Span;
+use crate::graph::values::{AnyTable, check_name};
+use crate::plan::Program;
+
+/// All components of the file, in its order.
+pub(super) fn resolve<'g, 'i>(
+    graph: &'g GraphTable<'i>,
+    robots: &[Robot],
+    context: &Context<'_>,
+    report: &mut Report,
+) -> Vec<Draft<'g, 'i>> {
+    let components = good(&graph.component).map(|components| components.0.as_slice()).unwrap_or_default();
+    let empty = graph.component.as_ref().is_none_or(|at| at.get().is_some_and(|table| table.0.is_empty()));
+    if empty {
+        let place = graph.component.as_ref().map_or(0..0, |at| at.key.clone());
+        report
+            .error("the graph has no components")
+            .at(&place, "nothing would run")
+            .advise("add a table such as `[component.physics]` with a `kind` and a `rate`");
+    }
+    let mut used = vec![false; robots.len()];
+    let mut drafts = Vec::new();
+    for (name, at) in components {
+        check_name("a component", name, &at.key, report);
+        let Some(table) = at.get() else { continue };
+        let (robot, robot_is_known) = match &table.robot {
+            None => (None, true),
+            Some(wanted) => {
+                let found = find_robot(wanted, robots, report);
+                found.inspect(|index| used[*index] = true);
+                let reference = found.and_then(|index| robots[index].reference.clone());
+                (reference.clone(), reference.is_some())
+            }
+        };
+        let mut draft = Draft {
+            name,
+            place: at.key.clone(),
+            table,
+            robot,
+            program: None,
+            config: Json::Object(serde_json::Map::new()),
+            declaration: None,
+        };
+        let config = config(table, report);
+        if let Some(config) = &config {
+            draft.config = config.clone();
+        }
+        let config_is_good = config.is_some();
+        let declaration = identify(&mut draft, config_is_good && robot_is_known, context, report);
+        draft.declaration = declaration.filter(|declaration| is_sane(declaration, &draft, report));
+        drafts.push(draft);
+    }
+    for (robot, _) in robots.iter().zip(used).filter(|(_, used)| !used) {
+        report
+            .warning(format!("no component works on robot `{}`", robot.name))
+            .at(&robot.place, "used by nobody")
+            .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
+    }
+    drafts
+}
+
+fn find_robot(wanted: &At<String>, robots: &[Robot], report: &mut Report) -> Option<usize> {
+    let name = wanted.get()?;
+    let found = robots.iter().position(|robot| robot.name == *name);
+    if found.is_none() {
+        let names = robots.iter().map(|robot| robot.name.as_str());
+        let advice = match robots {
+            [] => format!("add `[robot.{name}]` with its `urdf`"),
+            _ => suggest(name, names, "the robots of this graph are"),
+        };
+        report
+            .error(format!("the graph has no robot named `{name}`"))
+            .at(&wanted.span, "unknown robot")
+            .advise(advice);
+    }
+    found
+}
+
+/// The `config` table as JSON.
+fn config(table: &ComponentTable<'_>, report: &mut Report) -> Option<Json> {
+    match &table.config {
+        None => Some(Json::Object(serde_json::Map::new())),
+        Some(at) => to_json(&at.get()?.0, report),
+    }
+}
+
+/// Finds the kind or program of a component and, if `ask`, asks it what it declares.
+fn identify(
+    draft: &mut Draft<'_, '_>,
+    ask: bool,
+    context: &Context<'_>,
+    report: &mut Report,
+) -> Option<Declaration> {
+    match (&draft.table.kind, &draft.table.exec) {
+        (None, None) => {
+            report
+                .error(format!("component `{}` does not say what it runs", draft.name))
+                .at(&draft.place, "needs `kind` or `exec`")
+                .advise("add `kind = \"...\"` for a built-in kind, or `exec = \"path/to/program\"`");
+            None
+        }
+        (Some(kind), Some(exec)) => {
+            report
+                .error(format!("component `{}` has both `kind` and `exec`", draft.name))
+                .at(&exec.key, "a component runs one program")
+                .and(&kind.key, "the built-in kind here")
+                .advise("leave one of them out");
+            None
+        }
+        (Some(at), None) => {
+            let name = at.get()?;
+            let Some(kind) = context.registry.find(name) else {
+                let kinds = context.registry.kinds().iter().map(|kind| kind.name);
+                let diagnostic =
+                    report.error(format!("unknown kind `{name}`")).at(&at.span, "no such kind of component");
+                if let Some(near) = nearest(name, kinds.clone()) {
+                    diagnostic.advise(format!("did you mean `{near}`?"));
+                }
+                diagnostic.note(format!("the built-in kinds are {}", list(kinds)));
+                return None;
+            };
+            draft.program = Some(Program::Builtin { kind: name.clone() });
+            if !ask {
+                return None;
+            }
+            let source = ConfigSource::Toml(config_value(draft));
+            kind.declare(source, draft.robot.clone())
+                .map_err(|problem| config_problem(draft, &problem, report))
+                .ok()
+        }
+        (None, Some(at)) => {
+            let path = exec::find(at.get()?, context.folder)
+                .map_err(|problem| problem.report(draft, &at.span, report))
+                .ok()?;
+            draft.program = Some(Program::Exec { path: path.clone() });
+            if !ask {
+                return None;
+            }
+            match exec::describe(&path, &draft.config, draft.robot.as_ref()) {
+                Ok(Ok(declaration)) => Some(declaration),
+                Ok(Err(error)) => {
+                    config_problem(draft, &ConfigProblem { span: None, error }, report);
+                    None
+                }
+                Err(problem) => {
+                    problem.report(draft, &at.span, report);
+                    None
+                }
+            }
+        }
+    }
+}
+
+/// The `config` table with its places; an empty one at the component's name if there is none.
+fn config_value<'i>(draft: &Draft<'_, 'i>) -> Value<'i> {
+    match good(&draft.table.config) {
+        Some(AnyTable(value)) => value.clone(),
+        None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
+    }
+}
+
+/// Reports a configuration that a component refused.
+fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut Report) {
+    let ConfigError { key, message, advice } = &problem.error;
+    let by_key = key.as_deref().and_then(|key| place_of(key, draft));
+    let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
+    let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
+    let subject = key.as_ref().map(|key| format!(" `{key}`")).unwrap_or_default();
+    let label = match key {
+        Some(key) => format!("refused by {}: `{key}`", draft.what()),
+        None => format!("refused by {}", draft.what()),
+    };
+    let text = format!("configuration of component `{}`{}: {message}", draft.name, subject);
+    let advice = advice.clone().or_else(|| near_field(message));
+    let diagnostic = report.error(text).at(&place, label);
+    if let Some(advice) = advice {
+        diagnostic.advise(advice);
+    }
+}
+
+/// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
+fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
+    let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
+    inside.or_else(|| (key == "robot").then(|| draft.table.robot.as_ref().map(|robot| robot.span.clone()))?)
+}
+
+/// Advice on serde's words "unknown field `x`, expected one of `a`, `b`".
+fn near_field(message: &str) -> Option<String> {
+    let rest =
+        message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;
+    let (written, known) = rest.split_once('`')?;
+    let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
+    nearest(written, known).map(|near| format!("did you mean `{near}`?"))
+}
+
+/// A user's program may declare anything: what no component built with this crate would declare is refused.
+fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report) -> bool {
+    let ports = &declaration.ports;
+    let twice = |index: usize| ports[..index].iter().any(|port| port.name == ports[index].name);
+    let wrong = (0..ports.len()).find_map(|index| {
+        let name = &ports[index].name;
+        match ports[index].pattern {
+            _ if twice(index) => Some(format!("declares the port `{name}` twice")),
+            TopicPattern::Stream { capacity: 0 } => {
+                Some(format!("declares the stream port `{name}` without room for a single sample"))
+            }
+            _ => None,
+        }
+    });
+    let parameters = &declaration.parameters;
+    let wrong = wrong.or_else(|| {
+        (0..parameters.len()).find_map(|index| {
+            let name = &parameters[index].name;
+            if parameters[..index].iter().any(|parameter| parameter.name == *name) {
+                return Some(format!("declares the parameter `{name}` twice"));
+            }
+            parameters[index]
+                .admit(parameters[index].default)
+                .err()
+                .map(|e| format!("has a default out of range: {e}"))
+        })
+    });
+    if let Some(wrong) = &wrong {
+        report
+            .error(format!("{} {wrong}", draft.what()))
+            .at(&draft.place, "this is a mistake in the component, not in the graph")
+            .advise("correct its `declare` function");
+    }
+    wrong.is_none()
+}

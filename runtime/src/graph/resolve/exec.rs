@@ -1,0 +1,192 @@
+//! Programs of the user: found, and asked what they declare.
+//!
+//! The program is run once as `program motorium-describe`, gets `{"config": ..., "robot": ...}` on its standard input
+//! and answers on its standard output with `{"motorium": VERSION, "declaration": ...}`, or with
+//! `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice": ...}}`.
+
+use std::io::{Read as _, Write as _};
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use serde_json::Value as Json;
+
+use super::Draft;
+use crate::component::{ConfigError, Declaration, RobotReference};
+use crate::graph::diagnostic::Report;
+use crate::graph::source::Span;
+
+/// The argument that asks a program what it declares.
+const DESCRIBE: &str = "motorium-describe";
+/// How long it may take to answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The most that is read of its answer.
+const LONGEST_ANSWER: u64 = 1 << 20;
+/// The version of this crate: both sides share memory layouts, so it must be the same.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// A program that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum ExecProblem {
+    #[error("program `{}` does not exist", .0.display())]
+    Missing(PathBuf),
+    #[error("`{}` is not a program that may be executed", .0.display())]
+    NotExecutable(PathBuf),
+    #[error("program `{}` cannot be started: {reason}", path.display())]
+    Start { path: PathBuf, reason: String },
+    #[error("program `{}` did not say what it declares within {} s", .0.display(), PATIENCE.as_secs())]
+    Silent(PathBuf),
+    #[error("program `{}` does not answer `{DESCRIBE}` as a component does: {reason}", path.display())]
+    NoComponent { path: PathBuf, reason: String, stderr: String },
+    #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
+    Version { path: PathBuf, found: String },
+}
+
+impl ExecProblem {
+    /// Reports it.
+    pub(super) fn report(&self, draft: &Draft<'_, '_>, span: &Span, report: &mut Report) {
+        let diagnostic = report.error(format!("component `{}`: {self}", draft.name)).at(span, "this program");
+        match self {
+            Self::Missing(_) => diagnostic
+                .advise("build it first: `cargo build --release`; the path is relative to the graph file"),
+            Self::NotExecutable(path) if path.is_dir() => diagnostic
+                .advise("this is a folder; name the program itself, such as `target/release/my-component`"),
+            Self::NotExecutable(path) => diagnostic.advise(format!("try `chmod +x {}`", path.display())),
+            Self::Start { .. } => {
+                diagnostic.advise("was it built for this machine? try `cargo build --release`")
+            }
+            Self::Silent(_) => diagnostic.advise(
+                "`motorium::main!(...)` answers at once; does the program do other things before it?",
+            ),
+            Self::NoComponent { stderr, .. } => {
+                if !stderr.is_empty() {
+                    diagnostic.note(format!("it said: {stderr}"));
+                }
+                diagnostic.advise("its main function must be `motorium::main!(MyComponent);`")
+            }
+            Self::Version { .. } => {
+                diagnostic.advise("build it again with the same version: `cargo build --release`")
+            }
+        };
+    }
+}
+
+/// The program a component names: a path relative to the folder of the graph file.
+pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
+    let path = folder.join(exec);
+    let Ok(found) = path.canonicalize() else { return Err(ExecProblem::Missing(path)) };
+    match found.metadata() {
+        Ok(facts) if facts.is_file() && facts.permissions().mode() & 0o111 != 0 => Ok(found),
+        _ => Err(ExecProblem::NotExecutable(found)),
+    }
+}
+
+/// What the program declares for this configuration, or why it refuses it.
+pub(super) fn describe(
+    path: &Path,
+    config: &Json,
+    robot: Option<&RobotReference>,
+) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
+    let request = serde_json::json!({ "config": config, "robot": robot }).to_string();
+    let answer = ask(path, request)?;
+    let no_component = |reason: String| ExecProblem::NoComponent {
+        path: path.to_path_buf(),
+        reason,
+        stderr: answer.stderr.clone(),
+    };
+    let mut reply: Json = serde_json::from_str(&answer.stdout).map_err(|error| {
+        no_component(match (answer.status.success(), answer.stdout.trim()) {
+            (false, _) => format!("it ended with {}", answer.status),
+            (true, "") => "it said nothing".to_string(),
+            _ => format!("it did not answer in JSON ({error})"),
+        })
+    })?;
+    let version = reply.get("motorium").and_then(Json::as_str).unwrap_or_default();
+    if version.is_empty() {
+        return Err(no_component("its answer names no version of motorium".into()));
+    }
+    if version != VERSION {
+        return Err(ExecProblem::Version { path: path.to_path_buf(), found: version.to_string() });
+    }
+    if let Some(error) = reply.get("error") {
+        let text = |key: &str| error.get(key).and_then(Json::as_str).map(str::to_string);
+        let message = text("message").ok_or_else(|| no_component("its error has no message".into()))?;
+        return Ok(Err(ConfigError { key: text("key"), message, advice: text("advice") }));
+    }
+    let declaration = reply.get_mut("declaration").map(Json::take).unwrap_or_default();
+    serde_json::from_value(declaration)
+        .map(Ok)
+        .map_err(|error| no_component(format!("its declaration cannot be read ({error})")))
+}
+
+struct Answer {
+    status: ExitStatus,
+    stdout: String,
+    /// The last line of its standard error.
+    stderr: String,
+}
+
+fn ask(path: &Path, request: String) -> Result<Answer, ExecProblem> {
+    let spawn = || {
+        Command::new(path)
+            .arg(DESCRIBE)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+    };
+    let start =
+        |error: std::io::Error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() };
+    let mut child = spawn().map_err(start)?;
+    let silent = || ExecProblem::Silent(path.to_path_buf());
+    let deadline = Instant::now() + PATIENCE;
+    if let Some(mut stdin) = child.stdin.take() {
+        // a program that never reads must not hold us up; whether it read at all shows in its answer
+        std::thread::spawn(move || stdin.write_all(request.as_bytes()));
+    }
+    let stdout = read_all(child.stdout.take());
+    let stderr = read_all(child.stderr.take());
+    let finished = wait_until(&mut child, deadline);
+    let Some(status) = finished.map_err(start)? else {
+        // it may have ended by itself just now: then there is nothing left to end
+        let _ = child.kill();
+        let _ = child.wait();
+        return Err(silent());
+    };
+    let collect = |channel: mpsc::Receiver<String>| {
+        channel
+            .recv_timeout(deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(50)))
+    };
+    let stdout = collect(stdout).map_err(|_| silent())?;
+    let stderr = collect(stderr).unwrap_or_default();
+    let last = stderr.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    Ok(Answer { status, stdout, stderr: last.trim().to_string() })
+}
+
+/// Reads a stream to its end on a thread of its own; a child of the program may keep it open for ever.
+fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> mpsc::Receiver<String> {
+    let (send, receive) = mpsc::channel();
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(stream) = stream {
+            // what was read before an error is still worth showing
+            let _ = stream.take(LONGEST_ANSWER).read_to_end(&mut bytes);
+        }
+        let _ = send.send(String::from_utf8_lossy(&bytes).into_owned());
+    });
+    receive
+}
+
+fn wait_until(child: &mut Child, deadline: Instant) -> std::io::Result<Option<ExitStatus>> {
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        if Instant::now() >= deadline {
+            return Ok(None);
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}

@@ -1,0 +1,98 @@
+//! From tables to a plan: every name looked up, every wire checked, every default filled in.
+//!
+//! Each step goes on as far as it can in spite of mistakes found before it, so that one check finds as many of them as
+//! possible; what follows from a mistake that was already reported is not reported again.
+
+mod assemble;
+mod declare;
+mod exec;
+mod latency;
+mod order;
+mod parameters;
+mod robots;
+mod safety;
+mod scheduling;
+mod timing;
+mod topics;
+mod wiring;
+
+use std::path::Path;
+
+use super::diagnostic::Report;
+use super::machine::Machine;
+use super::model::{ComponentTable, GraphTable};
+use super::source::Span;
+use crate::component::{Declaration, Direction, PortDeclaration, Registry, RobotReference};
+use crate::plan::{Plan, Program};
+
+/// What a graph is resolved against.
+pub(super) struct Context<'c> {
+    /// The graph file.
+    pub file: &'c Path,
+    /// Its folder, absolute: relative paths in the file start there.
+    pub folder: &'c Path,
+    /// Kinds of components, and robots.
+    pub registry: &'c Registry,
+    /// The machine it will run on.
+    pub machine: &'c Machine,
+}
+
+/// A component as far as it is resolved.
+struct Draft<'g, 'i> {
+    /// Its name.
+    name: &'g str,
+    /// Place of its name.
+    place: Span,
+    /// What the file says.
+    table: &'g ComponentTable<'i>,
+    /// The robot it works on.
+    robot: Option<RobotReference>,
+    /// What runs it.
+    program: Option<Program>,
+    /// Its `config` table.
+    config: serde_json::Value,
+    /// What it declares; `None` if it could not be asked, which has then been reported.
+    declaration: Option<Declaration>,
+}
+
+impl Draft<'_, '_> {
+    /// What it is, for messages: its kind, or its program.
+    fn what(&self) -> String {
+        match &self.program {
+            Some(Program::Builtin { kind }) => format!("`{kind}`"),
+            Some(Program::Exec { path }) => format!("`{}`", path.display()),
+            None => format!("component `{}`", self.name),
+        }
+    }
+
+    /// Its declared ports of one direction, in the order of their declaration.
+    fn ports(&self, direction: Direction) -> impl Iterator<Item = &PortDeclaration> {
+        self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
+    }
+}
+
+/// Resolves a graph. Gives nothing if and only if an error has been reported.
+pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Option<Plan> {
+    if graph.name.is_none() {
+        report
+            .error("the graph has no name")
+            .at(&(0..0), "`name` is missing")
+            .advise("begin the file with a line such as `name = \"panda-reach\"`");
+    }
+    let robots = robots::resolve(graph, context, report);
+    let drafts = declare::resolve(graph, &robots, context, report);
+    let wiring = wiring::resolve(&drafts, report);
+    topics::check(&drafts, &wiring, report);
+    let timing = timing::resolve(&drafts, &wiring, report);
+    let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
+    let parameters = parameters::resolve(&drafts, report);
+    let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
+    let safety = safety::resolve(graph, &drafts, &wiring, &timing, report);
+    if report.has_errors() {
+        return None;
+    }
+    let order = order::of(&timing);
+    let parts = assemble::Parts { drafts, wiring, timing, scheduling, parameters, latencies, safety, order };
+    let plan = parts.assemble(graph, context);
+    Some(plan.expect("every part of a graph without errors is resolved"))
+}

@@ -1,0 +1,21 @@
+//! The fixed order of a lockstep tick.
+
+use super::timing::Timing;
+
+/// Position of every component: a triggered component comes after the one that triggers it, and otherwise the order of
+/// the file holds.
+pub(super) fn of(timing: &Timing) -> Vec<usize> {
+    let count = timing.triggered_by.len();
+    let mut order = vec![0; count];
+    let mut placed = vec![false; count];
+    for position in 0..count {
+        let ready = |component: &usize| {
+            !placed[*component] && timing.triggered_by[*component].is_none_or(|writer| placed[writer])
+        };
+        // loops have been refused, so that one is always ready
+        let Some(next) = (0..count).find(ready) else { break };
+        placed[next] = true;
+        order[next] = position;
+    }
+    order
+}

@@ -1,0 +1,54 @@
+//! Robots: looked up through what the program knows of them.
+
+use super::Context;
+use crate::component::RobotReference;
+use crate::graph::diagnostic::Report;
+use crate::graph::model::GraphTable;
+use crate::graph::read::good;
+use crate::graph::source::Span;
+use crate::graph::values::check_name;
+
+/// A robot of the file.
+pub(super) struct Robot {
+    pub name: String,
+    /// Place of its name.
+    pub place: Span,
+    /// `None` if its model cannot be used, which has then been reported.
+    pub reference: Option<RobotReference>,
+}
+
+/// All robots of the file, in its order.
+pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Vec<Robot> {
+    let mut robots = Vec::new();
+    for (name, at) in good(&graph.robot).iter().flat_map(|robots| &robots.0) {
+        let named = check_name("a robot", name, &at.key, report);
+        let urdf = at.get().and_then(|table| {
+            if table.urdf.is_none() {
+                report
+                    .error(format!("robot `{name}` has no model"))
+                    .at(&at.key, "`urdf` is missing")
+                    .advise("add `urdf = \"panda\"`: a name of the catalogue, a folder, or a URDF file");
+            }
+            table.urdf.as_ref()
+        });
+        let reference = urdf.and_then(|urdf| {
+            let model = urdf.get()?;
+            if let Err(error) = (context.registry.robots().check)(model, context.folder) {
+                let diagnostic = report
+                    .error(format!("robot `{name}`: {}", error.message))
+                    .at(&urdf.span, "this model cannot be used");
+                if let Some(advice) = error.advice {
+                    diagnostic.advise(advice);
+                }
+                return None;
+            }
+            named.then(|| RobotReference {
+                name: name.clone(),
+                urdf: model.clone(),
+                base: context.folder.to_path_buf(),
+            })
+        });
+        robots.push(Robot { name: name.clone(), place: at.key.clone(), reference });
+    }
+    robots
+}

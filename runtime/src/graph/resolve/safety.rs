@@ -1,0 +1,118 @@
+//! What keeps the robot safe, and the restart policies.
+
+use super::Draft;
+use super::timing::Timing;
+use super::wiring::Wiring;
+use crate::component::Direction;
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::model::GraphTable;
+use crate::graph::read::{At, good, good_or};
+use crate::graph::units::TimeSpan;
+use crate::plan::SafetyPlan;
+use crate::state::{JointCommand, StateBuffer as _};
+
+/// Resolves the `[safety]` table and checks it, the restart policies and the duration.
+pub(super) fn resolve(
+    graph: &GraphTable<'_>,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+    report: &mut Report,
+) -> SafetyPlan {
+    let table = good(&graph.safety);
+    let stale_after =
+        table.map_or(defaults::STALE_AFTER, |table| good_or(&table.stale_after, defaults::STALE_AFTER));
+    let at = table.and_then(|table| table.stale_after.as_ref());
+    not_zero("stale_after", at, "every command would be stale at once", report);
+    not_zero("duration", graph.duration.as_ref(), "the run would end at once", report);
+    for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
+        not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
+        not_zero("within", restart.within.as_ref(), "no restart would be quick enough", report);
+        if let Some(at) = restart.at_most.as_ref().filter(|at| at.get() == Some(&0)) {
+            report
+                .error("`at_most` is 0")
+                .at(&at.span, "no restart is allowed")
+                .advise("write `when = \"never\"` for that");
+        }
+    }
+    stale_commands(stale_after, at, drafts, wiring, timing, report);
+    no_actuator(graph, drafts, report);
+    SafetyPlan {
+        stale_after_ns: stale_after.ns,
+        safe_state: table
+            .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
+        settle_ns: table.map_or(defaults::SETTLE, |table| good_or(&table.settle, defaults::SETTLE)).ns,
+    }
+}
+
+fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report) {
+    if let Some(at) = at.filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
+        report.error(format!("`{key}` is zero")).at(&at.span, why).advise("leave it out for the default");
+    }
+}
+
+/// Commands that come more slowly than they grow stale hold the robot in its safe state half of the time.
+fn stale_commands(
+    stale_after: TimeSpan,
+    at: Option<&At<TimeSpan>>,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+    report: &mut Report,
+) {
+    for (component, draft) in drafts.iter().enumerate() {
+        if !draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator) {
+            continue;
+        }
+        for (index, port) in draft.ports(Direction::Input).enumerate() {
+            let command = port.layout.type_name == JointCommand::NAME;
+            let wire = wiring.of_port(component, Direction::Input, index).filter(|_| command);
+            let Some(wire) = wire else { continue };
+            let writer = wire.topic.and_then(|topic| wiring.writer(topic)).map(|writer| writer.component);
+            let Some((writer, period_ns)) =
+                writer.and_then(|writer| Some((writer, timing.period_ns(writer)?)))
+            else {
+                continue;
+            };
+            if stale_after.ns >= period_ns {
+                continue;
+            }
+            let period = TimeSpan { ns: period_ns };
+            let name = drafts[writer].name;
+            let diagnostic = report
+                .warning(format!(
+                    "commands grow stale before the next one comes: `{name}` writes one every {period}"
+                ))
+                .advise(format!(
+                    "set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"
+                ));
+            match at {
+                Some(at) => {
+                    diagnostic
+                        .at(&at.span, format!("shorter than {period}"))
+                        .and(&wire.span, format!("`{}` applies its commands", draft.name));
+                }
+                None => {
+                    diagnostic.at(
+                        &wire.span,
+                        format!("`stale_after` is {stale_after} unless the graph says otherwise"),
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A `[safety]` table in a graph that moves nothing.
+fn no_actuator(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) {
+    let Some(safety) = &graph.safety else { return };
+    let known = drafts.iter().all(|draft| draft.declaration.is_some());
+    let actuators = drafts.iter().filter_map(|draft| draft.declaration.as_ref()).any(|d| d.actuator);
+    if known && !actuators && !drafts.is_empty() {
+        report
+            .warning("no component of this graph applies commands to a robot")
+            .at(&safety.key, "so this has no effect")
+            .advise("leave `[safety]` out, or add the component that moves the robot");
+    }
+}

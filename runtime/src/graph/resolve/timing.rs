@@ -1,0 +1,288 @@
+//! When components step: rates, triggers, and the chains they form.
+
+use super::Draft;
+use super::wiring::Wiring;
+use crate::component::Direction;
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::nearest::suggest;
+use crate::graph::read::{At, good_or};
+use crate::graph::source::Span;
+use crate::graph::units::TimeSpan;
+use crate::graph::values::TopicName;
+use crate::plan::Activation;
+
+/// When each component steps.
+#[derive(Debug)]
+pub(super) struct Timing {
+    /// By component; `None` if it cannot be told, which has then been reported.
+    pub activation: Vec<Option<Activation>>,
+    /// The time-triggered component at the head of each one's trigger chain; itself if it is one.
+    pub head: Vec<Option<usize>>,
+    /// The component whose output triggers each one.
+    pub triggered_by: Vec<Option<usize>>,
+}
+
+impl Timing {
+    /// Nominal time between two steps of a component, ns.
+    pub(super) fn period_ns(&self, component: usize) -> Option<u64> {
+        match self.activation[component] {
+            Some(Activation::Periodic { period_ns, .. } | Activation::Triggered { period_ns, .. }) => {
+                Some(period_ns)
+            }
+            None => None,
+        }
+    }
+}
+
+/// What a component says of its own steps.
+enum Start {
+    /// It has been reported that this cannot be.
+    Unknown,
+    Periodic {
+        period_ns: u64,
+        phase_ns: u64,
+    },
+    Triggered {
+        topic: usize,
+        input: usize,
+        span: Span,
+    },
+}
+
+/// Finds the activation of every component.
+pub(super) fn resolve(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) -> Timing {
+    let starts: Vec<Start> = drafts
+        .iter()
+        .enumerate()
+        .map(|(component, draft)| start(component, draft, wiring, report).unwrap_or(Start::Unknown))
+        .collect();
+    let triggered_by: Vec<Option<usize>> = starts
+        .iter()
+        .map(|start| match start {
+            Start::Triggered { topic, .. } => wiring.writer(*topic).map(|writer| writer.component),
+            _ => None,
+        })
+        .collect();
+    loops(drafts, &starts, &triggered_by, wiring, report);
+    let head: Vec<Option<usize>> =
+        (0..starts.len()).map(|component| head(component, &starts, &triggered_by)).collect();
+    let activation = (0..starts.len())
+        .map(|component| match (&starts[component], head[component].map(|head| &starts[head])) {
+            (Start::Periodic { period_ns, phase_ns }, _) => {
+                Some(Activation::Periodic { period_ns: *period_ns, phase_ns: *phase_ns })
+            }
+            (Start::Triggered { topic, input, .. }, Some(Start::Periodic { period_ns, .. })) => {
+                Some(Activation::Triggered { topic: *topic, input: *input, period_ns: *period_ns })
+            }
+            _ => None,
+        })
+        .collect();
+    let timing = Timing { activation, head, triggered_by };
+    budgets(drafts, &timing, report);
+    timing
+}
+
+fn start(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) -> Option<Start> {
+    let table = draft.table;
+    match (&table.rate, &table.trigger) {
+        (None, None) => {
+            let input = wiring.of_component(component, Direction::Input).find_map(|wire| wire.topic);
+            let advice = match input {
+                Some(topic) => format!(
+                    "add `rate = \"1 kHz\"`, or `trigger = \"{}\"` to step whenever that is published",
+                    wiring.topics[topic]
+                ),
+                None => "add `rate = \"1 kHz\"`".to_string(),
+            };
+            report
+                .error(format!("component `{}` does not say when it steps", draft.name))
+                .at(&draft.place, "needs `rate` or `trigger`")
+                .advise(advice);
+            None
+        }
+        (Some(rate), Some(trigger)) => {
+            report
+                .error(format!("component `{}` has both `rate` and `trigger`", draft.name))
+                .at(&trigger.key, "a component steps at fixed times or when a topic is published, not both")
+                .and(&rate.key, "the rate here")
+                .advise("leave one of them out");
+            None
+        }
+        (Some(rate), None) => {
+            let period_ns = rate.get()?.period_ns;
+            let phase_ns = good_or(&table.phase, defaults::PHASE).ns;
+            if let Some(phase) = table.phase.as_ref().filter(|_| phase_ns >= period_ns) {
+                let period = TimeSpan { ns: period_ns };
+                report
+                    .error(format!("the phase of component `{}` is not shorter than its period", draft.name))
+                    .at(&phase.span, "too long")
+                    .and(&rate.span, format!("a period of {period}"))
+                    .advise(format!("a phase is an offset within the period: less than {period}"));
+            }
+            Some(Start::Periodic { period_ns, phase_ns })
+        }
+        (None, Some(trigger)) => {
+            if let Some(phase) = &table.phase {
+                report
+                    .error(format!("component `{}` has a phase but no rate", draft.name))
+                    .at(&phase.key, "has no meaning for a triggered component")
+                    .and(&trigger.key, "it steps when this is published")
+                    .advise("leave `phase` out");
+            }
+            find_trigger(component, draft, trigger, wiring, report)
+        }
+    }
+}
+
+fn find_trigger(
+    component: usize,
+    draft: &Draft<'_, '_>,
+    trigger: &At<TopicName>,
+    wiring: &Wiring,
+    report: &mut Report,
+) -> Option<Start> {
+    let TopicName(name) = trigger.get()?;
+    let topic = wiring.topic(name);
+    let wire =
+        wiring.of_component(component, Direction::Input).find(|wire| topic.is_some() && wire.topic == topic);
+    if let (Some(wire), Some(topic)) = (wire, topic) {
+        return Some(Start::Triggered { topic, input: wire.index?, span: trigger.span.clone() });
+    }
+    let inputs = || wiring.of_component(component, Direction::Input).filter_map(|wire| wire.topic);
+    let names: Vec<&str> = inputs().map(|topic| wiring.topics[topic].as_str()).collect();
+    let advice = match (topic.and_then(|topic| wiring.writer(topic)), names.as_slice()) {
+        (Some(_), _) => format!("add it to `subscribe`: `subscribe = {{ port = \"{name}\" }}`"),
+        (None, []) => "subscribe to a topic, and trigger on that".to_string(),
+        (None, names) => suggest(name, names.iter().copied(), "it subscribes to"),
+    };
+    report
+        .error(format!("component `{}` is triggered by `{name}` but does not subscribe to it", draft.name))
+        .at(&trigger.span, "not one of its inputs")
+        .advise(advice);
+    None
+}
+
+/// The time-triggered component at the head of a trigger chain.
+fn head(component: usize, starts: &[Start], triggered_by: &[Option<usize>]) -> Option<usize> {
+    let mut current = component;
+    // a chain is no longer than there are components, unless it is a loop
+    for _ in 0..starts.len() {
+        match starts[current] {
+            Start::Periodic { .. } => return Some(current),
+            Start::Unknown => return None,
+            Start::Triggered { .. } => current = triggered_by[current]?,
+        }
+    }
+    None
+}
+
+/// Reports trigger loops, and components that wait for one.
+fn loops(
+    drafts: &[Draft<'_, '_>],
+    starts: &[Start],
+    triggered_by: &[Option<usize>],
+    wiring: &Wiring,
+    report: &mut Report,
+) {
+    let mut in_a_loop = vec![false; starts.len()];
+    for component in 0..starts.len() {
+        let mut cycle = vec![component];
+        while let Some(next) = triggered_by[cycle[cycle.len() - 1]] {
+            if next == component {
+                // each loop is reported once, from its first component in the file
+                if cycle.iter().all(|member| *member >= component) {
+                    report_loop(&cycle, drafts, starts, wiring, report);
+                }
+                cycle.iter().for_each(|member| in_a_loop[*member] = true);
+                break;
+            }
+            if cycle.contains(&next) {
+                break;
+            }
+            cycle.push(next);
+        }
+    }
+    for component in (0..starts.len()).filter(|component| !in_a_loop[*component]) {
+        let mut current = component;
+        for _ in 0..starts.len() {
+            let Some(next) = triggered_by[current] else { break };
+            current = next;
+            let Start::Triggered { span, .. } = &starts[component] else { break };
+            if in_a_loop[current] {
+                report
+                    .error(format!("component `{}` would never step", drafts[component].name))
+                    .at(span, "this trigger chain starts nowhere")
+                    .and(&drafts[current].place, "it leads back to this one, which is part of a trigger loop")
+                    .advise("break the loop: give one of its components a `rate` instead of its `trigger`");
+                break;
+            }
+        }
+    }
+}
+
+/// `cycle` goes from each component to the one that triggers it.
+fn report_loop(
+    cycle: &[usize],
+    drafts: &[Draft<'_, '_>],
+    starts: &[Start],
+    wiring: &Wiring,
+    report: &mut Report,
+) {
+    let mut places = Vec::new();
+    let mut path = vec![format!("`{}`", drafts[cycle[0]].name)];
+    // the loop in the direction in which triggers go
+    for member in cycle.iter().rev() {
+        let Start::Triggered { topic, span, .. } = &starts[*member] else { continue };
+        path.push(format!("`{}`", drafts[*member].name));
+        places.push((span, format!("`{}` waits for `{}`", drafts[*member].name, wiring.topics[*topic])));
+    }
+    let last = places.len() - 1;
+    places.swap(0, last);
+    let message = match cycle {
+        [alone] => format!("component `{}` triggers itself", drafts[*alone].name),
+        _ => format!("trigger loop: {}", path.join(" triggers ")),
+    };
+    let diagnostic = report
+        .error(message)
+        .advise("nothing would ever start: give one of them a `rate` instead of its `trigger`");
+    for (index, (span, label)) in places.into_iter().enumerate() {
+        match index {
+            0 => diagnostic.at(span, label),
+            _ => diagnostic.and(span, label),
+        };
+    }
+}
+
+/// A budget must be a time, and fit into the period.
+fn budgets(drafts: &[Draft<'_, '_>], timing: &Timing, report: &mut Report) {
+    for (component, draft) in drafts.iter().enumerate() {
+        let Some(at) = &draft.table.budget else { continue };
+        let Some(budget) = at.get() else { continue };
+        if budget.ns == 0 {
+            report
+                .error(format!("component `{}` has no time to step", draft.name))
+                .at(&at.span, "a budget of nothing")
+                .advise("leave `budget` out if the execution time does not matter");
+        }
+        let (Some(period_ns), Some(head)) = (timing.period_ns(component), timing.head[component]) else {
+            continue;
+        };
+        if budget.ns <= period_ns {
+            continue;
+        }
+        let period = TimeSpan { ns: period_ns };
+        let diagnostic = report
+            .error(format!("the budget of component `{}` is longer than its period", draft.name))
+            .at(&at.span, format!("more than {period}"))
+            .advise(format!("allow less than {period} per step, or lower the rate"));
+        if let Some(rate) = &drafts[head].table.rate {
+            let label = if head == component {
+                format!("a period of {period}")
+            } else {
+                format!("`{}`, at the head of its trigger chain, has a period of {period}", drafts[head].name)
+            };
+            diagnostic.and(&rate.span, label);
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Topics: one writer each, and readers that agree with it on the type.
+
+use super::Draft;
+use super::wiring::{Wire, Wiring, carries};
+use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::graph::diagnostic::Report;
+use crate::graph::nearest::{list, nearest};
+
+/// Checks every topic.
+pub(super) fn check(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
+    for topic in 0..wiring.topics.len() {
+        one_writer(topic, drafts, wiring, report);
+        let Some(writer) = wiring.writer(topic) else {
+            without_writer(topic, drafts, wiring, report);
+            continue;
+        };
+        for reader in wiring.of_topic(topic, Direction::Input) {
+            agree(topic, writer, reader, drafts, wiring, report);
+        }
+    }
+}
+
+/// The declared port of a wire.
+fn port<'d>(wire: &Wire, drafts: &'d [Draft<'_, '_>]) -> Option<&'d PortDeclaration> {
+    drafts[wire.component].ports(wire.direction).nth(wire.index?)
+}
+
+fn one_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
+    let mut writers = wiring.of_topic(topic, Direction::Output);
+    let Some(first) = writers.next() else { return };
+    // two ports of one component on one topic have been reported already
+    for other in writers.filter(|other| other.component != first.component) {
+        let name = &wiring.topics[topic];
+        let (first_name, other_name) = (drafts[first.component].name, drafts[other.component].name);
+        report
+            .error(format!("topic `{name}` has two writers: `{first_name}` and `{other_name}`"))
+            .at(&other.span, format!("`{other_name}` writes it too"))
+            .and(&first.span, format!("`{first_name}` writes it"))
+            .advise(format!("a topic has one writer; let `{other_name}` publish another topic"));
+    }
+}
+
+fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
+    let name = &wiring.topics[topic];
+    for reader in wiring.of_topic(topic, Direction::Input) {
+        let wanted = port(reader, drafts).map(|port| port.layout.type_name.as_str());
+        // topics that would fit; all that are written if it is not known what would fit
+        let fitting = wiring.written().filter(|written| {
+            let writer = wiring.topic(written).and_then(|topic| wiring.writer(topic));
+            let carried = writer.and_then(|writer| port(writer, drafts));
+            wanted.is_none() || carried.is_some_and(|port| Some(port.layout.type_name.as_str()) == wanted)
+        });
+        let near = nearest(name, fitting.clone()).or_else(|| nearest(name, wiring.written()));
+        let advice = match (near, wanted) {
+            (Some(near), _) => format!("did you mean `{near}`?"),
+            (None, Some(wanted)) if fitting.clone().next().is_some() => {
+                format!("topics that carry {wanted}: {}", list(fitting))
+            }
+            (None, Some(wanted)) => format!("add a component that publishes {wanted} on `{name}`"),
+            (None, None) => format!("the topics of this graph are {}", list(fitting)),
+        };
+        let component = drafts[reader.component].name;
+        report
+            .error(format!("nobody writes topic `{name}`, which `{component}` reads"))
+            .at(&reader.span, "a topic without a writer")
+            .advise(advice);
+    }
+}
+
+/// Reader and writer agree on the type, its layout, and on state or stream.
+fn agree(
+    topic: usize,
+    writer: &Wire,
+    reader: &Wire,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    report: &mut Report,
+) {
+    let (Some(written), Some(read)) = (port(writer, drafts), port(reader, drafts)) else { return };
+    let name = &wiring.topics[topic];
+    let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
+    let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));
+    let labels = (
+        format!("`{of_reader}` reads {}", carries(read)),
+        format!("`{of_writer}` writes {}", carries(written)),
+    );
+    if written.layout.type_name != read.layout.type_name {
+        let fitting = |wire: &&Wire| {
+            port(wire, drafts).is_some_and(|port| port.layout.type_name == read.layout.type_name)
+        };
+        let topics: Vec<&str> = wiring
+            .wires
+            .iter()
+            .filter(|wire| wire.direction == Direction::Output)
+            .filter(fitting)
+            .filter_map(|wire| Some(wiring.topics[wire.topic?].as_str()))
+            .collect();
+        let diagnostic = report
+            .error(format!(
+                "topic `{name}` carries {}, but `{of_reader}` reads {}",
+                written.layout.type_name, read.layout.type_name
+            ))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1);
+        match topics.as_slice() {
+            [] => diagnostic.advise(format!("no topic of this graph carries {}", read.layout.type_name)),
+            topics => diagnostic.advise(format!(
+                "topics that carry {}: {}",
+                read.layout.type_name,
+                list(topics.iter().copied())
+            )),
+        };
+    } else if written.layout != read.layout {
+        report
+            .error(format!(
+                "`{of_writer}` and `{of_reader}` have different layouts of {} on topic `{name}`",
+                read.layout.type_name
+            ))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1)
+            .note(format!(
+                "the layouts, `!` where they differ:\n{}",
+                written.layout.difference(&of_writer, &read.layout, &of_reader).trim_end()
+            ))
+            .advise("the programs were built from different versions of this type; build both again");
+    } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
+        report
+            .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1)
+            .advise(format!(
+                "`{of_writer}` is a state; read it with a state input, or write it from a stream output"
+            ));
+    }
+}

@@ -1,0 +1,196 @@
+//! Ports wired to topics.
+
+use super::Draft;
+use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::graph::diagnostic::Report;
+use crate::graph::nearest::nearest;
+use crate::graph::read::{At, good};
+use crate::graph::source::Span;
+use crate::graph::values::{Named, TopicName};
+
+/// A port wired to a topic, as the file says it.
+#[derive(Debug)]
+pub(super) struct Wire {
+    /// Index of the component.
+    pub component: usize,
+    /// Name of the port.
+    pub port: String,
+    /// Its index among the declared ports of its direction; `None` if no such port is known.
+    pub index: Option<usize>,
+    /// Reads or writes.
+    pub direction: Direction,
+    /// Index of the topic; `None` if its name was refused.
+    pub topic: Option<usize>,
+    /// Place of the topic's name.
+    pub span: Span,
+}
+
+/// All wires of a graph.
+#[derive(Debug)]
+pub(super) struct Wiring {
+    /// Names of the topics in the order of their first mention.
+    pub topics: Vec<String>,
+    /// All wires, by component, in the order of the file.
+    pub wires: Vec<Wire>,
+}
+
+impl Wiring {
+    /// The wires of one topic and direction.
+    pub(super) fn of_topic(&self, topic: usize, direction: Direction) -> impl Iterator<Item = &Wire> {
+        self.wires.iter().filter(move |wire| wire.topic == Some(topic) && wire.direction == direction)
+    }
+
+    /// The wire that writes a topic; the first if there are several, which has then been reported.
+    pub(super) fn writer(&self, topic: usize) -> Option<&Wire> {
+        self.of_topic(topic, Direction::Output).next()
+    }
+
+    /// The wires of one component and direction.
+    pub(super) fn of_component(&self, component: usize, direction: Direction) -> impl Iterator<Item = &Wire> {
+        self.wires.iter().filter(move |wire| wire.component == component && wire.direction == direction)
+    }
+
+    /// The wire of a component's port, by its index among the declared ports of its direction.
+    pub(super) fn of_port(&self, component: usize, direction: Direction, index: usize) -> Option<&Wire> {
+        self.of_component(component, direction).find(|wire| wire.index == Some(index))
+    }
+
+    /// The topic of this name.
+    pub(super) fn topic(&self, name: &str) -> Option<usize> {
+        self.topics.iter().position(|topic| topic == name)
+    }
+
+    /// Names of the topics that somebody writes.
+    pub(super) fn written(&self) -> impl Iterator<Item = &str> + Clone {
+        let written = |topic: &usize| self.writer(*topic).is_some();
+        (0..self.topics.len()).filter(written).map(|topic| self.topics[topic].as_str())
+    }
+}
+
+/// What a port carries, for messages.
+pub(super) fn carries(port: &PortDeclaration) -> String {
+    match port.pattern {
+        TopicPattern::State => port.layout.type_name.clone(),
+        TopicPattern::Stream { .. } => format!("stream of {}", port.layout.type_name),
+    }
+}
+
+/// Finds the port and the topic of every wire.
+pub(super) fn resolve(drafts: &[Draft<'_, '_>], report: &mut Report) -> Wiring {
+    let mut wiring = Wiring { topics: Vec::new(), wires: Vec::new() };
+    for (component, draft) in drafts.iter().enumerate() {
+        let mut entries: Vec<(Direction, &(String, At<TopicName>))> = Vec::new();
+        let sides = [(Direction::Input, &draft.table.subscribe), (Direction::Output, &draft.table.publish)];
+        for (direction, side) in sides {
+            let Some(Named(side)) = good(side) else { continue };
+            used_twice(side, direction, report);
+            entries.extend(side.iter().map(|entry| (direction, entry)));
+        }
+        entries.sort_by_key(|(_, (_, at))| at.key.start);
+        for (direction, (port, at)) in entries {
+            let index = draft.ports(direction).position(|declared| declared.name == *port);
+            if index.is_none() && draft.declaration.is_some() {
+                unknown_port(draft, direction, port, &at.key, report);
+            }
+            let topic = at.get().map(|TopicName(name)| {
+                wiring.topic(name).unwrap_or_else(|| {
+                    wiring.topics.push(name.clone());
+                    wiring.topics.len() - 1
+                })
+            });
+            let (port, span) = (port.clone(), at.span.clone());
+            wiring.wires.push(Wire { component, port, index, direction, topic, span });
+        }
+    }
+    for (component, draft) in drafts.iter().enumerate() {
+        required(component, draft, &wiring, report);
+        nothing_to_do(component, draft, &wiring, report);
+    }
+    wiring
+}
+
+/// Two ports of one table on one topic: one of them is a mistake.
+fn used_twice(side: &[(String, At<TopicName>)], direction: Direction, report: &mut Report) {
+    for (index, (port, at)) in side.iter().enumerate() {
+        let Some(topic) = at.get() else { continue };
+        let Some((other, first)) = side[..index].iter().find(|(_, other)| other.get() == Some(topic)) else {
+            continue;
+        };
+        let (verb, advice) = match direction {
+            Direction::Input => ("subscribe to", "wire one of them to the topic that was meant"),
+            Direction::Output => ("publish", "give each output a topic of its own"),
+        };
+        report
+            .error(format!("the ports `{other}` and `{port}` both {verb} `{}`", topic.0))
+            .at(&at.span, "the same topic again")
+            .and(&first.span, "first here")
+            .advise(advice);
+    }
+}
+
+fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: &Span, report: &mut Report) {
+    let (word, other_side, other_table) = match direction {
+        Direction::Input => ("input", Direction::Output, "publish"),
+        Direction::Output => ("output", Direction::Input, "subscribe"),
+    };
+    let list = |direction: Direction| {
+        let ports: Vec<String> =
+            draft.ports(direction).map(|port| format!("`{}` ({})", port.name, carries(port))).collect();
+        if ports.is_empty() { "none".to_string() } else { ports.join(", ") }
+    };
+    let advice = if draft.ports(other_side).any(|declared| declared.name == port) {
+        let article = if other_side == Direction::Input { "an input" } else { "an output" };
+        Some(format!("`{port}` is {article}: wire it in `{other_table}`"))
+    } else {
+        let names = draft.ports(direction).map(|declared| declared.name.as_str());
+        nearest(port, names).map(|near| format!("did you mean `{near}`?"))
+    };
+    let diagnostic = report
+        .error(format!("{} has no {word} `{port}`", draft.what()))
+        .at(place, format!("unknown {word}"))
+        .note(format!("its {word}s: {}", list(direction)));
+    if let Some(advice) = advice {
+        diagnostic.advise(advice);
+    }
+}
+
+/// Every input that must be wired is.
+fn required(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
+    if draft.table.subscribe.as_ref().is_some_and(|at| at.get().is_none()) {
+        return;
+    }
+    for (index, port) in draft.ports(Direction::Input).enumerate() {
+        if !port.required || wiring.of_port(component, Direction::Input, index).is_some() {
+            continue;
+        }
+        let place = draft.table.subscribe.as_ref().map_or(&draft.place, |subscribe| &subscribe.key);
+        let advice = format!("add `subscribe = {{ {} = \"...\" }}`", port.name);
+        report
+            .error(format!("input `{}` of component `{}` is not wired", port.name, draft.name))
+            .at(place, format!("`{}` ({}) is missing", port.name, carries(port)))
+            .note(format!("`{}`: {}", port.name, port.doc))
+            .advise(advice);
+    }
+}
+
+/// A component none of whose ports is wired does nothing for anybody.
+fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
+    let Some(declaration) = &draft.declaration else { return };
+    if wiring.wires.iter().any(|wire| wire.component == component) {
+        return;
+    }
+    if declaration.ports.is_empty() {
+        report
+            .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
+            .at(&draft.place, "neither reads nor writes");
+    } else if declaration.ports.iter().all(|port| !port.required) {
+        // a required port that is missing has been reported already
+        let ports: Vec<String> =
+            declaration.ports.iter().map(|port| format!("`{}` ({})", port.name, carries(port))).collect();
+        report
+            .error(format!("component `{}` has nothing to do: none of its ports is wired", draft.name))
+            .at(&draft.place, "neither reads nor writes")
+            .note(format!("its ports: {}", ports.join(", ")))
+            .advise("wire at least one of them in `subscribe` or `publish`, or leave the component out");
+    }
+}

@@ -1,0 +1,45 @@
+//! The JSON Schema of graph files: for editors, which complete and check with it.
+
+use schemars::Schema;
+use schemars::generate::SchemaSettings;
+use serde_json::{Value as Json, json};
+
+use super::model::GraphTable;
+use super::values::NAME_PATTERN;
+use crate::component::Registry;
+
+/// The JSON Schema (draft 7, which editors know best) of graph files made of these kinds of components.
+pub fn schema(registry: &Registry) -> Schema {
+    let mut generator = SchemaSettings::draft07().for_deserialize().into_generator();
+    let configs: Vec<Json> =
+        registry.kinds().iter().map(|kind| kind.schema(&mut generator).to_value()).collect();
+    let mut schema = generator.into_root_schema_for::<GraphTable<'static>>();
+    for table in ["component", "robot"] {
+        if let Some(names) = schema.pointer_mut(&format!("/properties/{table}")).and_then(Json::as_object_mut)
+        {
+            names.insert("propertyNames".into(), json!({ "pattern": NAME_PATTERN }));
+        }
+    }
+    if let Some(component) = schema.pointer_mut("/definitions/Component").and_then(Json::as_object_mut) {
+        let kinds = registry.kinds().iter();
+        let names: Vec<Json> =
+            kinds.clone().map(|kind| json!({ "const": kind.name, "description": kind.summary })).collect();
+        if let Some(kind) = component.get_mut("properties").and_then(|keys| keys.get_mut("kind")) {
+            kind["oneOf"] = Json::Array(names);
+        }
+        let mut rules = vec![exactly_one("kind", "exec"), exactly_one("rate", "trigger")];
+        rules.push(json!({ "if": { "required": ["phase"] }, "then": { "required": ["rate"] } }));
+        rules.extend(kinds.zip(configs).map(|(kind, config)| {
+            json!({
+                "if": { "properties": { "kind": { "const": kind.name } }, "required": ["kind"] },
+                "then": { "properties": { "config": config } },
+            })
+        }));
+        component.insert("allOf".into(), Json::Array(rules));
+    }
+    schema
+}
+
+fn exactly_one(one: &str, other: &str) -> Json {
+    json!({ "oneOf": [{ "required": [one] }, { "required": [other] }] })
+}
