@@ -20,9 +20,8 @@ struct BodyState {
 
 /// Workspace for the kinematics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
-/// Call [`update`](Self::update) or [`update_with_velocity`](Self::update_with_velocity), then ask. Every method panics
-/// when it is given a slice of another length than the model's, or another model than the one it was made for has
-/// a different number of bodies.
+/// Call [`update`](Self::update) or [`update_with_velocity`](Self::update_with_velocity), then ask. Methods panic on slices
+/// and matrices of another size than the model's, and on a model with another number of bodies.
 #[derive(Clone, Debug)]
 pub struct Kinematics {
     bodies: Vec<BodyState>,
