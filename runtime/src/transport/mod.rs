@@ -9,6 +9,8 @@ mod observer;
 mod output;
 mod parameter;
 mod pooled;
+#[cfg(test)]
+mod tests;
 mod topic;
 mod variant;
 
