@@ -8,6 +8,6 @@ mod rapier;
 mod simulator;
 mod world;
 
-pub use rapier::{BuildError, BuildWarning, Contacts, Options, Rapier};
+pub use rapier::{BuildError, BuildWarning, Contacts, Enclose, Options, Rapier};
 pub use simulator::{Contact, JointCommand, ObjectId, ResetError, Simulator, StepError, StepReport};
 pub use world::{Ground, Object, ObjectShape, World, WorldError};

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::arm::Arm;
 use super::proximity::{ENTER, Proximity};
-use super::scene::Scene;
+use super::scene::{Enclose, Scene};
 use super::surfaces::{self, Owner, PairTable, Surface};
 use super::{Options, Rapier, State};
 use crate::articulated::{Articulated, JointProperties};
@@ -103,7 +103,7 @@ impl Rapier {
         let mut warnings = Vec::new();
         let surfaces = surfaces::list(&model, &world, options.friction, &mut warnings);
         let joints = JointProperties::of(&model, options.armature);
-        let (scene, arm) = populate(&model, &world, &options, &surfaces);
+        let (scene, arm) = populate(&model, &world, &options, &surfaces, |call| call());
         let pairs = PairTable::new(&surfaces, &model, &world, options.self_collision);
         let mut simulation = Self {
             gravity: Vector3::from(world.gravity),
@@ -189,8 +189,9 @@ pub(super) fn populate(
     world: &World,
     options: &Options,
     surfaces: &[Surface],
+    enclose: Enclose,
 ) -> (Scene, Arm) {
-    let mut scene = Scene::new(world, options.contact_iterations);
+    let mut scene = Scene::new(world, options.contact_iterations, enclose);
     let arm = Arm::new(model, &JointProperties::of(model, options.armature), &mut scene);
     for (index, surface) in surfaces.iter().enumerate() {
         let body = match surface.owner {

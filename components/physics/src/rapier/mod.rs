@@ -24,6 +24,7 @@ use arm::{Arm, DriveAction};
 pub use build::{BuildError, BuildWarning};
 pub use options::{Contacts, Options};
 use proximity::{ENTER, LEAVE, Proximity};
+pub use scene::Enclose;
 use scene::Scene;
 use surfaces::{Owner, PairTable, Surface};
 
@@ -97,6 +98,12 @@ impl Rapier {
         &self.options
     }
 
+    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart,
+    /// for one. The pipeline runs while the robot is near a contact, or an object moves.
+    pub fn enclose_rapier(&mut self, enclose: Enclose) {
+        self.scene.set_enclosure(enclose);
+    }
+
     fn step_free(&mut self, dt: f64) -> Result<StepReport, StepError> {
         let h = dt / self.options.substeps as f64;
         let mut report = StepReport::default();
@@ -116,6 +123,7 @@ impl Rapier {
 
     fn step_contact(&mut self, dt: f64) -> Result<StepReport, StepError> {
         let mut report = StepReport { near_contact: true, ..StepReport::default() };
+        self.scene.disturb();
         self.arm.set_enabled(&mut self.scene, true);
         if self.stale {
             self.arm.place(&self.model, &mut self.scene, &self.state.q);
@@ -249,7 +257,7 @@ impl Simulator for Rapier {
         } else {
             let report = self.step_free(dt)?;
             self.arm.set_enabled(&mut self.scene, false);
-            if self.scene.lively {
+            if !self.scene.is_at_rest() {
                 self.scene.step(dt, &self.gravity, &self.pairs);
             }
             report
@@ -289,7 +297,9 @@ impl Simulator for Rapier {
         self.kinematics.update(&self.model, q);
         self.articulated.forget();
         // A fresh scene: rapier warm-starts from old contacts, and a run must depend on its start alone.
-        (self.scene, self.arm) = build::populate(&self.model, &self.world, &self.options, &self.surfaces);
+        let enclose = self.scene.enclosure();
+        (self.scene, self.arm) =
+            build::populate(&self.model, &self.world, &self.options, &self.surfaces, enclose);
         self.near = false;
         self.stale = true;
         Ok(())
@@ -301,6 +311,7 @@ impl Simulator for Rapier {
 
     fn set_gravity(&mut self, gravity: Vector3<f64>) {
         self.gravity = gravity;
+        self.scene.disturb();
     }
 
     fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {

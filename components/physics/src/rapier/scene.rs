@@ -14,14 +14,26 @@ use super::inertia::{MILLIGRAMS, mass_properties};
 use super::surfaces::{PairTable, Surface};
 use crate::{Contact, World};
 
+/// Runs the call it is given. A caller may so see rapier's own doings apart, its allocations above all.
+pub type Enclose = fn(&mut dyn FnMut());
+
+/// Objects slower than this (m/s, rad/s) count as still.
+const STILL: (f64, f64) = (1e-3, 1e-2);
+
+/// Objects still for this long \[s\] rest until something changes.
+const REST_AFTER: f64 = 0.5;
+
 /// Rapier's world.
 pub(super) struct Scene {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) multibodies: MultibodyJointSet,
     pub(super) objects: Vec<RigidBodyHandle>,
-    /// Whether any object can move.
-    pub(super) lively: bool,
+    /// Objects that can move.
+    movable: Vec<RigidBodyHandle>,
+    /// How long no object has moved \[s\].
+    quiet: f64,
+    enclose: Enclose,
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
     islands: IslandManager,
@@ -34,7 +46,7 @@ pub(super) struct Scene {
 
 impl Scene {
     /// Rapier with the objects of `world`, without their surfaces.
-    pub(super) fn new(world: &World, contact_iterations: usize) -> Self {
+    pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
         // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g sink
         // in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms, without bouncing.
         let softness = SpringCoefficients::new(500.0, 5.0);
@@ -51,7 +63,7 @@ impl Scene {
             ..IntegrationParameters::default()
         };
         let mut bodies = RigidBodySet::new();
-        let objects = world
+        let objects: Vec<_> = world
             .objects
             .iter()
             .map(|object| {
@@ -76,8 +88,14 @@ impl Scene {
             bodies,
             colliders: ColliderSet::new(),
             multibodies: MultibodyJointSet::new(),
+            movable: objects
+                .iter()
+                .zip(&world.objects)
+                .filter_map(|(handle, object)| object.is_dynamic().then_some(*handle))
+                .collect(),
             objects,
-            lively: world.objects.iter().any(|object| object.is_dynamic()),
+            quiet: 0.0,
+            enclose,
             parameters,
             pipeline: PhysicsPipeline::new(),
             islands: IslandManager::new(),
@@ -114,21 +132,50 @@ impl Scene {
     /// One step of `dt` \[s\] of everything that is enabled.
     pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
         self.parameters.dt = dt;
-        self.pipeline.step(
-            convert::vector(gravity),
-            &self.parameters,
-            &mut self.islands,
-            &mut self.broad_phase,
-            &mut self.narrow_phase,
-            &mut self.bodies,
-            &mut self.colliders,
-            &mut self.joints,
-            &mut self.multibodies,
-            &mut self.soft_bodies,
-            &mut self.ccd,
-            pairs,
-            &(),
-        );
+        let gravity = convert::vector(gravity);
+        let enclose = self.enclose;
+        enclose(&mut || {
+            self.pipeline.step(
+                gravity,
+                &self.parameters,
+                &mut self.islands,
+                &mut self.broad_phase,
+                &mut self.narrow_phase,
+                &mut self.bodies,
+                &mut self.colliders,
+                &mut self.joints,
+                &mut self.multibodies,
+                &mut self.soft_bodies,
+                &mut self.ccd,
+                pairs,
+                &(),
+            );
+        });
+        let still = |handle: &RigidBodyHandle| {
+            let body = &self.bodies[*handle];
+            body.linvel().length() < STILL.0 && body.angvel().length() < STILL.1
+        };
+        self.quiet = if self.movable.iter().all(still) { self.quiet + dt } else { 0.0 };
+    }
+
+    /// Whether the objects, left alone by the robot, stay as they are: none can move, or all have come to rest.
+    ///
+    /// Rapier's own sleeping would do the same, but its pipeline allocates even when all sleep.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.movable.is_empty() || self.quiet >= REST_AFTER
+    }
+
+    /// Something changed: what rests must show again that it does.
+    pub(super) fn disturb(&mut self) {
+        self.quiet = 0.0;
+    }
+
+    pub(super) fn enclosure(&self) -> Enclose {
+        self.enclose
+    }
+
+    pub(super) fn set_enclosure(&mut self, enclose: Enclose) {
+        self.enclose = enclose;
     }
 
     /// Integration step inside a step of `dt` \[s\].
@@ -142,7 +189,8 @@ impl Scene {
 
     pub(super) fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         let body = &self.bodies[self.objects[index]];
-        (convert::vector_back(body.linvel()), convert::vector_back(body.angvel()))
+        let moving = if self.is_at_rest() { 0.0 } else { 1.0 };
+        (convert::vector_back(body.linvel()) * moving, convert::vector_back(body.angvel()) * moving)
     }
 
     /// Places an object and stops it.
@@ -153,6 +201,7 @@ impl Scene {
         body.set_position(convert::pose(pose), true);
         body.set_linvel(Vector::ZERO, true);
         body.set_angvel(Vector::ZERO, true);
+        self.disturb();
     }
 
     /// The first object whose state is not a number any more.

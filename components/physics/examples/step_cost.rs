@@ -1,0 +1,106 @@
+//! What a step of one millisecond costs, for the settings a user can choose.
+//!
+//! ```sh
+//! cargo run --release -p motorium-physics --example step_cost
+//! ```
+
+use std::path::Path;
+use std::time::Instant;
+
+use motorium_physics::{
+    Contacts, Ground, JointCommand, Object, ObjectShape, Options, Rapier, Simulator, World,
+};
+use motorium_robots::load;
+
+const DT: f64 = 1e-3;
+const STEPS: usize = 20_000;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("panda, us per 1 ms step over {STEPS} steps: median, 99 %, worst");
+    let always =
+        |contact_iterations| Options { contacts: Contacts::Always, contact_iterations, ..Options::default() };
+    let empty = World::default();
+    let ground = World { ground: Some(Ground::default()), ..World::default() };
+    let mut cube = Object {
+        name: "cube".to_owned(),
+        shape: ObjectShape::Box { size: [0.05; 3] },
+        mass: Some(0.1),
+        position: [0.9, 0.0, 0.025],
+        rpy: [0.0; 3],
+        friction: 0.8,
+        restitution: 0.0,
+    };
+    let with_cube = World { objects: vec![cube.clone()], ..ground.clone() };
+    // Under the hand, so that the contact solver is always at work.
+    cube.position = [0.55, 0.0, 0.0];
+    measure("joint-space integrator, empty world", &empty, Options::default(), 0.0)?;
+    measure("joint-space integrator, ground", &ground, Options::default(), 0.0)?;
+    measure("joint-space integrator, ground, one cube", &with_cube, Options::default(), 0.0)?;
+    for iterations in [1, 2, 4] {
+        measure(&format!("rapier, {iterations} iterations, empty world"), &empty, always(iterations), 0.0)?;
+        measure(
+            &format!("rapier, {iterations} iterations, ground, cube"),
+            &with_cube,
+            always(iterations),
+            0.0,
+        )?;
+        let options = Options { contact_iterations: iterations, ..Options::default() };
+        measure(
+            &format!("{iterations} iterations, hand pressed on a block"),
+            &with_block()?,
+            options,
+            -0.12,
+        )?;
+    }
+    Ok(())
+}
+
+/// A fixed block that ends just under the hand at home.
+fn with_block() -> Result<World, Box<dyn std::error::Error>> {
+    let panda = load("panda", Path::new("."))?;
+    let profile = panda.profile.ok_or("the catalogue's panda has a profile")?;
+    let mut kinematics = motorium_robots::Kinematics::new(&panda.model);
+    kinematics.update(&panda.model, profile.home(&panda.model)?.as_slice());
+    let tip = kinematics.pose(&panda.model, panda.model.frame("panda_hand_tcp")?).translation;
+    let height = tip.z - 0.02;
+    let block = Object {
+        name: "block".to_owned(),
+        shape: ObjectShape::Box { size: [0.3, 0.3, height] },
+        mass: None,
+        position: [tip.x, tip.y, 0.5 * height],
+        rpy: [0.0; 3],
+        friction: 0.8,
+        restitution: 0.0,
+    };
+    Ok(World { ground: Some(Ground::default()), objects: vec![block], ..World::default() })
+}
+
+/// Swings every joint about home, or presses down by bending the shoulder by `-lean`.
+fn measure(name: &str, world: &World, options: Options, lean: f64) -> Result<(), Box<dyn std::error::Error>> {
+    let panda = load("panda", Path::new("."))?;
+    let profile = panda.profile.ok_or("the catalogue's panda has a profile")?;
+    let home = profile.home(&panda.model)?;
+    let gains = profile.gains(&panda.model)?;
+    let mut simulation = Rapier::new(panda.model, world.clone(), home.as_slice(), options)?;
+    let mut times = Vec::with_capacity(STEPS);
+    let mut near = 0;
+    for step in 0..STEPS {
+        let swing = if lean == 0.0 { 0.15 * (step as f64 * 2.0 * DT).sin() } else { 0.0 };
+        for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
+            let goal = home[i] + if i < 7 { swing } else { 0.0 } - if i == 1 { lean } else { 0.0 };
+            *command = JointCommand::hold(goal, gains.kp[i], gains.kd[i]);
+        }
+        let start = Instant::now();
+        near += usize::from(simulation.step(DT)?.near_contact);
+        times.push(start.elapsed().as_nanos() as f64 / 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    println!(
+        "{name:44} {:7.2} {:7.2} {:7.2}   contact solver in {:3} % of the steps",
+        times[STEPS / 2],
+        times[STEPS * 99 / 100],
+        times[STEPS - 1],
+        100 * near / STEPS
+    );
+    Ok(())
+}
