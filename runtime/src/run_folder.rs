@@ -110,7 +110,7 @@ impl RunFolder {
                 (made, Self::open(&entry.path()))
             })
             .collect();
-        runs.sort_by(|a, b| b.0.cmp(&a.0));
+        runs.sort_by_key(|(made, _)| std::cmp::Reverse(*made));
         runs.into_iter().map(|(_, run)| run).collect()
     }
 

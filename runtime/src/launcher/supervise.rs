@@ -62,8 +62,8 @@ impl Launch<'_> {
                 self.safe_stop(reason, observe);
                 return Exit::SafeStop { reason: reason.to_string() };
             }
-            for index in 0..self.children.len() {
-                let verdict = self.look_after(index, &mut care[index], services, observe);
+            for (index, care) in care.iter_mut().enumerate() {
+                let verdict = self.look_after(index, care, services, observe);
                 if let Some(Verdict::Fatal(reason)) = verdict {
                     self.safe_stop(&reason, observe);
                     return Exit::SafeStop { reason };

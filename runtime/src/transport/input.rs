@@ -101,7 +101,7 @@ impl<T: StateBuffer> Input<T> {
     }
 
     /// The next valid sample of a stream, in order, if there is one that has not been read.
-    pub fn next(&mut self) -> Option<Reading<'_, T>> {
+    pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         loop {
             let sample = self.receive()?;
             if self.admit(&sample) {

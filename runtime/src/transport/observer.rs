@@ -67,7 +67,7 @@ impl Observer {
     }
 
     /// The next unread sample.
-    pub fn next(&self) -> Option<Observed> {
+    pub fn next_unread(&self) -> Option<Observed> {
         let sample = self.subscriber.receive().ok().flatten()?;
         // SAFETY: the payload of a fixed-size custom sample is one value of `layout.size` bytes; it is held while
         // the bytes are copied.

@@ -154,7 +154,7 @@ fn a_stream_gives_every_sample_in_order_and_counts_what_it_lost() {
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     let read = |input: &mut Input<Wrench>| {
         let mut seen = Vec::new();
-        while let Some(reading) = input.next() {
+        while let Some(reading) = input.next_unread() {
             seen.push(reading.force[0]);
         }
         seen
@@ -298,7 +298,7 @@ fn an_observer_sees_the_samples_without_being_part_of_the_graph() {
     let mut output = bench.output::<Wrench>();
     let observer = Observer::open(&bench.folder.domain().unwrap(), bench.topic()).unwrap();
     output.send(&wrench(2.5)).unwrap();
-    let seen = observer.next().unwrap();
+    let seen = observer.next_unread().unwrap();
     assert_eq!(seen.stamp.sequence, 1);
     assert_eq!(seen.bytes.len(), size_of::<Wrench>());
     assert_eq!(f64::from_le_bytes(seen.bytes[..8].try_into().unwrap()), 2.5);
