@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::diagnostic::{Diagnostic, Severity};
+use super::diagnostic::{Diagnostic, DiagnosticReport, Severity};
 
 /// Everything that was found wrong with a graph; at least one error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -19,6 +19,11 @@ impl GraphError {
     /// Errors and warnings in the order of the file.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
+    }
+
+    /// Errors and warnings as data.
+    pub fn reports(&self) -> Vec<DiagnosticReport> {
+        self.diagnostics.iter().map(Diagnostic::report).collect()
     }
 
     /// All of them with the lines of the file they are about, and a line that counts them.
