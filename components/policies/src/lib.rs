@@ -3,6 +3,7 @@
 //! - [`dmp`]: discrete dynamic movement primitives for any number of dimensions, and for orientations.
 //! - [`reach`]: a hand led through a sequence of poses by them.
 //! - [`rotation`]: the exponential map they stand on.
+//! - [`component`]: `policy.dmp`, the reach as a component of a graph. Nothing else here knows the runtime.
 //!
 //! The models are plain libraries: construct, start, step. Only construction allocates.
 //!
@@ -26,6 +27,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod component;
 pub mod dmp;
 pub mod reach;
 pub mod rotation;
+
+pub use component::DmpPolicy;

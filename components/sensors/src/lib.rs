@@ -3,8 +3,9 @@
 //! - [`encoder`]: what a robot's joint sensors make of the true joint state.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
+//! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph. Nothing else here knows the runtime.
 //!
-//! Everything is a plain library: time comes in as nanoseconds, and only construction allocates.
+//! The models are plain libraries: time comes in as nanoseconds, and only construction allocates.
 //!
 //! ```
 //! use std::time::Duration;
@@ -23,6 +24,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod component;
 pub mod delay;
 pub mod encoder;
 pub mod noise;
+
+pub use component::JointEncoder;

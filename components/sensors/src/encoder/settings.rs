@@ -29,7 +29,7 @@ pub enum VelocitySource {
 }
 
 /// A robot's joint sensors; the default is ideal. Units are those of the joint: rad or, where it slides, m.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderSettings {
     /// Step of the position reading, rad (or m); 0 for a continuous one. A count of `n` bits is `2 pi / 2^n`.
@@ -46,20 +46,6 @@ pub struct EncoderSettings {
     pub latency_ns: u64,
     /// Seed of the noise.
     pub seed: u64,
-}
-
-impl Default for EncoderSettings {
-    fn default() -> Self {
-        Self {
-            resolution: PerJoint::Same(0.0),
-            position_noise: PerJoint::Same(0.0),
-            velocity_noise: PerJoint::Same(0.0),
-            effort_noise: PerJoint::Same(0.0),
-            velocity: VelocitySource::Measured,
-            latency_ns: 0,
-            seed: 0,
-        }
-    }
 }
 
 /// Why settings describe no sensor.
@@ -106,6 +92,13 @@ pub enum SettingsError {
         /// Readings that may be under way.
         limit: u64,
     },
+}
+
+impl Default for PerJoint {
+    /// 0 for all.
+    fn default() -> Self {
+        Self::Same(0.0)
+    }
 }
 
 impl PerJoint {

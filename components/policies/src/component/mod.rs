@@ -1,0 +1,172 @@
+//! `policy.dmp`: leads the hand of a robot through goals.
+
+mod config;
+mod course;
+mod origin;
+
+pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+
+use std::time::Duration;
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::state::PoseTarget;
+use motorium::worker::{Checkpoint, Output, Parameter, Setup};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use crate::reach::{PoseReach, ReachPhase};
+use course::Course;
+use origin::Origin;
+
+/// Leads the hand of a robot through goals, one movement primitive to each; see [`PoseReach`].
+///
+/// It starts from the measured pose of the hand (or a configured one) with the first joint state it sees, and publishes
+/// nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it was, it
+/// does not leap. After a crash it goes on towards the goal that was under way.
+#[derive(Debug)]
+pub struct DmpPolicy {
+    target: Output<PoseTarget>,
+    speed: Parameter<f64>,
+    origin: Origin,
+    course: Course,
+    reach: PoseReach,
+    /// Goals set out for before a crash.
+    goals_before: u64,
+    memory: Checkpoint,
+    last_tick_ns: Option<u64>,
+}
+
+/// The longest time one step makes up for, in periods.
+const LONGEST_STEP: u32 = 2;
+
+impl Component for DmpPolicy {
+    const KIND: &'static str = "policy.dmp";
+    const SUMMARY: &'static str = "leads a hand through goals by movement primitives";
+    type Config = DmpPolicyConfig;
+
+    fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let course = Course::new(config)?;
+        course.reach()?;
+        Origin::declare(config, declare)?;
+        declare.output::<PoseTarget>(
+            "target",
+            "where the hand should be and how it should move, in the world frame",
+        );
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the hand where it is");
+        Ok(())
+    }
+
+    fn configure(config: DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let course = Course::new(&config)?;
+        Ok(Self {
+            reach: course.reach()?,
+            course,
+            origin: Origin::new(&config, setup)?,
+            target: setup.output("target")?,
+            speed: setup.parameter("speed")?,
+            goals_before: 0,
+            memory: setup.checkpoint(Memory::NUMBERS)?,
+            last_tick_ns: None,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
+        if self.reach.phase() == ReachPhase::Waiting {
+            let Some(start) = self.origin.find()? else { return Ok(()) };
+            self.set_out(start)?;
+        } else {
+            let elapsed = tick.time_ns.saturating_sub(self.last_tick_ns.unwrap_or(tick.time_ns));
+            self.reach.step(Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP));
+        }
+        self.last_tick_ns = Some(tick.time_ns);
+        self.publish()
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({
+            "goals_set_out_for": self.goals(),
+            "goals": self.reach.legs(),
+            "finished": self.reach.phase() == ReachPhase::Finished,
+        }))
+    }
+}
+
+impl DmpPolicy {
+    /// Begins at `start`, or goes on after a crash with what was under way.
+    fn set_out(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
+        let refused = |_| StepError::failed("the hand has no finite pose to start from");
+        let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
+        let Some(memory) = memory.filter(|memory| memory.leg < self.reach.legs()) else {
+            self.course.aim(&mut self.reach, &start).map_err(refused)?;
+            return self.reach.start(start).map_err(refused);
+        };
+        self.course.aim(&mut self.reach, &memory.origin).map_err(refused)?;
+        self.goals_before = memory.goals - 1;
+        // a measured pose says where the hand has got to in the meantime; a configured one does not
+        let start = if self.origin.is_measured() { start } else { memory.pose };
+        self.reach.start_with(memory.leg, start).map_err(refused)
+    }
+
+    fn goals(&self) -> u64 {
+        self.goals_before + self.reach.goals_set()
+    }
+
+    fn publish(&mut self) -> Result<(), StepError> {
+        let (pose, twist) = (self.reach.pose(), self.reach.twist());
+        let at_goal = matches!(self.reach.phase(), ReachPhase::Dwelling | ReachPhase::Finished);
+        let memory =
+            Memory { leg: self.reach.leg(), goals: self.goals(), pose, origin: self.course.origin() };
+        self.memory.save(memory.numbers());
+        let mut target = self.target.loan()?;
+        *target = PoseTarget {
+            position: pose.translation.vector.into(),
+            orientation: pose.rotation.coords.into(),
+            linear_velocity: twist.linear.into(),
+            angular_velocity: twist.angular.into(),
+            goal: memory.goals,
+            at_goal: u64::from(at_goal),
+        };
+        target.publish()
+    }
+}
+
+/// What outlives a crash.
+struct Memory {
+    leg: usize,
+    goals: u64,
+    /// Where the target was.
+    pose: Isometry3<f64>,
+    /// Where the first leg began: goals may be given relative to it.
+    origin: Isometry3<f64>,
+}
+
+impl Memory {
+    const NUMBERS: usize = 16;
+
+    fn numbers(&self) -> [f64; Self::NUMBERS] {
+        let mut numbers = [0.0; Self::NUMBERS];
+        numbers[0] = self.leg as f64;
+        numbers[1] = self.goals as f64;
+        for (place, pose) in [(2, &self.pose), (9, &self.origin)] {
+            numbers[place..place + 3].copy_from_slice(pose.translation.vector.as_slice());
+            numbers[place + 3..place + 7].copy_from_slice(pose.rotation.coords.as_slice());
+        }
+        numbers
+    }
+
+    fn read(numbers: &[f64]) -> Option<Self> {
+        let pose = |place: usize| {
+            let at = |i: usize| numbers.get(place + i).copied();
+            let turn = Quaternion::new(at(6)?, at(3)?, at(4)?, at(5)?);
+            let rotation = UnitQuaternion::try_new(turn, 0.5)?;
+            Some(Isometry3::from_parts(Translation3::new(at(0)?, at(1)?, at(2)?), rotation))
+        };
+        let goals = *numbers.get(1)? as u64;
+        (goals > 0).then_some(Self {
+            leg: *numbers.first()? as usize,
+            goals,
+            pose: pose(2)?,
+            origin: pose(9)?,
+        })
+    }
+}
