@@ -1,0 +1,71 @@
+//! What the drives do when no command may be applied.
+
+use motorium::plan::SafeState;
+use motorium_robots::{Dynamics, Model, Profile};
+
+use crate::{JointCommand, Rapier, Simulator};
+
+/// Damping of the brake \[Nms/rad or Ns/m\]: whatever the speed, the effort limit acts until the joint stands.
+const BRAKE: f64 = 1e6;
+
+/// Knows the safe states and which one is in force.
+pub(super) struct SafeStates {
+    /// Gains where the last command had none, per joint: those of the robot's profile.
+    gains: Vec<(f64, f64)>,
+    in_force: Option<SafeState>,
+    gravity: Vec<f64>,
+}
+
+impl SafeStates {
+    pub(super) fn new(model: &Model, profile: Option<&Profile>) -> Self {
+        let gains = match profile.and_then(|profile| profile.gains(model).ok()) {
+            Some(gains) => gains.kp.iter().copied().zip(gains.kd.iter().copied()).collect(),
+            None => model.effort_limit().iter().map(|limit| default_gains(*limit)).collect(),
+        };
+        Self { gains, in_force: None, gravity: vec![0.0; model.nv()] }
+    }
+
+    /// A command was applied.
+    pub(super) fn leave(&mut self) {
+        self.in_force = None;
+    }
+
+    /// Puts the drives into the safe state `state` at its first step, and leaves them there. Without a state (a command
+    /// that cannot be followed), they hold.
+    pub(super) fn apply(
+        &mut self,
+        state: Option<SafeState>,
+        simulation: &mut Rapier,
+        dynamics: &mut Dynamics,
+    ) {
+        // A command that cannot be followed leaves a safe state as it is.
+        let state = state.or(self.in_force).unwrap_or(SafeState::Hold);
+        if self.in_force == Some(state) {
+            return;
+        }
+        self.in_force = Some(state);
+        let g = simulation.gravity();
+        dynamics.gravity(simulation.model(), simulation.positions(), g, &mut self.gravity);
+        for (i, (kp, kd)) in self.gains.iter().copied().enumerate() {
+            let position = simulation.positions()[i];
+            let effort = self.gravity[i];
+            let command = &mut simulation.commands_mut()[i];
+            *command = match state {
+                // Gravity is carried as well, or the arm would sag by as much as the gains are soft.
+                SafeState::Hold => {
+                    let (kp, kd) = if command.kp > 0.0 { (command.kp, command.kd) } else { (kp, kd) };
+                    JointCommand { effort, ..JointCommand::hold(position, kp, kd) }
+                }
+                SafeState::Damp => JointCommand { kd, ..JointCommand::default() },
+                SafeState::ZeroTorque => JointCommand::default(),
+                SafeState::Brake => JointCommand { kd: BRAKE, effort, ..JointCommand::default() },
+            };
+        }
+    }
+}
+
+/// For a robot without gains: full effort at a twentieth of a radian (or metre), and a tenth of that per second.
+fn default_gains(effort_limit: f64) -> (f64, f64) {
+    let kp = if effort_limit.is_finite() { 20.0 * effort_limit } else { 1000.0 };
+    (kp, 0.1 * kp)
+}

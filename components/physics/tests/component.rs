@@ -1,0 +1,188 @@
+//! `physics.rapier` in a graph: in lockstep, hosted in this process.
+
+use std::path::{Path, PathBuf};
+
+use motorium::component::{
+    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
+};
+use motorium::graph;
+use motorium::launcher::{Exit, Hosting, Options, Report, run};
+use motorium::state::{JointCommand, JointState};
+use motorium::telemetry::CountingAllocator;
+use motorium::worker::{Input, Output, Setup};
+use motorium_physics::RapierPhysics;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// Sends every joint to one offset from where it first saw it, until step `until`.
+#[derive(serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct DriverConfig {
+    offset: f64,
+    until: u64,
+    stiffness: f64,
+}
+
+struct Driver {
+    config: DriverConfig,
+    state: Input<JointState>,
+    command: Output<JointCommand>,
+    start: Option<Vec<f64>>,
+    last: Vec<f64>,
+}
+
+impl Component for Driver {
+    const KIND: &'static str = "test.driver";
+    const SUMMARY: &'static str = "sends joints to an offset";
+    type Config = DriverConfig;
+
+    fn declare(_: &DriverConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<JointState>("state", "where the joints are");
+        declare.output::<JointCommand>("command", "where they shall be");
+        Ok(())
+    }
+
+    fn configure(config: DriverConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let (state, command) = (setup.input("state")?, setup.output("command")?);
+        Ok(Self { config, state, command, start: None, last: Vec::new() })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let Some(state) = self.state.latest() else { return Ok(()) };
+        let start = self.start.get_or_insert_with(|| state.position().to_vec());
+        self.last.clear();
+        self.last.extend_from_slice(state.position());
+        if tick.index < self.config.until {
+            let mut command = self.command.loan()?;
+            command.set_count(start.len());
+            command.velocity_mut().fill(0.0);
+            command.effort_mut().fill(0.0);
+            command.stiffness_mut().fill(self.config.stiffness);
+            command.damping_mut().fill(50.0);
+            let goals =
+                start.iter().enumerate().map(|(i, q)| if i < 7 { q + self.config.offset } else { *q });
+            command.position_mut().iter_mut().zip(goals).for_each(|(position, goal)| *position = goal);
+            command.publish()?;
+        }
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "start": self.start, "last": self.last }))
+    }
+}
+
+fn registry() -> Registry {
+    let check = |urdf: &str, base: &Path| {
+        motorium_robots::load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+    };
+    Registry::new(RobotSource { check }, [Kind::of::<RapierPhysics>(), Kind::of::<Driver>()])
+}
+
+fn graph_text(driver: &str, physics: &str) -> String {
+    format!(
+        r#"
+name = "physics-test"
+clock = "lockstep"
+seed = 1
+
+[robot.panda]
+urdf = "panda"
+
+[component.physics]
+kind = "physics.rapier"
+robot = "panda"
+rate = "1 kHz"
+publish = {{ joint_state = "panda/joint_state" }}
+subscribe = {{ joint_command = "panda/joint_command" }}
+config = {{ {physics} }}
+
+[component.driver]
+kind = "test.driver"
+trigger = "panda/joint_state"
+subscribe = {{ state = "panda/joint_state" }}
+publish = {{ command = "panda/joint_command" }}
+config = {{ {driver} }}
+
+[safety]
+stale_after = "5 ms"
+safe_state = "hold"
+"#
+    )
+}
+
+fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
+    graph::check(&PathBuf::from("physics-test.toml"), text, &[], &registry(), &graph::Machine::detect())
+}
+
+fn run_for(seconds: u64, driver: &str, physics: &str) -> Report {
+    let mut plan = check(graph_text(driver, physics)).unwrap_or_else(|error| panic!("{error}")).plan;
+    plan.duration_ns = Some(seconds * 1_000_000_000);
+    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+    run(plan, &registry(), &options, &mut |_| ()).unwrap()
+}
+
+fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_commanded_arm_arrives_without_allocating_and_twice_the_same() {
+    let runs = [0, 1].map(|_| run_for(2, "offset = 0.1, until = 100000, stiffness = 2000.0", ""));
+    for report in &runs {
+        assert_eq!(report.exit, Exit::Finished, "{report:?}");
+        let driver = &report.results["driver"];
+        for (i, (start, last)) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])).enumerate() {
+            let goal = if i < 7 { start + 0.1 } else { *start };
+            assert!((last - goal).abs() < 0.02, "joint {i} at {last}, expected {goal}");
+        }
+        let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
+        assert_eq!(physics.allocations, Some(0));
+        assert!(report.results["physics"]["steps"].as_u64().unwrap() >= 1999);
+    }
+    assert!(runs[0].state_hash.is_some());
+    assert_eq!(runs[0].state_hash, runs[1].state_hash);
+}
+
+#[test]
+fn when_commands_cease_the_arm_holds_where_it_is() {
+    let report = run_for(2, "offset = 0.3, until = 50, stiffness = 500.0", "");
+    let physics = &report.results["physics"];
+    assert!(physics["steps_in_safe_state"].as_u64().unwrap() > 1900, "{physics}");
+    let driver = &report.results["driver"];
+    // 50 ms are not enough to get half way, and after that it must neither go on nor fall.
+    for (start, last) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])) {
+        assert!((last - start).abs() < 0.15, "{last}, started at {start}");
+    }
+}
+
+#[test]
+fn a_command_with_a_negative_gain_is_not_applied() {
+    let report = run_for(1, "offset = 0.5, until = 100000, stiffness = -10.0", "");
+    let physics = &report.results["physics"];
+    assert!(physics["commands_refused"].as_u64().unwrap() > 900, "{physics}");
+    let driver = &report.results["driver"];
+    for (start, last) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])) {
+        assert!((last - start).abs() < 0.01, "{last}, started at {start}");
+    }
+}
+
+#[test]
+fn mistakes_in_the_configuration_are_found_before_anything_runs() {
+    for (config, expected) in [
+        (r#"pose = "hom""#, "no pose is named"),
+        ("position = [0.0, 1.0]", "2 positions, expected 8"),
+        (r#"pose = "home", position = [0.0]"#, "both `pose` and `position`"),
+        ("world = { gravty = [0.0, 0.0, 0.0] }", "gravty"),
+        ("solver = { substeps = 0 }", "`substeps` is 0"),
+        (
+            r#"world = { objects = [{ name = "ground", shape = { sphere = { radius = 0.1 } }, position = [1.0, 0.0, 1.0] }] }"#,
+            "the ground plane",
+        ),
+    ] {
+        let driver = "offset = 0.1, until = 1, stiffness = 1.0";
+        let error = check(graph_text(driver, config)).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{config}: {error}");
+    }
+}
