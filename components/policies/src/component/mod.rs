@@ -170,3 +170,29 @@ impl Memory {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_outlives_a_crash_comes_back_as_it_was() {
+        let turned = |angle| UnitQuaternion::from_euler_angles(0.1, angle, -2.0);
+        let memory = Memory {
+            leg: 2,
+            goals: 17,
+            pose: Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.3), turned(1.0)),
+            origin: Isometry3::from_parts(Translation3::new(1.1, 1.2, -1.3), turned(-0.4)),
+        };
+        let back = Memory::read(&memory.numbers()).unwrap();
+        assert_eq!((back.leg, back.goals), (2, 17));
+        assert!((back.pose.to_homogeneous() - memory.pose.to_homogeneous()).norm() < 1e-15);
+        assert!((back.origin.to_homogeneous() - memory.origin.to_homogeneous()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_memory_that_was_never_written_is_none() {
+        assert!(Memory::read(&[0.0; Memory::NUMBERS]).is_none());
+        assert!(Memory::read(&[1.0; 3]).is_none());
+    }
+}
