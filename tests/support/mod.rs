@@ -1,0 +1,189 @@
+//! Starting graphs as a user would, and looking at what becomes of them.
+//!
+//! Every run takes the machine for itself: real-time processes of two tests at once would starve each other.
+
+#![allow(dead_code)] // each test file uses its part of this
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use motorium::launcher::Report;
+use motorium::os::Watch;
+use motorium::run_folder::RunFolder;
+
+pub const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");
+pub const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
+
+static MACHINE: Mutex<()> = Mutex::new(());
+
+/// The machine, for one test.
+pub fn machine() -> MutexGuard<'static, ()> {
+    MACHINE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// The workspace.
+pub fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
+}
+
+pub fn panda_reach() -> PathBuf {
+    workspace().join("graphs/panda-reach.toml")
+}
+
+pub fn is_root() -> bool {
+    rustix::process::getuid().is_root()
+}
+
+/// A run that has been started.
+pub struct Run {
+    child: Option<Child>,
+    pub folder: RunFolder,
+}
+
+impl Run {
+    /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
+    pub fn start(graph: &Path, arguments: &[&str]) -> Self {
+        let before: Vec<String> = RunFolder::list().iter().map(|run| run.id().to_string()).collect();
+        let child = Command::new(MOTORIUM)
+            .arg("run")
+            .arg(graph)
+            .arg("--json")
+            .args(arguments)
+            .current_dir(workspace())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("motorium starts");
+        let mut run = Self { child: Some(child), folder: RunFolder::open(Path::new("/none")) };
+        let started = Instant::now();
+        loop {
+            let new = RunFolder::list().into_iter().find(|run| !before.contains(&run.id().to_string()));
+            let stepping = new.as_ref().and_then(|folder| folder.region().ok()).is_some_and(|region| {
+                !region.components().is_empty() && region.components().iter().all(|block| steps(block) > 20)
+            });
+            if let (Some(folder), true) = (new, stepping) {
+                run.folder = folder;
+                return run;
+            }
+            let child = run.child.as_mut().expect("the run has a process");
+            if child.try_wait().expect("the process can be asked").is_some() {
+                panic!("the run ended before it stepped:\n{}", run.text());
+            }
+            assert!(started.elapsed() < Duration::from_secs(60), "the run does not step");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    pub fn launcher(&self) -> u32 {
+        self.child.as_ref().expect("the run has a process").id()
+    }
+
+    pub fn guard(&self) -> u32 {
+        let region = self.folder.region().expect("the run has a region");
+        region.header().guard.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    pub fn pid_of(&self, component: &str) -> u32 {
+        let plan = self.folder.plan().expect("the run has a plan");
+        let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
+        let region = self.folder.region().expect("the run has a region");
+        region.components()[index].pid.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    /// Waits for the end; exit code, report, standard error.
+    pub fn finish(mut self) -> Ended {
+        let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
+        Ended::of(&output)
+    }
+
+    fn text(&mut self) -> String {
+        let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn steps(block: &motorium::region::ComponentBlock) -> u64 {
+    block.steps.load(std::sync::atomic::Ordering::Relaxed)
+}
+
+/// A run that has ended.
+pub struct Ended {
+    pub code: Option<i32>,
+    pub report: Option<Report>,
+    pub stderr: String,
+}
+
+impl Ended {
+    pub fn of(output: &Output) -> Self {
+        Self {
+            code: output.status.code(),
+            report: serde_json::from_slice(&output.stdout).ok(),
+            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        }
+    }
+
+    pub fn report(&self) -> &Report {
+        self.report.as_ref().unwrap_or_else(|| panic!("no report; standard error:\n{}", self.stderr))
+    }
+}
+
+/// Runs a graph to its end.
+pub fn run(graph: &Path, arguments: &[&str]) -> Ended {
+    let output = Command::new(MOTORIUM)
+        .arg("run")
+        .arg(graph)
+        .arg("--json")
+        .args(arguments)
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .output()
+        .expect("motorium starts");
+    Ended::of(&output)
+}
+
+pub fn kill(pid: u32) {
+    signal(pid, rustix::process::Signal::KILL);
+}
+
+pub fn signal(pid: u32, signal: rustix::process::Signal) {
+    let pid = rustix::process::Pid::from_raw(pid as i32).expect("a process id");
+    rustix::process::kill_process(pid, signal).expect("the process is there");
+}
+
+/// Waits until a process has ended.
+pub fn await_end(pid: u32) {
+    if let Ok(watch) = Watch::new(pid) {
+        assert!(watch.wait(Some(Duration::from_secs(20))), "process {pid} does not end");
+    }
+}
+
+/// Everything of a run in shared memory: there must be nothing once it has ended.
+pub fn leftovers(run: &str) -> Vec<String> {
+    std::fs::read_dir("/dev/shm")
+        .expect("there is shared memory")
+        .flatten()
+        .flat_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let inside: Vec<String> = std::fs::read_dir(entry.path())
+                .into_iter()
+                .flatten()
+                .flatten()
+                .map(|inner| format!("{name}/{}", inner.file_name().to_string_lossy()))
+                .collect();
+            std::iter::once(name).chain(inside)
+        })
+        .filter(|name| name.contains(run))
+        .collect()
+}
