@@ -21,6 +21,8 @@ use safe::SafeStates;
 /// state is, as it is before the first command. When steps were skipped the simulation makes up for up to four of them,
 /// so that the robot does not stand still while its clock goes on.
 ///
+/// After a crash the robot goes on from where it was, the objects from the start.
+///
 /// Heap allocations inside rapier (see [`Contacts`](crate::Contacts)) are counted apart.
 pub struct RapierPhysics {
     command: Input<CommandBuffer>,

@@ -14,7 +14,9 @@ pub struct Options {
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
     /// Integration steps, each with one sweep of the contact solver, per step while the contact solver runs. They are
-    /// what contact costs (each assembles and factors the mass matrix), and what makes contacts stiff.
+    /// what contact costs, since each assembles and factors the mass matrix: a Panda pressing on a block takes about 36,
+    /// 46 and 68 us a step with 1, 2 and 4 of them (`examples/step_cost.rs`). Two hold a grasp and keep well inside a
+    /// millisecond; more follow fast impacts better.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
     /// Whether the robot's own links touch one another. Links that share a joint, links on one parent (two fingers),
