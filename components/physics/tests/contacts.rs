@@ -169,7 +169,7 @@ fn the_panda_closes_its_hand_on_a_cube_and_lifts_it() {
     let mut cube =
         object("cube", ObjectShape::Box { size: [0.04; 3] }, Some(0.1), [grasp.x, grasp.y, grasp.z]);
     cube.friction = 1.0;
-    let options = Options { friction: 1.0, contact_iterations: 4, ..Options::default() };
+    let options = Options { friction: 1.0, ..Options::default() };
     let mut simulation =
         Rapier::new(panda.model, grounded(vec![pillar, cube]), home.as_slice(), options).unwrap();
     let mut goal = home.as_slice().to_vec();
