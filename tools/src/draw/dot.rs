@@ -1,0 +1,55 @@
+//! DOT: text for Graphviz.
+
+use std::fmt::Write as _;
+
+use motorium::plan::Plan;
+
+use super::text::escape;
+use super::wires::wires;
+use super::words;
+
+/// The graph in the DOT language.
+pub(crate) fn dot(plan: &Plan) -> String {
+    let mut text = format!("digraph \"{}\" {{\n", quote(&plan.name));
+    text.push_str("    rankdir=LR;\n");
+    text.push_str("    node [shape=box, style=rounded, fontname=\"Helvetica\", fontsize=11];\n");
+    text.push_str("    edge [fontname=\"Helvetica\", fontsize=10];\n");
+    for (index, component) in plan.components.iter().enumerate() {
+        let mut lines =
+            vec![format!("<b>{}</b>", escape(&component.name)), escape(&words::program(component))];
+        lines.extend(words::facts(component, plan).iter().map(|fact| escape(fact)));
+        let _ = writeln!(text, "    c{index} [label=<{}>];", lines.join("<br/>"));
+    }
+    for wire in wires(plan) {
+        let style = if wire.wakes { "solid" } else { "dashed" };
+        let colour = if wire.budgeted { ", color=\"#d9480f\", penwidth=2" } else { "" };
+        let label = label(plan, wire.topic);
+        let _ = writeln!(
+            text,
+            "    c{} -> c{} [label=<{label}>, style={style}{colour}];",
+            wire.writer, wire.reader
+        );
+    }
+    for (index, topic) in plan.topics.iter().enumerate().filter(|(_, topic)| topic.readers.is_empty()) {
+        let _ = writeln!(text, "    t{index} [shape=point];");
+        let _ = writeln!(
+            text,
+            "    c{} -> t{index} [label=<{}>, style=dashed];",
+            topic.writer,
+            label(plan, index)
+        );
+    }
+    text.push_str("}\n");
+    text
+}
+
+fn label(plan: &Plan, topic: usize) -> String {
+    let mut lines = vec![escape(&plan.topics[topic].name), escape(&words::carried(&plan.topics[topic]))];
+    let latencies = plan.latencies.iter().filter(|latency| latency.to == topic);
+    lines.extend(latencies.map(|latency| escape(&words::latency(latency, plan))));
+    lines.join("<br/>")
+}
+
+fn quote(text: &str) -> String {
+    text.replace('\\', "\\\\").replace('"', "\\\"")
+}

@@ -1,0 +1,43 @@
+//! Graphs drawn: as Mermaid, as DOT, and as a picture with a layout of our own.
+//!
+//! * [`words`]: what is written on components and topics, the same in every format;
+//! * [`wires`]: the edges of the graph, and those that carry a latency budget;
+//! * [`layers`], [`card`], [`placement`]: columns from left to right, boxes, then places;
+//! * [`mod@svg`], [`style`]: the picture.
+
+mod card;
+mod dot;
+mod layers;
+mod mermaid;
+mod placement;
+mod style;
+mod svg;
+mod text;
+mod wires;
+mod words;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use dot::dot;
+pub(crate) use mermaid::mermaid;
+pub(crate) use svg::svg;
+
+/// What was measured while the graph ran, in words, for a picture of a living run. Indices are those of the plan; what
+/// is left out or shorter than the plan is not drawn.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(not(test), expect(dead_code, reason = "pictures of living runs are drawn by tests only so far"))]
+pub(crate) struct Measured {
+    /// By component: such as `999.9 Hz`.
+    pub(crate) rates: Vec<Option<String>>,
+    /// By topic: latency from the source time to its publication, such as `p99 212 us`.
+    pub(crate) topics: Vec<Option<String>>,
+    /// By latency budget: such as `p99 231 us, 0 missed`.
+    pub(crate) latencies: Vec<Option<String>>,
+}
+
+impl Measured {
+    fn of(values: &[Option<String>], index: usize) -> Option<&str> {
+        values.get(index)?.as_deref()
+    }
+}
