@@ -51,8 +51,8 @@ impl core::fmt::Display for Override {
 /// A step of a path: the key and its place in the override.
 type Step<'i> = Spanned<DeString<'i>>;
 
-/// Puts an override, which is the text `source`, into the tables of the graph. `padded` is its value with blanks before
-/// it, see [`Source::padded`].
+/// Puts an override, which is the text `source`, into the tables of the graph. `padded` is its value as a
+/// parser wants it, see [`Source::padded`].
 pub(super) fn apply<'i>(
     graph: &mut DeTable<'i>,
     setting: &'i Override,
@@ -81,8 +81,13 @@ fn read_value<'i>(
 ) -> Option<Value<'i>> {
     let start = source.start + setting.path.len() + 1;
     let span = start..start + setting.value.len();
-    match DeValue::parse(padded) {
-        Ok(value) => Some(value),
+    let parsed = DeTable::parse(padded).map(|table| {
+        let mut values = table.into_inner().into_iter();
+        values.next().filter(|_| values.next().is_none())
+    });
+    match parsed {
+        Ok(Some((_, value))) => Some(value),
+        Ok(None) => Some(Spanned::new(span, DeValue::String(Cow::Borrowed(&setting.value)))),
         Err(error) if setting.value.starts_with(['[', '{', '"', '\'']) => {
             report
                 .error(format!("the value of `{}` is not TOML: {}", setting.path, error.message()))

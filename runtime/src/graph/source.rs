@@ -40,9 +40,11 @@ impl Source {
         (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
 
-    /// The text with blanks before it, so that a parser counts its offsets in the shared range.
+    /// The text from byte `from` (at least 2) on as the value of a key, with blanks before it, so that a parser counts
+    /// its offsets in the shared range.
     pub(super) fn padded(&self, from: usize) -> String {
-        let mut padded = " ".repeat(self.start + from);
+        let mut padded = " ".repeat(self.start + from - 2);
+        padded.push_str("v=");
         padded.push_str(&self.text[from..]);
         padded
     }
