@@ -35,3 +35,8 @@ pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) {
 pub fn futex_wake(word: &AtomicU32) {
     let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
 }
+
+/// Lets others of the same priority run on this core first.
+pub fn yield_core() {
+    rustix::thread::sched_yield();
+}

@@ -8,7 +8,7 @@ use super::Failure;
 use super::grid::Grid;
 use super::stepper::{Stepper, Timing};
 use crate::component::Component;
-use crate::os::{monotonic_ns, sleep_until};
+use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
 use crate::transport::Shared;
 
@@ -36,16 +36,22 @@ pub(super) fn run_periodic<C: Component>(
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
 fn wait_until<C: Component>(stepper: &Stepper<C>, release_ns: u64, spin_ns: u64) -> Option<u64> {
+    let mut let_others_run = false;
     loop {
         if stepper.context().must_leave() {
             return None;
         }
         let now = monotonic_ns();
-        if now >= release_ns {
+        if now >= release_ns && let_others_run {
             return Some(now);
         }
         if now + spin_ns < release_ns {
             sleep_until(release_ns - spin_ns);
+            let_others_run = true;
+        } else if !let_others_run {
+            // Behind its time, it does not sleep: those it has just woken on this core must still get their turn.
+            yield_core();
+            let_others_run = true;
         } else {
             core::hint::spin_loop();
         }
