@@ -14,7 +14,8 @@
 //! - [`CommandComposer`] adds gravity compensation and gains: the command a joint drive takes.
 //!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
-//! is allocated at construction; a tick allocates nothing of its own.
+//! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`, puts
+//! it behind topics.
 //!
 //! # Example
 //!
@@ -55,6 +56,7 @@
 //! ```
 
 mod command;
+mod component;
 mod ik;
 pub mod limits;
 pub mod se3;
@@ -64,6 +66,10 @@ mod state;
 pub mod tasks;
 
 pub use command::{CommandComposer, ComposeError, JointCommand};
+pub use component::{
+    CartesianConfig, Feedback, LimitsConfig, PerJoint, PositionLimitConfig, PostureConfig, QpController,
+    QpControllerConfig, TaskConfig, VelocityLimitConfig,
+};
 pub use ik::{DifferentialIk, IkError, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use state::RobotState;

@@ -64,14 +64,20 @@ impl JointSetpoint {
     }
 
     /// Pulls the position to within `lead` \[rad or m\] of the measured `q`, so that it cannot run away from a joint
-    /// that is blocked.
+    /// that is blocked; the velocity of such a joint becomes zero.
     ///
     /// # Panics
     /// If `q` has not one entry per independent joint.
     pub fn limit_lead(&mut self, q: &[f64], lead: f64) {
         assert_eq!(q.len(), self.position.len(), "length of q");
-        for (position, q) in self.position.iter_mut().zip(q) {
-            *position = position.max(q - lead).min(q + lead);
+        for (joint, q) in q.iter().enumerate() {
+            let position = self.position[joint];
+            let near = position.max(q - lead).min(q + lead);
+            // only a velocity that leads farther away is to blame
+            if (position - near) * self.velocity[joint] > 0.0 {
+                self.velocity[joint] = 0.0;
+            }
+            self.position[joint] = near;
         }
     }
 

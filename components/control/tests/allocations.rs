@@ -1,13 +1,8 @@
 //! A control tick allocates nothing of its own; what Clarabel allocates is counted apart.
-#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
 
 mod robot;
 
-use std::{
-    alloc::{GlobalAlloc, Layout, System},
-    cell::Cell,
-};
-
+use motorium::telemetry::{CountingAllocator, allocations};
 use motorium_control::{
     CommandComposer, RobotState,
     solver::{ClarabelSettings, ClarabelSolver, QpSolver},
@@ -15,39 +10,13 @@ use motorium_control::{
 use nalgebra::Vector3;
 use robot::{Panda, Reach};
 
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// SAFETY: every call is passed on unchanged to the system allocator; counting touches no heap memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promise for this call is the one `System` asks for.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the pointer came from `System` with this layout.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the pointer came from `System` with this layout.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn allocations_in(work: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.get();
+    let before = allocations().own;
     work();
-    ALLOCATIONS.get() - before
+    allocations().own - before
 }
 
 /// Clarabel 0.11.1 rebuilds the table of its own stopwatch in every solve.

@@ -111,6 +111,7 @@ fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
         setpoint.limit_lead(panda.home.as_slice(), 0.05);
     }
     assert_abs_diff_eq!(setpoint.position()[0], panda.home[0] - 0.05, epsilon = 1e-12);
+    assert_eq!(setpoint.velocity()[0], 0.0, "it would go on pushing");
 }
 
 #[test]

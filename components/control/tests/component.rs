@@ -1,0 +1,168 @@
+//! `control.qp` in a graph: a simulated Panda, targets, and the controller between them, in lockstep.
+
+mod graph;
+
+use std::path::Path;
+
+use graph::{graph, registry, run};
+use motorium::graph::{Machine, check};
+use motorium::launcher::Report;
+use motorium::telemetry::CountingAllocator;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+const LEGS: &str = "{ offsets = [[0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]], leg = 2.0 }";
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn the_hand_comes_to_its_goals_within_limits() {
+    let report = run(graph("{}", LEGS, "{}"));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2);
+    assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
+    assert!(number(&result["orientation_error_rad"]) < 1e-4, "{result}");
+    assert_eq!(result["steps_without_solution"], 0);
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    // an independent look at where the hand is
+    let hand = &report.results["plant"]["hand"];
+    let home = number(
+        &run(graph("{}", "{ offsets = [[0.0, 0.0, 0.0]], leg = 2.0 }", "{}")).results["plant"]["hand"][1],
+    );
+    assert!((number(&hand[1]) - home + 0.2).abs() < 1e-5, "{hand}");
+}
+
+#[test]
+fn a_step_allocates_nothing_but_clarabels_one() {
+    let report = run(graph("{}", LEGS, "{}"));
+    let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!(controller.allocations, Some(0));
+    // the first hundred steps are not counted
+    assert_eq!(controller.allocations_apart, Some(controller.steps - 100));
+}
+
+#[test]
+fn parameters_change_what_the_configuration_says() {
+    let configured = "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = { weight = 0.01 } }] }";
+    let configured = run(graph("{}", LEGS, configured));
+    let set =
+        format!("{}\nparams = {{ cartesian_gain = 5.0, posture_weight = 0.01 }}", graph("{}", LEGS, "{}"));
+    let set = run(set);
+    assert_eq!(configured.state_hash, set.state_hash);
+    let softer = format!("{}\nparams = {{ kp_scale = 0.5 }}", graph("{ gravity = -10.5 }", LEGS, "{}"));
+    let stiff = run(graph("{ gravity = -10.5 }", LEGS, "{}"));
+    assert_ne!(run(softer).state_hash, stiff.state_hash);
+}
+
+#[test]
+fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
+    // gravity is stronger than the controller believes
+    let plant = "{ gravity = -10.5 }";
+    let measured = run(graph(plant, LEGS, "{ feedback = \"measured\" }"));
+    let setpoint = run(graph(plant, LEGS, "{ feedback = \"setpoint\" }"));
+    let error = |report: &Report| number(&report.results["controller"]["position_error_m"]);
+    assert!(error(&measured) < 1e-4, "{}", error(&measured));
+    assert!(error(&setpoint) > 1e-3, "{}", error(&setpoint));
+}
+
+#[test]
+fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
+    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", LEGS, "{}"));
+    let result = &report.results["controller"];
+    // the controller is triggered by the state: it does not even step
+    let steps = report.components.iter().find(|component| component.name == "controller").unwrap().steps;
+    assert!((3_690..=3_702).contains(&steps), "{steps} steps");
+    let commands = report.results["plant"]["commands"].as_u64().unwrap();
+    assert!((3_690..=3_715).contains(&commands), "{commands} fresh commands");
+    assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
+    // the arm was let go and fell: it is led back from where it was found, without a jump
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    assert!(number(&report.results["plant"]["largest_lead"]) < 0.05, "{}", report.results["plant"]);
+}
+
+#[test]
+fn a_controller_with_a_rate_of_its_own_does_not_act_on_a_stale_state() {
+    let text = graph("{ silent_from = 0.5, silent_to = 0.8 }", LEGS, "{}")
+        .replace("trigger = \"panda/joint_state\"", "rate = \"1 kHz\"");
+    let report = run(text);
+    let result = &report.results["controller"];
+    let stale = result["steps_without_fresh_state"].as_u64().unwrap();
+    assert!((285..=295).contains(&stale), "{stale} steps");
+    assert!(number(&result["position_error_m"]) < 1e-4, "{result}");
+}
+
+#[test]
+fn a_target_that_falls_silent_stands_still_where_it_was() {
+    let targets = "{ offsets = [[0.0, 0.3, 0.0]], leg = 2.0, silent_from = 0.5 }";
+    let report = run(graph("{}", targets, "{}"));
+    // half way, at 0.56 m/s: a velocity that were believed for ever would leave an error of 56 mm
+    let last = number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"]);
+    assert!(last < 1e-4, "{last}");
+    assert!(report.results["controller"]["position_error_m"].is_null(), "it was never at a goal");
+}
+
+#[test]
+fn a_blocked_joint_is_pushed_with_no_more_than_the_lead_allows() {
+    let report = run(graph("{ blocked = 3 }", LEGS, "{ max_lead = 0.03 }"));
+    assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+    let plant = &report.results["plant"];
+    assert_eq!(plant["broken_limits"], 0);
+    let lead = number(&plant["largest_lead"]);
+    assert!((0.029..0.032).contains(&lead), "{lead}");
+}
+
+#[test]
+fn the_same_graph_publishes_the_same_to_the_last_bit() {
+    let once = run(graph("{}", LEGS, "{}"));
+    let twice = run(graph("{}", LEGS, "{}"));
+    assert!(once.state_hash.is_some());
+    assert_eq!(once.state_hash, twice.state_hash);
+    let weaker = run(graph("{}", LEGS, "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = {} }] }"));
+    assert_ne!(once.state_hash, weaker.state_hash);
+}
+
+#[track_caller]
+fn assert_refused(controller: &str, words: &[&str]) {
+    let text = graph("{}", LEGS, controller);
+    let error = check(Path::new("control-test.toml"), text, &[], &registry(), &Machine::detect());
+    let error = error.expect_err("it must be refused").render(false);
+    for words in words {
+        assert!(error.contains(words), "no `{words}` in\n{error}");
+    }
+}
+
+#[test]
+fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
+    assert_refused(
+        "{ tasks = [{ cartesian = { frame = \"panda_hand_tpc\" } }] }",
+        &["tasks[0].cartesian.frame", "panda_hand_tcp"],
+    );
+    assert_refused("{ tasks = [{ cartesian = { gain = -1.0 } }] }", &["tasks[0].cartesian.gain", "-1"]);
+    assert_refused("{ tasks = [{ cartesian = { gian = 1.0 } }] }", &["gian", "gain"]);
+    assert_refused("{ tasks = [{ posture = { pose = \"raedy\" } }] }", &["tasks[0].posture.pose", "ready"]);
+    assert_refused(
+        "{ tasks = [{ posture = { positions = [0.0, 1.0] } }] }",
+        &["tasks[0].posture.positions", "2 numbers, expected 8", "panda_joint1"],
+    );
+    assert_refused(
+        "{ tasks = [{ cartesian = {} }, { cartesian = { name = \"other\" } }] }",
+        &["two tasks take their target from `target`"],
+    );
+    assert_refused("{ tasks = [{ posture = {} }, { posture = {} }] }", &["task name `posture`"]);
+    assert_refused("{ kd = [1.0] }", &["kd", "1 numbers, expected 8"]);
+    assert_refused("{ kp = -5 }", &["kp of joint \"panda_joint1\" is -5"]);
+    assert_refused("{ limits = { velocity = { fraction = 1.5 } } }", &["limits.velocity.fraction", "1.5"]);
+    assert_refused("{ state_timeout = \"10\" }", &["state_timeout", "unit"]);
+    assert_refused("{ max_lead = 0.0 }", &["max_lead"]);
+}
+
+#[test]
+fn a_controller_without_a_robot_is_refused() {
+    let text = graph("{}", LEGS, "{}").replace("robot = \"panda\"", "");
+    let error = check(Path::new("control-test.toml"), text, &[], &registry(), &Machine::detect());
+    let error = error.expect_err("it must be refused").render(false);
+    assert!(error.contains("add `robot = \"NAME\"`"), "{error}");
+}

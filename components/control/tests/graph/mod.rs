@@ -1,0 +1,274 @@
+//! A graph to try a controller in: a simulated Panda and smooth targets, hosted in the test's own process.
+
+use std::path::Path;
+
+use motorium::component::{
+    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
+};
+use motorium::graph::{self, Machine};
+use motorium::launcher::{self, Exit, Hosting, Options, Report};
+use motorium::state::{JointCommand, JointState, PoseTarget};
+use motorium::worker::{Input, Output, Setup};
+use motorium_control::QpController;
+use motorium_robots::{Dynamics, Kinematics, Model, load};
+use nalgebra::{DMatrix, DVector, Vector3};
+use serde::Deserialize;
+
+/// A Panda with ideal drives, integrated implicitly; it knows the exact pose of its hand.
+struct Plant {
+    command: Input<JointCommand>,
+    state: Output<JointState>,
+    model: Model,
+    dynamics: Dynamics,
+    q: DVector<f64>,
+    v: DVector<f64>,
+    mass: DMatrix<f64>,
+    bias: DVector<f64>,
+    config: PlantConfig,
+    broken_limits: u64,
+    largest_lead: f64,
+    commands: u64,
+}
+
+#[derive(Clone, Deserialize, schemars::JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+struct PlantConfig {
+    /// Gravity the plant really has, m/s^2.
+    gravity: f64,
+    /// Time at which it stops to publish, s.
+    silent_from: f64,
+    /// Time at which it publishes again, s.
+    silent_to: f64,
+    /// Joint that is blocked.
+    blocked: Option<usize>,
+}
+
+impl Default for PlantConfig {
+    fn default() -> Self {
+        Self { gravity: -9.81, silent_from: f64::INFINITY, silent_to: f64::INFINITY, blocked: None }
+    }
+}
+
+impl Component for Plant {
+    const KIND: &'static str = "test.plant";
+    const SUMMARY: &'static str = "a Panda with ideal drives";
+    type Config = PlantConfig;
+
+    fn declare(_: &PlantConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.actuator();
+        declare.input::<JointCommand>("joint_command", "command");
+        declare.output::<JointState>("joint_state", "state");
+        Ok(())
+    }
+
+    fn configure(config: PlantConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = load("panda", Path::new(".")).map_err(ConfigureError::failed)?;
+        let q = robot.profile.unwrap().home(&robot.model).unwrap();
+        let n = robot.model.nv();
+        Ok(Self {
+            command: setup.input("joint_command")?,
+            state: setup.output("joint_state")?,
+            dynamics: Dynamics::new(&robot.model),
+            q,
+            v: DVector::zeros(n),
+            mass: DMatrix::zeros(n, n),
+            bias: DVector::zeros(n),
+            model: robot.model,
+            config,
+            broken_limits: 0,
+            largest_lead: 0.0,
+            commands: 0,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let (n, dt) = (self.model.nv(), tick.dt());
+        let gravity = Vector3::new(0.0, 0.0, self.config.gravity);
+        self.dynamics.crba(&self.model, self.q.as_slice(), &mut self.mass);
+        self.dynamics.bias(
+            &self.model,
+            self.q.as_slice(),
+            self.v.as_slice(),
+            gravity,
+            self.bias.as_mut_slice(),
+        );
+        let mut held = JointCommand::default();
+        held.set_count(n);
+        held.damping_mut().fill(100.0);
+        if let Some(command) = self.command.latest() {
+            if command.age_ns() < 5_000_000 {
+                held = *command;
+                self.commands += 1;
+            }
+            for joint in 0..n {
+                let lead = (command.position()[joint] - self.q[joint]).abs();
+                if command.age_ns() < 5_000_000 {
+                    self.largest_lead = self.largest_lead.max(lead);
+                }
+                let (q, v) = (command.position()[joint], command.velocity()[joint]);
+                let (lower, upper) = (self.model.lower()[joint], self.model.upper()[joint]);
+                let fast = v.abs() > self.model.velocity_limit()[joint];
+                self.broken_limits += u64::from(!(lower..=upper).contains(&q) || fast);
+            }
+        }
+        // (M + dt Kd + dt^2 Kp) v' = M v + dt (Kp (q_d - q) + Kd v_d + tau - bias)
+        let mut left = self.mass.clone();
+        let mut right = &self.mass * &self.v - &self.bias * dt;
+        for joint in 0..n {
+            let (kp, kd) = (held.stiffness()[joint], held.damping()[joint]);
+            left[(joint, joint)] += dt * kd + dt * dt * kp;
+            let spring = kp * (held.position()[joint] - self.q[joint]);
+            right[joint] += dt * (spring + kd * held.velocity()[joint] + held.effort()[joint]);
+        }
+        self.v = left.cholesky().expect("a mass matrix is positive definite").solve(&right);
+        if let Some(joint) = self.config.blocked {
+            self.v[joint] = 0.0;
+        }
+        self.q += &self.v * dt;
+        if (self.config.silent_from..self.config.silent_to).contains(&tick.time()) {
+            return Ok(());
+        }
+        let mut state = self.state.loan()?;
+        state.set_count(n);
+        state.position_mut().copy_from_slice(self.q.as_slice());
+        state.velocity_mut().copy_from_slice(self.v.as_slice());
+        state.effort_mut().fill(0.0);
+        state.publish()
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let hand = self.model.frame("panda_hand_tcp").unwrap();
+        let mut kinematics = Kinematics::new(&self.model);
+        kinematics.update(&self.model, self.q.as_slice());
+        let pose = kinematics.pose(&self.model, hand);
+        Some(serde_json::json!({
+            "hand": pose.translation.vector.as_slice(),
+            "q": self.q.as_slice(),
+            "broken_limits": self.broken_limits,
+            "largest_lead": self.largest_lead,
+            "commands": self.commands,
+        }))
+    }
+}
+
+/// Leads the hand along smooth legs to places beside its home pose, one after the other.
+struct Targets {
+    target: Output<PoseTarget>,
+    config: TargetsConfig,
+    home: PoseTarget,
+}
+
+#[derive(Clone, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct TargetsConfig {
+    /// Offsets from home, m.
+    offsets: Vec<[f64; 3]>,
+    /// Time of one leg, half of it at rest at its goal, s.
+    leg: f64,
+    /// Time from which nothing is published, s.
+    #[serde(default = "never")]
+    silent_from: f64,
+}
+
+fn never() -> f64 {
+    f64::INFINITY
+}
+
+impl Component for Targets {
+    const KIND: &'static str = "test.targets";
+    const SUMMARY: &'static str = "targets along smooth legs";
+    type Config = TargetsConfig;
+
+    fn declare(_: &TargetsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<PoseTarget>("target", "target");
+        Ok(())
+    }
+
+    fn configure(config: TargetsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = load("panda", Path::new(".")).map_err(ConfigureError::failed)?;
+        let mut kinematics = Kinematics::new(&robot.model);
+        kinematics.update(&robot.model, robot.profile.unwrap().home(&robot.model).unwrap().as_slice());
+        let pose = kinematics.pose(&robot.model, robot.model.frame("panda_hand_tcp").unwrap());
+        let home = PoseTarget {
+            position: pose.translation.vector.into(),
+            orientation: pose.rotation.coords.into(),
+            ..Default::default()
+        };
+        Ok(Self { target: setup.output("target")?, config, home })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if tick.time() >= self.config.silent_from {
+            return Ok(());
+        }
+        let last = self.config.offsets.len() - 1;
+        let leg = ((tick.time() / self.config.leg) as usize).min(last);
+        let phase = 2.0 * (tick.time() / self.config.leg - leg as f64);
+        let from = if leg == 0 { [0.0; 3] } else { self.config.offsets[leg - 1] };
+        let to = self.config.offsets[leg];
+        let s = phase.min(1.0);
+        // minimum jerk
+        let place = s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
+        let speed = 30.0 * s * s * (1.0 - s).powi(2) * 2.0 / self.config.leg;
+        let mut target = self.target.loan()?;
+        *target = self.home;
+        for axis in 0..3 {
+            target.position[axis] += from[axis] + place * (to[axis] - from[axis]);
+            target.linear_velocity[axis] = speed * (to[axis] - from[axis]);
+        }
+        target.goal = leg as u64 + 1;
+        target.at_goal = u64::from(phase >= 1.0);
+        target.publish()
+    }
+}
+
+pub(crate) fn registry() -> Registry {
+    let check = |urdf: &str, base: &Path| {
+        load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+    };
+    Registry::new(
+        RobotSource { check },
+        [Kind::of::<QpController>(), Kind::of::<Plant>(), Kind::of::<Targets>()],
+    )
+}
+
+/// A graph of the three, with these `config` tables.
+pub(crate) fn graph(plant: &str, targets: &str, controller: &str) -> String {
+    format!(
+        r#"
+        name = "control-test"
+        clock = "lockstep"
+        duration = "4 s"
+        [robot.panda]
+        urdf = "panda"
+        [component.plant]
+        kind = "test.plant"
+        rate = "1 kHz"
+        publish = {{ joint_state = "panda/joint_state" }}
+        subscribe = {{ joint_command = "panda/joint_command" }}
+        config = {plant}
+        [component.targets]
+        kind = "test.targets"
+        rate = "1 kHz"
+        publish = {{ target = "panda/target" }}
+        config = {targets}
+        [component.controller]
+        kind = "control.qp"
+        robot = "panda"
+        trigger = "panda/joint_state"
+        subscribe = {{ joint_state = "panda/joint_state", target = "panda/target" }}
+        publish = {{ joint_command = "panda/joint_command" }}
+        config = {controller}
+        "#
+    )
+}
+
+pub(crate) fn run(text: String) -> Report {
+    let registry = registry();
+    let checked = graph::check(Path::new("control-test.toml"), text, &[], &registry, &Machine::detect())
+        .unwrap_or_else(|error| panic!("{}", error.render(false)));
+    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+    let report = launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap();
+    assert_eq!(report.exit, Exit::Finished);
+    report
+}
