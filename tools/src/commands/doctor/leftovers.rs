@@ -1,0 +1,170 @@
+//! What runs that are gone have left in shared memory.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use motorium::run_folder::RunFolder;
+
+use super::finding::Finding;
+
+/// What begins the names of all shared memory objects of runs.
+const OURS: &str = "mt_";
+/// What begins the names of those of other programs that use iceoryx2.
+const FOREIGN: &str = "iox2_";
+/// A younger run without a launcher may just be starting.
+const YOUNG: Duration = Duration::from_secs(5);
+
+/// What was left behind.
+#[derive(Debug, Default)]
+pub(super) struct Leftovers {
+    runs: Vec<RunFolder>,
+    /// Shared memory objects that belong to no run there is.
+    objects: Vec<PathBuf>,
+    /// Objects of other programs, which may still use them.
+    foreign: Vec<PathBuf>,
+}
+
+impl Leftovers {
+    /// Looks through shared memory for what this user's runs left.
+    pub(super) fn find(shared: &Path) -> Self {
+        // Objects first: one that is made after this look cannot be taken for that of a run that is gone.
+        let user = rustix::process::getuid().as_raw();
+        let ours = objects(shared, OURS, Some(user));
+        let foreign = objects(shared, FOREIGN, None);
+        let all = RunFolder::list();
+        let known: Vec<String> = all.iter().map(|run| format!("{OURS}{}_", run.id())).collect();
+        let objects = orphans(ours, &known);
+        let runs = all.into_iter().filter(|run| is_old(run.path()) && !run.is_alive()).collect();
+        Self { runs, objects, foreign }
+    }
+
+    /// Removes what runs of this user left, and says what it removed. What other programs made stays.
+    pub(super) fn clean(&mut self) -> Vec<PathBuf> {
+        let mut removed = Vec::new();
+        for run in self.runs.drain(..) {
+            // It may have been looked at for a while: never remove what lives.
+            if !run.is_alive() {
+                removed.extend(run.remove());
+                removed.push(run.path().to_path_buf());
+            }
+        }
+        removed.extend(self.objects.drain(..).filter(|path| fs::remove_file(path).is_ok()));
+        removed
+    }
+
+    pub(super) fn findings(&self, removed: &[PathBuf]) -> Vec<Finding> {
+        vec![judge_own(&self.runs, &self.objects, removed), judge_foreign(&self.foreign)]
+    }
+}
+
+/// Files of this user (or of anybody) whose names begin like this.
+fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = fs::read_dir(shared)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix))
+        .filter(|entry| {
+            entry
+                .metadata()
+                .is_ok_and(|metadata| metadata.is_file() && user.is_none_or(|user| metadata.uid() == user))
+        })
+        .map(|entry| entry.path())
+        .collect();
+    found.sort();
+    found
+}
+
+/// The objects whose names begin with none of the known prefixes.
+fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
+    let is_known = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        known.iter().any(|prefix| name.starts_with(prefix))
+    };
+    objects.into_iter().filter(|path| !is_known(path)).collect()
+}
+
+fn is_old(path: &Path) -> bool {
+    let made = fs::metadata(path).and_then(|metadata| metadata.modified());
+    made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))
+}
+
+fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Finding {
+    let name = "leftovers";
+    let gone = match removed.len() {
+        0 => String::new(),
+        count => format!("; {count} files and folders removed"),
+    };
+    if runs.is_empty() && objects.is_empty() {
+        return Finding::pass(name, format!("none of runs that are gone{gone}"));
+    }
+    let mut parts: Vec<String> = runs.iter().map(|run| format!("run {}", run.id())).collect();
+    if !objects.is_empty() {
+        let first = objects[0].display();
+        parts.push(format!("{} objects that belong to no run ({first} ...)", objects.len()));
+    }
+    Finding::warn(name, format!("left by runs that are gone: {}{gone}", parts.join(", ")), "motorium doctor --clean")
+}
+
+fn judge_foreign(foreign: &[PathBuf]) -> Finding {
+    let name = "other iceoryx2";
+    let Some(first) = foreign.first() else { return Finding::pass(name, "no shared memory of other programs") };
+    let owners: BTreeSet<u32> =
+        foreign.iter().filter_map(|path| fs::metadata(path).ok()).map(|metadata| metadata.uid()).collect();
+    let owners: Vec<String> = owners.iter().map(u32::to_string).collect();
+    let found = format!(
+        "{} objects of other programs that use iceoryx2 ({} ...), of user {}; they may still be in use",
+        foreign.len(),
+        first.display(),
+        owners.join(", ")
+    );
+    Finding::warn(name, found, "if no such program runs any more: rm /dev/shm/iox2_* && rm -r /tmp/iceoryx2")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::Verdict;
+    use super::*;
+
+    #[test]
+    fn objects_of_runs_that_exist_are_not_orphans() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str| fs::write(folder.path().join(name), "x").unwrap();
+        ["mt_reach-1_data", "mt_reach-12_data", "mt_reach-2_dynamic", "iox2_topic", "mine"].map(make);
+        fs::create_dir(folder.path().join("mt_folder")).unwrap();
+        let user = rustix::process::getuid().as_raw();
+        let ours = objects(folder.path(), OURS, Some(user));
+        assert_eq!(ours.len(), 3, "files of this user with the prefix: {ours:?}");
+        assert!(objects(folder.path(), OURS, Some(user + 1)).is_empty(), "nothing of other users");
+        let left = orphans(ours, &["mt_reach-1_".to_string()]);
+        let names: Vec<_> = left.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+        assert_eq!(names, ["mt_reach-12_data", "mt_reach-2_dynamic"]);
+        assert_eq!(objects(folder.path(), FOREIGN, None).len(), 1);
+    }
+
+    #[test]
+    fn cleaning_removes_orphans_and_leaves_what_others_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let orphan = folder.path().join("mt_gone-1_data");
+        let foreign = folder.path().join("iox2_data");
+        [&orphan, &foreign].map(|path| fs::write(path, "x").unwrap());
+        let mut left = Leftovers { runs: Vec::new(), objects: vec![orphan.clone()], foreign: vec![foreign.clone()] };
+        assert_eq!(left.findings(&[])[0].verdict, Verdict::Warn);
+        assert_eq!(left.clean(), std::slice::from_ref(&orphan));
+        assert!(!orphan.exists() && foreign.exists());
+        let after = left.findings(&[orphan]);
+        assert_eq!(after[0].verdict, Verdict::Pass);
+        assert!(after[0].found.contains("1 files and folders removed"), "{}", after[0].found);
+        assert!(after[1].found.contains("iox2_data"), "{}", after[1].found);
+    }
+
+    #[test]
+    fn a_folder_that_was_just_made_is_not_taken_for_one_left_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(!is_old(folder.path()));
+        assert!(!is_old(Path::new("/nowhere")));
+    }
+}

@@ -1,0 +1,231 @@
+//! The machine: real or virtual, its cores, what slows them down or puts them to sleep.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+use super::finding::Finding;
+use super::read;
+
+pub(super) fn check() -> Vec<Finding> {
+    let governors: Vec<String> = online()
+        .iter()
+        .filter_map(|core| read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor")))
+        .collect();
+    vec![
+        judge_virtual(
+            &read("/proc/cpuinfo").unwrap_or_default(),
+            &[read("/sys/class/dmi/id/sys_vendor"), read("/sys/class/dmi/id/product_name")]
+                .map(Option::unwrap_or_default),
+            ["/.dockerenv", "/run/.containerenv", "/run/systemd/container"]
+                .iter()
+                .any(|file| Path::new(file).exists()),
+        ),
+        judge_cores(
+            &online(),
+            &cores(&read("/sys/devices/system/cpu/isolated").unwrap_or_default()),
+            &cores(&read("/sys/devices/system/cpu/nohz_full").unwrap_or_default()),
+        ),
+        judge_siblings(read("/sys/devices/system/cpu/smt/active").as_deref()),
+        judge_governors(&governors),
+        judge_idle(&idle_states(Path::new("/sys/devices/system/cpu/cpu0/cpuidle")), latency_limit()),
+    ]
+}
+
+/// Cores that are switched on.
+pub(super) fn online() -> Vec<usize> {
+    cores(&read("/sys/devices/system/cpu/online").unwrap_or_default())
+}
+
+/// Reads a list of cores as the kernel writes it: `0-3,8`.
+fn cores(list: &str) -> Vec<usize> {
+    let range = |part: &str| {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        Some(first.trim().parse().ok()?..=last.trim().parse().ok()?)
+    };
+    list.split(',').filter_map(range).flatten().collect()
+}
+
+fn judge_virtual(cpuinfo: &str, product: &[String; 2], container: bool) -> Finding {
+    let name = "machine";
+    let flags = cpuinfo.lines().find(|line| line.starts_with("flags") || line.starts_with("Features"));
+    let hypervisor = flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"));
+    let inside = if container { ", in a container" } else { "" };
+    if hypervisor {
+        let product = product.join(" ");
+        let product = product.trim();
+        let kind = if product.is_empty() { String::new() } else { format!(" ({product})") };
+        let found = format!(
+            "virtual{kind}{inside}: its host may take the cores away at any time; what is measured below is not \
+             the hardware's"
+        );
+        return Finding::warn(name, found, "run robots on a machine of their own; for development this is fine");
+    }
+    Finding::pass(name, format!("not virtual{inside}"))
+}
+
+fn judge_cores(online: &[usize], isolated: &[usize], tickless: &[usize]) -> Finding {
+    let name = "cores";
+    let Some(last) = online.last() else {
+        return Finding::warn(name, "cannot be counted", "is /sys mounted?");
+    };
+    if online.len() == 1 {
+        let found = "1: real-time components share it with everything else";
+        return Finding::warn(name, found, "use a machine with at least 2 cores");
+    }
+    if isolated.is_empty() {
+        let found = format!("{}, none isolated: the system may put other work on the real-time core", online.len());
+        let fix = format!("boot with isolcpus={last} nohz_full={last} rcu_nocbs={last} irqaffinity=0");
+        return Finding::warn(name, found, fix);
+    }
+    let list = |cores: &[usize]| cores.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
+    let tick = if isolated.iter().all(|core| tickless.contains(core)) { ", without tick" } else { "" };
+    let advice = "name the isolated ones in the graph: [cores] realtime";
+    Finding::pass(name, format!("{}, isolated {}{tick} ({advice})", online.len(), list(isolated)))
+}
+
+fn judge_siblings(active: Option<&str>) -> Finding {
+    let name = "hyper-threads";
+    match active {
+        Some("1") => Finding::warn(
+            name,
+            "on: what runs on the sibling of a real-time core slows it down",
+            "echo off | sudo tee /sys/devices/system/cpu/smt/control",
+        ),
+        _ => Finding::pass(name, "none in use"),
+    }
+}
+
+fn judge_governors(governors: &[String]) -> Finding {
+    let name = "governor";
+    let slow: Vec<&str> =
+        governors.iter().map(String::as_str).filter(|governor| *governor != "performance").collect();
+    match slow.first() {
+        None if governors.is_empty() => Finding::pass(name, "the system does not scale the frequency"),
+        None => Finding::pass(name, "performance"),
+        Some(governor) => {
+            let found = format!("{governor} on {} cores: they may be slow when a step begins", slow.len());
+            let fix = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor";
+            Finding::warn(name, found, fix)
+        }
+    }
+}
+
+/// A state of an idle core that may be entered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct IdleState {
+    name: String,
+    /// Time to leave it, us.
+    latency_us: u64,
+}
+
+fn idle_states(folder: &Path) -> Vec<IdleState> {
+    let mut states = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let value = |file: &str| read(&entry.path().join(file).to_string_lossy());
+        let (Some(name), Some(latency)) = (value("name"), value("latency")) else { continue };
+        if value("disable").as_deref() != Some("1") {
+            states.push(IdleState { name, latency_us: latency.parse().unwrap_or(0) });
+        }
+    }
+    states
+}
+
+/// The longest time to leave an idle state that anybody who holds `/dev/cpu_dma_latency` allows, us.
+fn latency_limit() -> Option<u64> {
+    let mut bytes = [0; 4];
+    // Opening it asks for nothing: a request is what is written.
+    File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
+    u64::try_from(i32::from_ne_bytes(bytes)).ok()
+}
+
+fn judge_idle(states: &[IdleState], limit_us: Option<u64>) -> Finding {
+    let name = "idle states";
+    let allowed = states.iter().filter(|state| limit_us.is_none_or(|limit| state.latency_us <= limit));
+    let limit = match limit_us {
+        Some(limit) if limit < 1_000_000 => format!("; cpu_dma_latency is held at {limit} us"),
+        Some(_) => "; cpu_dma_latency limits nothing".to_string(),
+        None => "; cpu_dma_latency cannot be read as this user".to_string(),
+    };
+    let Some(deepest) = allowed.max_by_key(|state| state.latency_us) else {
+        return Finding::pass(name, format!("none to wake up from{limit}"));
+    };
+    let found = format!("the deepest, {}, takes {} us to leave{limit}", deepest.name, deepest.latency_us);
+    if deepest.latency_us <= 20 {
+        return Finding::pass(name, found);
+    }
+    let fix = "while graphs run: sudo sh -c 'exec 3>/dev/cpu_dma_latency; printf \"\\0\\0\\0\\0\" >&3; sleep infinity'";
+    Finding::warn(name, found, fix)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finding::Verdict;
+    use super::*;
+
+    #[test]
+    fn lists_of_cores_are_read_as_the_kernel_writes_them() {
+        assert_eq!(cores("0-3,8"), [0, 1, 2, 3, 8]);
+        assert_eq!(cores("1"), [1]);
+        assert_eq!(cores(""), [0; 0]);
+        assert_eq!(cores("(null)"), [0; 0]);
+    }
+
+    #[test]
+    fn a_hypervisor_is_seen_in_the_processor_flags_and_named_if_it_says_its_name() {
+        let flags = "processor : 0\nflags\t\t: fpu tsc hypervisor avx2\n";
+        let named = judge_virtual(flags, &["QEMU".into(), "Standard PC".into()], false);
+        assert_eq!(named.verdict, Verdict::Warn);
+        assert!(named.found.starts_with("virtual (QEMU Standard PC):"), "{}", named.found);
+        let container = judge_virtual(flags, &[String::new(), String::new()], true);
+        assert!(container.found.starts_with("virtual, in a container:"), "{}", container.found);
+        let real = judge_virtual("flags : fpu tsc avx2\n", &["Dell".into(), "XPS".into()], false);
+        assert_eq!(real, Finding::pass("machine", "not virtual"));
+    }
+
+    #[test]
+    fn without_isolation_the_last_core_is_proposed_as_graphs_choose_it_too() {
+        let finding = judge_cores(&[0, 1, 2, 3], &[], &[]);
+        assert_eq!(finding.verdict, Verdict::Warn);
+        assert_eq!(finding.fix.unwrap(), "boot with isolcpus=3 nohz_full=3 rcu_nocbs=3 irqaffinity=0");
+        let isolated = judge_cores(&[0, 1, 2, 3], &[2, 3], &[2, 3]);
+        assert_eq!(isolated.verdict, Verdict::Pass);
+        assert!(isolated.found.contains("isolated 2,3, without tick"), "{}", isolated.found);
+        assert_eq!(judge_cores(&[0], &[], &[]).verdict, Verdict::Warn);
+    }
+
+    #[test]
+    fn one_core_that_is_not_at_full_speed_is_enough_for_a_warning() {
+        let governors = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert_eq!(judge_governors(&governors(&["performance", "performance"])).verdict, Verdict::Pass);
+        let mixed = judge_governors(&governors(&["performance", "powersave"]));
+        assert_eq!(mixed.verdict, Verdict::Warn);
+        assert!(mixed.found.contains("powersave on 1 cores"), "{}", mixed.found);
+        assert_eq!(judge_governors(&[]).verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn deep_idle_states_are_a_warning_unless_somebody_forbids_them() {
+        let states = [("POLL", 0), ("C1", 2), ("C6", 133)]
+            .map(|(name, latency_us)| IdleState { name: name.into(), latency_us });
+        let free = judge_idle(&states, Some(2_000_000_000));
+        assert_eq!(free.verdict, Verdict::Warn);
+        assert!(free.found.contains("C6") && free.fix.unwrap().contains("/dev/cpu_dma_latency"));
+        assert_eq!(judge_idle(&states, Some(0)).verdict, Verdict::Pass);
+        assert_eq!(judge_idle(&states[..2], None).verdict, Verdict::Pass);
+        assert_eq!(judge_idle(&[], None).verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn idle_states_that_are_switched_off_do_not_count() {
+        let folder = tempfile::tempdir().unwrap();
+        for (state, name, latency, disable) in [("state0", "C1", "2", "0"), ("state1", "C6", "133", "1")] {
+            let path = folder.path().join(state);
+            std::fs::create_dir(&path).unwrap();
+            for (file, text) in [("name", name), ("latency", latency), ("disable", disable)] {
+                std::fs::write(path.join(file), format!("{text}\n")).unwrap();
+            }
+        }
+        assert_eq!(idle_states(folder.path()), [IdleState { name: "C1".into(), latency_us: 2 }]);
+    }
+}

@@ -1,0 +1,133 @@
+//! `motorium doctor`: is this machine fit for real time?
+
+mod finding;
+mod kernel;
+mod leftovers;
+mod machine;
+mod memory;
+mod privileges;
+mod wakeup;
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use iceoryx2_bb_elementary::package_version::PackageVersion;
+use motorium::graph::units::TimeSpan;
+use serde::Serialize;
+
+use crate::{exit, style};
+use finding::{Finding, Verdict};
+use leftovers::Leftovers;
+
+/// Is this machine fit for real time? What to change, and how.
+///
+/// It changes nothing, unless told to with --clean. The exit code is 0 if nothing failed, else 5.
+///
+/// Example: motorium doctor --measure 60s
+#[derive(Debug, clap::Args)]
+pub(crate) struct Doctor {
+    /// How long to measure wake-ups; "0 s" leaves it out
+    #[arg(long, value_name = "TIME", default_value = "5s")]
+    measure: TimeSpan,
+    /// Remove what runs that are gone have left in shared memory
+    #[arg(long)]
+    clean: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// All findings as JSON.
+#[derive(Debug, Serialize)]
+struct Examination {
+    /// Whether nothing failed.
+    fit: bool,
+    findings: Vec<Finding>,
+    /// `null` when it was left out.
+    wakeup: Option<wakeup::Measured>,
+    /// What was removed from shared memory.
+    removed: Vec<PathBuf>,
+}
+
+impl Doctor {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let time = Duration::from_nanos(self.measure.ns);
+        if std::io::stderr().is_terminal() && !time.is_zero() {
+            anstream::eprintln!("{}", style::dim(format!("measuring wake-ups for {} ...", self.measure)));
+        }
+        let examination = examine(time, self.clean);
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&examination)?);
+        } else {
+            anstream::print!("{}", finding::lines(&examination.findings));
+            anstream::println!("\n{}", conclusion(&examination.findings));
+        }
+        Ok(if examination.fit { ExitCode::SUCCESS } else { exit::unfit() })
+    }
+}
+
+fn examine(time: Duration, clean: bool) -> Examination {
+    let mut findings = kernel::check();
+    findings.extend(machine::check());
+    findings.extend(privileges::check());
+    findings.extend(memory::check());
+    let mut leftovers = Leftovers::find(Path::new(memory::SHARED));
+    let removed = if clean { leftovers.clean() } else { Vec::new() };
+    findings.extend(leftovers.findings(&removed));
+    findings.push(Finding::pass("iceoryx2", format!("{} (all programs of a graph need this one)", PackageVersion::get())));
+    let wakeup = (!time.is_zero()).then(|| wakeup::measure(time)).flatten();
+    findings.extend(wakeup.as_ref().map(wakeup::judge));
+    let fit = findings.iter().all(|finding| finding.verdict != Verdict::Fail);
+    Examination { fit, findings, wakeup, removed }
+}
+
+fn conclusion(findings: &[Finding]) -> String {
+    let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
+    match (count(Verdict::Fail), count(Verdict::Warn)) {
+        (0, 0) => format!("{}: this machine is fit for real time", style::good("fit")),
+        (0, warnings) => {
+            format!("{}: graphs run in real time; {warnings} of the above could be better", style::good("fit"))
+        }
+        (failures, warnings) => format!(
+            "{}: {failures} of the above failed, {warnings} could be better",
+            style::error("not fit")
+        ),
+    }
+}
+
+/// A file of the kernel, without the blanks around; `None` if it is not there or may not be read.
+fn read(path: &str) -> Option<String> {
+    Some(std::fs::read_to_string(path).ok()?.trim().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_failure_makes_a_machine_unfit() {
+        let pass = Finding::pass("a", "x");
+        let warn = Finding::warn("b", "x", "y");
+        let fail = Finding::fail("c", "x", "y");
+        assert!(conclusion(std::slice::from_ref(&pass)).contains("is fit for real time"));
+        assert!(conclusion(&[pass.clone(), warn.clone()]).contains("1 of the above could be better"));
+        let text = anstream::adapter::strip_str(&conclusion(&[pass, warn, fail])).to_string();
+        assert_eq!(text, "not fit: 1 of the above failed, 1 could be better");
+    }
+
+    #[test]
+    fn an_examination_has_a_finding_for_every_thing_a_real_time_machine_needs() {
+        let examination = examine(Duration::from_millis(20), false);
+        let names: Vec<_> = examination.findings.iter().map(|finding| finding.name).collect();
+        for expected in [
+            "kernel", "preemption", "timers", "clock source", "throttling", "machine", "cores", "hyper-threads",
+            "governor", "idle states", "SCHED_FIFO", "SCHED_DEADLINE", "locked memory", "limits", "shared memory",
+            "swap", "huge pages", "leftovers", "other iceoryx2", "iceoryx2", "wake-up",
+        ] {
+            assert!(names.contains(&expected), "no finding on {expected}: {names:?}");
+        }
+        assert!(examination.removed.is_empty());
+    }
+}

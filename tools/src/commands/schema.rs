@@ -1,0 +1,42 @@
+//! `motorium schema`: the JSON Schema of the files that motorium reads and writes.
+
+use std::process::ExitCode;
+
+use motorium::launcher::Report;
+use schemars::generate::SchemaSettings;
+
+use crate::registry;
+
+/// Print the JSON Schema of graph files or of a report.
+///
+/// Example: motorium schema graph > graph.schema.json
+#[derive(Debug, clap::Args)]
+pub(crate) struct Schema {
+    /// What the schema describes
+    #[arg(value_enum, default_value_t = Document::Graph)]
+    document: Document,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Document {
+    /// Graph files, with the `config` table of every built-in kind
+    Graph,
+    /// What `motorium run --json` prints
+    Report,
+}
+
+impl Schema {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let schema = match self.document {
+            Document::Graph => motorium::graph::schema(&registry::registry()),
+            Document::Report => report(),
+        };
+        println!("{}", serde_json::to_string_pretty(&schema)?);
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The schema of reports as they are written: what is always there is required.
+fn report() -> schemars::Schema {
+    SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<Report>()
+}

@@ -1,0 +1,151 @@
+//! `motorium topic echo`: prints the samples of a topic.
+
+use std::fmt::Write as _;
+use std::io::{ErrorKind, Write as _};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use motorium::transport::Observed;
+use serde::Serialize;
+
+use super::decode::{Decoded, Decoder};
+use super::pace::Pace;
+use super::watch::{End, Watch, poll_for};
+use super::{find, readable};
+use crate::commands::runs::{LivingRun, RunArg};
+use crate::style;
+
+/// Print the samples of a topic.
+///
+/// Example: motorium topic echo panda/joint_state --rate 2 --count 10
+#[derive(Debug, clap::Args)]
+pub(super) struct Echo {
+    /// The topic
+    topic: String,
+    #[command(flatten)]
+    run: RunArg,
+    /// Stop after this many samples
+    #[arg(long, short = 'n', value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    count: Option<u64>,
+    /// Show the newest sample at most this often, in Hz
+    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = rate)]
+    rate: f64,
+    /// Show every sample that can be caught
+    #[arg(long, conflicts_with = "rate")]
+    every: bool,
+    /// Print one JSON object a line
+    #[arg(long)]
+    json: bool,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rate) if (1e-3..=1e5).contains(&rate) => Ok(rate),
+        _ => Err("expected a number of samples a second, from 0.001 to 100000".to_string()),
+    }
+}
+
+/// One sample as JSON.
+#[derive(Debug, Serialize)]
+struct Line<'a> {
+    topic: &'a str,
+    sequence: u64,
+    /// Since the run began, s.
+    time_s: f64,
+    publish_time_ns: u64,
+    source_time_ns: u64,
+    age_ns: u64,
+    origin: Option<&'a str>,
+    incarnation: u32,
+    value: &'a Decoded<'a>,
+}
+
+impl Echo {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let (_, topic) = find(&run.plan, &self.topic)?;
+        let decoder = Decoder::new(&topic.layout)?;
+        let watch = Watch::open(&run, topic)?;
+        let interval = Duration::from_secs_f64(1.0 / self.rate);
+        let period_ns = run.plan.components[topic.writer].period_ns();
+        let poll = if self.every { poll_for(period_ns) } else { interval.min(Duration::from_millis(20)) };
+        let mut pace = Pace::default();
+        let (mut shown, mut due) = (0, Instant::now());
+        let mut newest: Option<Observed> = None;
+        let take = |samples: Vec<Observed>| {
+            samples.iter().for_each(|sample| pace.see(&sample.stamp));
+            if self.every {
+                for sample in &samples {
+                    shown += 1;
+                    if !self.print(&run, &decoder, sample)? || self.count == Some(shown) {
+                        return Ok(false);
+                    }
+                }
+                return Ok(true);
+            }
+            newest = samples.into_iter().next_back().or(newest.take());
+            let now = Instant::now();
+            let Some(sample) = newest.take_if(|_| now >= due) else { return Ok(true) };
+            due = (due + interval).max(now);
+            shown += 1;
+            Ok(self.print(&run, &decoder, &sample)? && self.count != Some(shown))
+        };
+        let end = watch.follow(poll, None, take)?;
+        if self.every && pace.lost() > 0 {
+            anstream::eprintln!("{} samples were overwritten before they could be read", pace.lost());
+        }
+        if end == End::RunOver {
+            anstream::eprintln!("run {} is over", run.folder.id());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Prints a sample; false when nobody reads any more.
+    fn print(&self, run: &LivingRun, decoder: &Decoder, sample: &Observed) -> anyhow::Result<bool> {
+        let value = match decoder.decode(&sample.bytes) {
+            Ok(value) => value,
+            Err(error) => {
+                anstream::eprintln!("sample {} of `{}` is malformed: {error}", sample.stamp.sequence, self.topic);
+                return Ok(true);
+            }
+        };
+        let stamp = &sample.stamp;
+        let line = Line {
+            topic: &self.topic,
+            sequence: stamp.sequence,
+            time_s: stamp.publish_time.saturating_sub(run.start_ns()) as f64 * 1e-9,
+            publish_time_ns: stamp.publish_time,
+            source_time_ns: stamp.source_time,
+            age_ns: run.now_ns().saturating_sub(stamp.publish_time),
+            origin: run.plan.components.get(stamp.origin as usize).map(|component| component.name.as_str()),
+            incarnation: stamp.incarnation,
+            value: &value,
+        };
+        let text = if self.json { serde_json::to_string(&line)? + "\n" } else { lines(&line) };
+        let mut out = anstream::stdout().lock();
+        match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// A sample as readable lines: the stamp, then a field a line.
+fn lines(line: &Line<'_>) -> String {
+    let chain = line.publish_time_ns.saturating_sub(line.source_time_ns);
+    let mut text = format!(
+        "{} {}\n",
+        style::strong(format!("#{} at {:.6} s", line.sequence, line.time_s)),
+        style::dim(format!("age {}, {} after its source", readable(line.age_ns), readable(chain)))
+    );
+    let width = line.value.0.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+    for (name, value) in &line.value.0 {
+        let _ = write!(text, "  {name:width$} ");
+        for number in value.numbers() {
+            let _ = write!(text, " {:>11}", number.to_string());
+        }
+        text.push('\n');
+    }
+    text
+}

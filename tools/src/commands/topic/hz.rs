@@ -1,0 +1,123 @@
+//! `motorium topic hz`: measures the rate of a topic and how evenly it comes.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use motorium::graph::units::TimeSpan;
+use motorium::plan::ClockKind;
+use motorium::telemetry::Percentiles;
+use serde::Serialize;
+
+use super::find;
+use super::pace::Pace;
+use super::watch::{End, Watch, poll_for};
+use crate::commands::runs::RunArg;
+use crate::report::microseconds;
+use crate::{exit, style};
+
+/// Measure the rate of a topic and how evenly it comes.
+///
+/// Both are taken from the stamps of the publisher, so looking on late does not blur them.
+///
+/// Example: motorium topic hz panda/joint_state --for 5s
+#[derive(Debug, clap::Args)]
+pub(super) struct Hz {
+    /// The topic
+    topic: String,
+    #[command(flatten)]
+    run: RunArg,
+    /// How long to measure
+    #[arg(long = "for", value_name = "TIME", default_value = "2s")]
+    time: TimeSpan,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The measurement as JSON.
+#[derive(Debug, Serialize)]
+struct Measured<'a> {
+    topic: &'a str,
+    rate_hz: Option<f64>,
+    interval_ns: Option<Percentiles>,
+    received: u64,
+    lost: u64,
+    measured_s: f64,
+    clock: ClockKind,
+}
+
+impl Hz {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let (_, topic) = find(&run.plan, &self.topic)?;
+        let watch = Watch::open(&run, topic)?;
+        let poll = poll_for(run.plan.components[topic.writer].period_ns());
+        let mut pace = Pace::default();
+        let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), |samples| {
+            samples.iter().for_each(|sample| pace.see(&sample.stamp));
+            Ok(true)
+        })?;
+        if end == End::RunOver {
+            anstream::eprintln!("run {} is over", run.folder.id());
+        }
+        let measured = Measured {
+            topic: &self.topic,
+            rate_hz: pace.rate_hz(),
+            interval_ns: pace.intervals(),
+            received: pace.received(),
+            lost: pace.lost(),
+            measured_s: pace.span_ns() as f64 * 1e-9,
+            clock: run.plan.clock,
+        };
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&measured)?);
+        } else {
+            anstream::print!("{}", describe(&measured));
+        }
+        Ok(if measured.received == 0 { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+}
+
+fn describe(measured: &Measured<'_>) -> String {
+    let Some(rate) = measured.rate_hz else {
+        return format!("{}: {} samples, too few for a rate\n", measured.topic, measured.received);
+    };
+    let time = match measured.clock {
+        ClockKind::Realtime => "",
+        ClockKind::Lockstep => " of simulated time",
+    };
+    let mut text = format!(
+        "{}  {}  over {:.2} s{time}\n",
+        measured.topic,
+        style::strong(format!("{rate:.3} Hz")),
+        measured.measured_s
+    );
+    if let Some(interval) = measured.interval_ns {
+        let [p50, p99, p999, max] =
+            [interval.p50, interval.p99, interval.p999, interval.max].map(microseconds);
+        text += &format!("  interval  p50 {p50} us, p99 {p99} us, p99.9 {p999} us, max {max} us\n");
+    }
+    text + &format!(
+        "  samples   {} received, {} overwritten before this command looked\n",
+        measured.received, measured.lost
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_silent_topic_is_said_to_have_too_few_samples() {
+        let measured = Measured {
+            topic: "a/b",
+            rate_hz: None,
+            interval_ns: None,
+            received: 0,
+            lost: 0,
+            measured_s: 0.0,
+            clock: ClockKind::Realtime,
+        };
+        assert_eq!(describe(&measured), "a/b: 0 samples, too few for a rate\n");
+    }
+}

@@ -1,0 +1,133 @@
+//! `motorium topic list`: all topics of a running graph.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use comfy_table::CellAlignment;
+use motorium::graph::units::TimeSpan;
+use motorium::region::TopicBlock;
+use serde::Serialize;
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::{names, pattern, readable};
+use crate::commands::runs::{LivingRun, RunArg};
+use crate::report::table;
+
+/// All topics: type, writer, readers, rate, age.
+///
+/// Example: motorium topic list --json
+#[derive(Debug, clap::Args)]
+pub(super) struct List {
+    #[command(flatten)]
+    run: RunArg,
+    /// Over which time to measure the rates
+    #[arg(long = "for", value_name = "TIME", default_value = "500ms")]
+    time: TimeSpan,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A topic as JSON.
+#[derive(Debug, Serialize)]
+pub(super) struct Row {
+    pub(super) name: String,
+    #[serde(rename = "type")]
+    pub(super) type_name: String,
+    pub(super) pattern: String,
+    pub(super) writer: String,
+    pub(super) readers: Vec<String>,
+    /// Publications a second of the run's clock; `null` when there were not enough to tell.
+    pub(super) rate_hz: Option<f64>,
+    pub(super) published: u64,
+    pub(super) dropped: u64,
+    /// Time since the last publication on the run's clock; `null` when there was none.
+    pub(super) age_ns: Option<u64>,
+}
+
+/// Publications of a topic up to some moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Count {
+    published: u64,
+    last_ns: u64,
+}
+
+impl Count {
+    fn of(block: &TopicBlock) -> Self {
+        Self { published: block.published.load(Relaxed), last_ns: block.last_publish_ns.load(Relaxed) }
+    }
+
+    /// Publications a second from the last one of `earlier` to the last one of `self`.
+    fn rate_since(self, earlier: Self) -> Option<f64> {
+        let count = self.published.checked_sub(earlier.published)?;
+        let time = self.last_ns.checked_sub(earlier.last_ns)?;
+        (earlier.published > 0 && count > 0 && time > 0).then(|| count as f64 * 1e9 / time as f64)
+    }
+}
+
+impl List {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let rows = rows(&run, Duration::from_nanos(self.time.ns));
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&rows)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        let mut listed = table(["topic", "type", "pattern", "writer", "readers", "Hz", "published", "age"]);
+        for row in rows {
+            listed.add_row([
+                row.name,
+                row.type_name,
+                row.pattern,
+                row.writer,
+                row.readers.join(", "),
+                row.rate_hz.map_or_else(|| "-".to_string(), |rate| format!("{rate:.1}")),
+                row.published.to_string(),
+                row.age_ns.map_or_else(|| "-".to_string(), readable),
+            ]);
+        }
+        for column in listed.column_iter_mut().skip(5) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        anstream::println!("{}", listed.trim_fmt());
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// All topics of a run, their rates measured over `time`.
+pub(super) fn rows(run: &LivingRun, time: Duration) -> Vec<Row> {
+    let blocks = run.region.topics();
+    let before: Vec<Count> = blocks.iter().map(Count::of).collect();
+    std::thread::sleep(time);
+    let topics = run.plan.topics.iter().zip(blocks).zip(before);
+    topics
+        .map(|((topic, block), before)| {
+            let count = Count::of(block);
+            let age = run.now_ns().saturating_sub(count.last_ns);
+            Row {
+                name: topic.name.clone(),
+                type_name: topic.layout.type_name.clone(),
+                pattern: pattern(topic.pattern),
+                writer: run.plan.components[topic.writer].name.clone(),
+                readers: names(&run.plan, &topic.readers),
+                rate_hz: count.rate_since(before),
+                published: count.published,
+                dropped: block.dropped.load(Relaxed),
+                age_ns: (count.published > 0).then_some(age),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Count;
+
+    #[test]
+    fn the_rate_is_taken_between_publications_and_not_between_looks() {
+        let count = |published, last_ns| Count { published, last_ns };
+        assert_eq!(count(510, 1_500_000_000).rate_since(count(10, 1_000_000_000)), Some(1000.0));
+        assert_eq!(count(10, 7).rate_since(count(10, 7)), None, "nothing came meanwhile");
+        assert_eq!(count(3, 7).rate_since(count(0, 0)), None, "the first one has no earlier one");
+    }
+}
