@@ -123,6 +123,7 @@ pub struct Ended {
     pub code: Option<i32>,
     pub report: Option<Report>,
     pub stderr: String,
+    pub stdout: String,
 }
 
 impl Ended {
@@ -131,11 +132,12 @@ impl Ended {
             code: output.status.code(),
             report: serde_json::from_slice(&output.stdout).ok(),
             stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
         }
     }
 
     pub fn report(&self) -> &Report {
-        self.report.as_ref().unwrap_or_else(|| panic!("no report; standard error:\n{}", self.stderr))
+        self.report.as_ref().unwrap_or_else(|| panic!("no report:\n{}{}", self.stdout, self.stderr))
     }
 }
 

@@ -32,8 +32,10 @@ pub struct DescribeAnswer {
     /// Version of motorium the program was built with.
     pub motorium: String,
     /// The declaration, unless the configuration was refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub declaration: Option<Declaration>,
     /// Why the configuration was refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<DescribeError>,
 }
 
