@@ -7,7 +7,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use motorium::launcher::Exit;
-use support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run};
+use support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run, signal};
 
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 
@@ -94,11 +94,13 @@ fn with_launcher_and_guard_both_dead_the_components_end_by_themselves_and_doctor
     let id = run.folder.id().to_string();
     let workers: Vec<u32> = COMPONENTS.iter().map(|component| run.pid_of(component)).collect();
     let (guard, launcher) = (run.guard(), run.launcher());
+    // A launcher that is awake would replace its guard at once.
+    signal(launcher, rustix::process::Signal::STOP);
     kill(guard);
     kill(launcher);
     workers.into_iter().for_each(await_end);
     drop(run);
-    // A guard that was replaced in between may have cleaned up already.
+    assert_ne!(leftovers(&id), Vec::<String>::new());
     let output = Command::new(MOTORIUM).args(["doctor", "--clean", "--json"]).output().expect("it starts");
     assert!(!output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(leftovers(&id), Vec::<String>::new());

@@ -2,7 +2,7 @@
 //!
 //! Every run takes the machine for itself: real-time processes of two tests at once would starve each other.
 
-#![allow(dead_code)] // each test file uses its part of this
+#![allow(dead_code, unreachable_pub)] // each test file uses its part of this
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
