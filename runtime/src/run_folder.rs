@@ -151,6 +151,11 @@ impl RunFolder {
         Ok(Domain::new(&self.path, &self.id)?)
     }
 
+    /// Whether it is so far made that its launcher stands in it.
+    pub fn names_launcher(&self) -> bool {
+        self.region().is_ok_and(|region| region.header().launcher.load(Relaxed) != 0)
+    }
+
     /// Whether its launcher or its guard is still there to look after it.
     pub fn is_alive(&self) -> bool {
         let Ok(region) = self.region() else { return false };

@@ -14,7 +14,7 @@ use super::finding::Finding;
 const OURS: &str = "mt_";
 /// What begins the names of those of other programs that use iceoryx2.
 const FOREIGN: &str = "iox2_";
-/// A younger run without a launcher may just be starting.
+/// A younger run that names no launcher yet may just be starting.
 const YOUNG: Duration = Duration::from_secs(5);
 
 /// What was left behind.
@@ -37,7 +37,10 @@ impl Leftovers {
         let all = RunFolder::list();
         let known: Vec<String> = all.iter().map(|run| format!("{OURS}{}_", run.id())).collect();
         let objects = orphans(ours, &known);
-        let runs = all.into_iter().filter(|run| is_old(run.path()) && !run.is_alive()).collect();
+        let runs = all
+            .into_iter()
+            .filter(|run| (run.names_launcher() || is_old(run.path())) && !run.is_alive())
+            .collect();
         Self { runs, objects, foreign }
     }
 
@@ -106,12 +109,18 @@ fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Fi
         let first = objects[0].display();
         parts.push(format!("{} objects that belong to no run ({first} ...)", objects.len()));
     }
-    Finding::warn(name, format!("left by runs that are gone: {}{gone}", parts.join(", ")), "motorium doctor --clean")
+    Finding::warn(
+        name,
+        format!("left by runs that are gone: {}{gone}", parts.join(", ")),
+        "motorium doctor --clean",
+    )
 }
 
 fn judge_foreign(foreign: &[PathBuf]) -> Finding {
     let name = "other iceoryx2";
-    let Some(first) = foreign.first() else { return Finding::pass(name, "no shared memory of other programs") };
+    let Some(first) = foreign.first() else {
+        return Finding::pass(name, "no shared memory of other programs");
+    };
     let owners: BTreeSet<u32> =
         foreign.iter().filter_map(|path| fs::metadata(path).ok()).map(|metadata| metadata.uid()).collect();
     let owners: Vec<String> = owners.iter().map(u32::to_string).collect();
@@ -132,8 +141,10 @@ mod tests {
     #[test]
     fn objects_of_runs_that_exist_are_not_orphans() {
         let folder = tempfile::tempdir().unwrap();
-        let make = |name: &str| fs::write(folder.path().join(name), "x").unwrap();
-        ["mt_reach-1_data", "mt_reach-12_data", "mt_reach-2_dynamic", "iox2_topic", "mine"].map(make);
+        let make = |name: &&str| fs::write(folder.path().join(name), "x").unwrap();
+        ["mt_reach-1_data", "mt_reach-12_data", "mt_reach-2_dynamic", "iox2_topic", "mine"]
+            .iter()
+            .for_each(make);
         fs::create_dir(folder.path().join("mt_folder")).unwrap();
         let user = rustix::process::getuid().as_raw();
         let ours = objects(folder.path(), OURS, Some(user));
@@ -150,8 +161,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let orphan = folder.path().join("mt_gone-1_data");
         let foreign = folder.path().join("iox2_data");
-        [&orphan, &foreign].map(|path| fs::write(path, "x").unwrap());
-        let mut left = Leftovers { runs: Vec::new(), objects: vec![orphan.clone()], foreign: vec![foreign.clone()] };
+        for path in [&orphan, &foreign] {
+            fs::write(path, "x").unwrap();
+        }
+        let mut left =
+            Leftovers { runs: Vec::new(), objects: vec![orphan.clone()], foreign: vec![foreign.clone()] };
         assert_eq!(left.findings(&[])[0].verdict, Verdict::Warn);
         assert_eq!(left.clean(), std::slice::from_ref(&orphan));
         assert!(!orphan.exists() && foreign.exists());
