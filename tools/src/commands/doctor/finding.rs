@@ -67,10 +67,8 @@ mod tests {
 
     #[test]
     fn names_stand_in_a_column_and_the_fix_below_what_was_found() {
-        let findings = [
-            Finding::pass("swap", "none"),
-            Finding::warn("clock source", "hpet", "boot with tsc=reliable"),
-        ];
+        let findings =
+            [Finding::pass("swap", "none"), Finding::warn("clock source", "hpet", "boot with tsc=reliable")];
         let text = anstream::adapter::strip_str(&lines(&findings)).to_string();
         assert_eq!(
             text,

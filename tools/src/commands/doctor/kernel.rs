@@ -127,7 +127,9 @@ fn judge_preemption(preemption: Preemption) -> Finding {
         Preemption::Full => {
             return Finding::pass(name, "full, but not PREEMPT_RT: latencies are short, not bounded");
         }
-        Preemption::Lazy => "lazy, not PREEMPT_RT: normal threads may hold up real-time ones inside the kernel",
+        Preemption::Lazy => {
+            "lazy, not PREEMPT_RT: normal threads may hold up real-time ones inside the kernel"
+        }
         Preemption::Voluntary => "voluntary: a real-time thread waits for others to leave the kernel",
         Preemption::None => "none: a real-time thread waits for others to leave the kernel",
         Preemption::Unknown => "chosen at boot, which way cannot be read as this user",
@@ -141,7 +143,11 @@ fn judge_resolution(resolution_ns: u64) -> Finding {
         return Finding::pass(name, format!("high resolution ({resolution_ns} ns)"));
     }
     let found = format!("resolution {resolution_ns} ns: a rate of 1 kHz cannot be held");
-    Finding::fail(name, found, "boot without highres=off and nohz=off; the kernel needs CONFIG_HIGH_RES_TIMERS=y")
+    Finding::fail(
+        name,
+        found,
+        "boot without highres=off and nohz=off; the kernel needs CONFIG_HIGH_RES_TIMERS=y",
+    )
 }
 
 fn judge_clock_source(current: &str, available: &str) -> Finding {
@@ -169,10 +175,15 @@ fn judge_throttling(runtime: &str, period: &str) -> Finding {
     let (Ok(runtime), Ok(period)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
         return Finding::warn(name, "unknown: sched_rt_runtime_us cannot be read", "is /proc mounted?");
     };
-    let off = "sudo sysctl kernel.sched_rt_runtime_us=-1   (a runaway real-time thread can then block its core)";
+    let off =
+        "sudo sysctl kernel.sched_rt_runtime_us=-1   (a runaway real-time thread can then block its core)";
     match runtime {
         ..0 => Finding::pass(name, "off: real-time threads may use their cores whole"),
-        0 => Finding::fail(name, "real-time threads get no time at all", "sudo sysctl kernel.sched_rt_runtime_us=950000"),
+        0 => Finding::fail(
+            name,
+            "real-time threads get no time at all",
+            "sudo sysctl kernel.sched_rt_runtime_us=950000",
+        ),
         _ if runtime >= period => Finding::pass(name, "none: real-time threads may use their cores whole"),
         _ => {
             let share = runtime as f64 * 100.0 / period as f64;
@@ -198,9 +209,18 @@ mod tests {
         let built = "CONFIG_PREEMPT_NONE=y\n# CONFIG_PREEMPT is not set\nCONFIG_PREEMPT_DYNAMIC=y\n";
         let cases = [
             (preemption(DYNAMIC, Some("1"), None, "", built), Preemption::Realtime),
-            (preemption("Linux version 6.1 (x) #1 SMP PREEMPT_RT Debian", None, None, "", ""), Preemption::Realtime),
-            (preemption(DYNAMIC, None, Some("none voluntary (full) lazy"), "preempt=none", built), Preemption::Full),
-            (preemption(DYNAMIC, None, None, "quiet preempt=none preempt=voluntary", built), Preemption::Voluntary),
+            (
+                preemption("Linux version 6.1 (x) #1 SMP PREEMPT_RT Debian", None, None, "", ""),
+                Preemption::Realtime,
+            ),
+            (
+                preemption(DYNAMIC, None, Some("none voluntary (full) lazy"), "preempt=none", built),
+                Preemption::Full,
+            ),
+            (
+                preemption(DYNAMIC, None, None, "quiet preempt=none preempt=voluntary", built),
+                Preemption::Voluntary,
+            ),
             (preemption(DYNAMIC, Some("0"), None, "quiet", built), Preemption::None),
             (preemption(DYNAMIC, None, None, "", "CONFIG_PREEMPT=y\n"), Preemption::Full),
             (preemption(DYNAMIC, None, None, "", "CONFIG_PREEMPT_LAZY=y\n"), Preemption::Lazy),

@@ -59,7 +59,11 @@ fn judge_virtual(cpuinfo: &str, product: &[String; 2], container: bool) -> Findi
             "virtual{kind}{inside}: its host may take the cores away at any time; what is measured below is not \
              the hardware's"
         );
-        return Finding::warn(name, found, "run robots on a machine of their own; for development this is fine");
+        return Finding::warn(
+            name,
+            found,
+            "run robots on a machine of their own; for development this is fine",
+        );
     }
     Finding::pass(name, format!("not virtual{inside}"))
 }
@@ -74,7 +78,8 @@ fn judge_cores(online: &[usize], isolated: &[usize], tickless: &[usize]) -> Find
         return Finding::warn(name, found, "use a machine with at least 2 cores");
     }
     if isolated.is_empty() {
-        let found = format!("{}, none isolated: the system may put other work on the real-time core", online.len());
+        let found =
+            format!("{}, none isolated: the system may put other work on the real-time core", online.len());
         let fix = format!("boot with isolcpus={last} nohz_full={last} rcu_nocbs={last} irqaffinity=0");
         return Finding::warn(name, found, fix);
     }

@@ -17,7 +17,7 @@ const ENOUGH_MIB: u64 = 64;
 pub(super) fn check() -> Vec<Finding> {
     let mode = std::fs::metadata(SHARED).ok().map(|metadata| metadata.permissions().mode() & 0o7777);
     let writable = rustix::fs::access(SHARED, Access::READ_OK | Access::WRITE_OK | Access::EXEC_OK).is_ok();
-    let free = rustix::fs::statvfs(SHARED).map(|stat| stat.f_bavail * stat.f_frsize >> 20).unwrap_or(0);
+    let free = rustix::fs::statvfs(SHARED).map(|stat| (stat.f_bavail * stat.f_frsize) >> 20).unwrap_or(0);
     vec![
         judge_shared(mode, writable, free),
         judge_swap(&read("/proc/swaps").unwrap_or_default()),
@@ -39,7 +39,11 @@ fn judge_shared(mode: Option<u32>, writable: bool, free_mib: u64) -> Finding {
     } else if free_mib < LEAST_MIB {
         Finding::fail(name, format!("{found}: too little for any graph"), grow)
     } else if mode != 0o1777 {
-        Finding::warn(name, format!("{found}; expected mode 1777: others cannot use it, or can delete your files"), repair)
+        Finding::warn(
+            name,
+            format!("{found}; expected mode 1777: others cannot use it, or can delete your files"),
+            repair,
+        )
     } else if free_mib < ENOUGH_MIB {
         Finding::warn(name, format!("{found}: too little for a large graph"), grow)
     } else {
@@ -82,7 +86,10 @@ mod tests {
         assert_eq!(judge_shared(Some(0o1777), true, 24_000).verdict, Verdict::Pass);
         assert_eq!(judge_shared(None, false, 0).verdict, Verdict::Fail);
         let closed = judge_shared(Some(0o755), false, 24_000);
-        assert_eq!((closed.verdict, closed.fix.as_deref()), (Verdict::Fail, Some("sudo chmod 1777 /dev/shm")));
+        assert_eq!(
+            (closed.verdict, closed.fix.as_deref()),
+            (Verdict::Fail, Some("sudo chmod 1777 /dev/shm"))
+        );
         assert_eq!(judge_shared(Some(0o777), true, 24_000).verdict, Verdict::Warn);
         assert_eq!(judge_shared(Some(0o1777), true, 63).verdict, Verdict::Warn);
         assert_eq!(judge_shared(Some(0o1777), true, 3).verdict, Verdict::Fail);

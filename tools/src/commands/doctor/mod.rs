@@ -76,7 +76,10 @@ fn examine(time: Duration, clean: bool) -> Examination {
     let mut leftovers = Leftovers::find(Path::new(memory::SHARED));
     let removed = if clean { leftovers.clean() } else { Vec::new() };
     findings.extend(leftovers.findings(&removed));
-    findings.push(Finding::pass("iceoryx2", format!("{} (all programs of a graph need this one)", PackageVersion::get())));
+    findings.push(Finding::pass(
+        "iceoryx2",
+        format!("{} (all programs of a graph need this one)", PackageVersion::get()),
+    ));
     let wakeup = (!time.is_zero()).then(|| wakeup::measure(time)).flatten();
     findings.extend(wakeup.as_ref().map(wakeup::judge));
     let fit = findings.iter().all(|finding| finding.verdict != Verdict::Fail);
@@ -88,12 +91,14 @@ fn conclusion(findings: &[Finding]) -> String {
     match (count(Verdict::Fail), count(Verdict::Warn)) {
         (0, 0) => format!("{}: this machine is fit for real time", style::good("fit")),
         (0, warnings) => {
-            format!("{}: graphs run in real time; {warnings} of the above could be better", style::good("fit"))
+            format!(
+                "{}: graphs run in real time; {warnings} of the above could be better",
+                style::good("fit")
+            )
         }
-        (failures, warnings) => format!(
-            "{}: {failures} of the above failed, {warnings} could be better",
-            style::error("not fit")
-        ),
+        (failures, warnings) => {
+            format!("{}: {failures} of the above failed, {warnings} could be better", style::error("not fit"))
+        }
     }
 }
 
@@ -122,9 +127,27 @@ mod tests {
         let examination = examine(Duration::from_millis(20), false);
         let names: Vec<_> = examination.findings.iter().map(|finding| finding.name).collect();
         for expected in [
-            "kernel", "preemption", "timers", "clock source", "throttling", "machine", "cores", "hyper-threads",
-            "governor", "idle states", "SCHED_FIFO", "SCHED_DEADLINE", "locked memory", "limits", "shared memory",
-            "swap", "huge pages", "leftovers", "other iceoryx2", "iceoryx2", "wake-up",
+            "kernel",
+            "preemption",
+            "timers",
+            "clock source",
+            "throttling",
+            "machine",
+            "cores",
+            "hyper-threads",
+            "governor",
+            "idle states",
+            "SCHED_FIFO",
+            "SCHED_DEADLINE",
+            "locked memory",
+            "limits",
+            "shared memory",
+            "swap",
+            "huge pages",
+            "leftovers",
+            "other iceoryx2",
+            "iceoryx2",
+            "wake-up",
         ] {
             assert!(names.contains(&expected), "no finding on {expected}: {names:?}");
         }

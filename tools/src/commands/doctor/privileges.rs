@@ -63,7 +63,9 @@ fn judge_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
     match tried {
         Ok(priority) => Finding::pass(name, format!("granted and read back (priority {priority})")),
         Err(reason) if capable => {
-            let found = format!("denied ({reason}), although this user may: the control group has no real-time budget");
+            let found = format!(
+                "denied ({reason}), although this user may: the control group has no real-time budget"
+            );
             let fix = "echo 950000 | sudo tee /sys/fs/cgroup/cpu/$(cut -d: -f3 /proc/self/cgroup | head -1)/cpu.rt_runtime_us, \
                        or boot with rt_group_sched=0";
             Finding::fail(name, found, fix)
@@ -153,8 +155,10 @@ fn effective_capabilities(status: &str) -> u64 {
 fn judge_limits(limits: &Limits, capabilities: u64) -> Finding {
     let name = "limits";
     let has = |capability: u32| capabilities & 1 << capability != 0;
-    let number = |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_string(), |limit| limit.to_string());
-    let locked = limits.memory.map_or_else(|| "unlimited".to_string(), |bytes| format!("{} kB", bytes / 1024));
+    let number =
+        |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_string(), |limit| limit.to_string());
+    let locked =
+        limits.memory.map_or_else(|| "unlimited".to_string(), |bytes| format!("{} kB", bytes / 1024));
     let mut found =
         format!("rtprio {}, memlock {locked}, nofile {}", number(limits.priority), number(limits.files));
     let passes: Vec<&str> = [(SYS_NICE, "CAP_SYS_NICE"), (IPC_LOCK, "CAP_IPC_LOCK")]

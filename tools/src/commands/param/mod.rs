@@ -168,7 +168,11 @@ impl Set {
         let new = match table.set(&self.path, self.value) {
             Ok(new) => new,
             Err(error) => {
-                anstream::eprintln!("{}: {error}; it stays {}", style::error("error"), row.with_unit(row.value));
+                anstream::eprintln!(
+                    "{}: {error}; it stays {}",
+                    style::error("error"),
+                    row.with_unit(row.value)
+                );
                 return Ok(exit::FAILED);
             }
         };

@@ -21,7 +21,9 @@ pub(super) enum ChooseError {
     Ambiguous { wanted: String, candidates: Vec<Candidate> },
     #[error("no run is called `{wanted}`; {advice}")]
     Unknown { wanted: String, advice: String },
-    #[error("run `{id}` is over, but its shared memory was left behind; `motorium doctor --clean` removes it")]
+    #[error(
+        "run `{id}` is over, but its shared memory was left behind; `motorium doctor --clean` removes it"
+    )]
     Over { id: String },
 }
 
@@ -98,13 +100,16 @@ mod tests {
     #[test]
     fn several_living_runs_are_listed_and_one_must_be_named() {
         let text = choose(None, &three()).unwrap_err().to_string();
-        assert!(text.contains("--run ID") && text.contains("reach-0a1b2c3d") && text.contains("walk-12345678"));
+        assert!(
+            text.contains("--run ID") && text.contains("reach-0a1b2c3d") && text.contains("walk-12345678")
+        );
         assert!(!text.contains("reach-0a99ffff"), "a dead run is no choice: {text}");
     }
 
     #[test]
     fn a_run_is_named_by_id_by_graph_or_by_the_beginning_of_its_id() {
-        for (wanted, expected) in [("walk-12345678", 2), ("walk", 2), ("w", 2), ("reach", 0), ("reach-0a", 0)] {
+        for (wanted, expected) in [("walk-12345678", 2), ("walk", 2), ("w", 2), ("reach", 0), ("reach-0a", 0)]
+        {
             assert_eq!(choose(Some(wanted), &three()), Ok(expected), "{wanted}");
         }
     }

@@ -12,7 +12,9 @@ const PADDING: &str = "reserved";
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum DecodeError {
     /// A field has a type that this program does not know.
-    #[error("field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read")]
+    #[error(
+        "field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read"
+    )]
     Kind { type_name: String, field: String, kind: String },
     /// A field lies outside of its sample.
     #[error("field `{field}` of `{type_name}` ends at byte {end}, but a sample has only {size}")]
@@ -331,7 +333,10 @@ mod tests {
         let content =
             [("orientation", doubles(&[0.0, 0.0, 0.0, 1.0])), ("goal", 2u64.to_ne_bytes().to_vec())];
         let text = json::<PoseTarget>(&content);
-        assert!(text.contains(r#""orientation":[0.0,0.0,0.0,1.0]"#) && text.contains(r#""goal":2"#), "{text}");
+        assert!(
+            text.contains(r#""orientation":[0.0,0.0,0.0,1.0]"#) && text.contains(r#""goal":2"#),
+            "{text}"
+        );
     }
 
     #[test]

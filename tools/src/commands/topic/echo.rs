@@ -73,7 +73,9 @@ impl Echo {
         let (mut shown, mut due) = (0, Instant::now());
         let mut newest: Option<Observed> = None;
         let take = |samples: Vec<Observed>| {
-            samples.iter().for_each(|sample| pace.see(&sample.stamp));
+            for sample in &samples {
+                pace.see(&sample.stamp);
+            }
             if self.every {
                 for sample in &samples {
                     shown += 1;
@@ -105,7 +107,11 @@ impl Echo {
         let value = match decoder.decode(&sample.bytes) {
             Ok(value) => value,
             Err(error) => {
-                anstream::eprintln!("sample {} of `{}` is malformed: {error}", sample.stamp.sequence, self.topic);
+                anstream::eprintln!(
+                    "sample {} of `{}` is malformed: {error}",
+                    sample.stamp.sequence,
+                    self.topic
+                );
                 return Ok(true);
             }
         };

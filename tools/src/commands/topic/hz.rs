@@ -9,7 +9,7 @@ use motorium::telemetry::Percentiles;
 use serde::Serialize;
 
 use super::find;
-use super::pace::Pace;
+use super::pace::{Pace, percentiles};
 use super::watch::{End, Watch, poll_for};
 use crate::commands::runs::RunArg;
 use crate::report::microseconds;
@@ -52,9 +52,9 @@ impl Hz {
         let (_, topic) = find(&run.plan, &self.topic)?;
         let watch = Watch::open(&run, topic)?;
         let poll = poll_for(run.plan.components[topic.writer].period_ns());
-        let mut pace = Pace::default();
+        let (mut pace, mut intervals) = (Pace::default(), Vec::new());
         let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), |samples| {
-            samples.iter().for_each(|sample| pace.see(&sample.stamp));
+            intervals.extend(samples.iter().filter_map(|sample| pace.see(&sample.stamp)));
             Ok(true)
         })?;
         if end == End::RunOver {
@@ -63,7 +63,7 @@ impl Hz {
         let measured = Measured {
             topic: &self.topic,
             rate_hz: pace.rate_hz(),
-            interval_ns: pace.intervals(),
+            interval_ns: percentiles(&mut intervals),
             received: pace.received(),
             lost: pace.lost(),
             measured_s: pace.span_ns() as f64 * 1e-9,

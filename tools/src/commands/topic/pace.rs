@@ -1,7 +1,7 @@
 //! How fast and how evenly samples come, from their stamps.
 
 use motorium::state::Stamp;
-use motorium::telemetry::{Histogram, Percentiles};
+use motorium::telemetry::Percentiles;
 
 /// What the stamps of received samples tell. It does not depend on when the samples were looked at: a sample that
 /// was overwritten unseen still counts for the rate, for its sequence number is missing.
@@ -14,28 +14,24 @@ pub(super) struct Pace {
     /// of a publisher that was restarted.
     publications: u64,
     span_ns: u64,
-    intervals: Histogram,
 }
 
 impl Pace {
-    /// Takes the stamp of the next received sample.
-    pub(super) fn see(&mut self, stamp: &Stamp) {
+    /// Takes the stamp of the next received sample. Returns the time since the publication before it, ns, if that
+    /// one was received too: across a gap only the sum of several intervals is known.
+    pub(super) fn see(&mut self, stamp: &Stamp) -> Option<u64> {
         self.received += 1;
-        let last = self.last.replace(*stamp);
-        let Some(last) = last else { return };
+        let last = self.last.replace(*stamp)?;
         let same_publisher = (last.origin, last.incarnation) == (stamp.origin, stamp.incarnation);
         if !same_publisher || stamp.sequence <= last.sequence {
-            return;
+            return None;
         }
         let steps = stamp.sequence - last.sequence;
         let interval = stamp.publish_time.saturating_sub(last.publish_time);
         self.lost += steps - 1;
         self.publications += steps;
         self.span_ns += interval;
-        // Across a gap only the sum of several intervals is known.
-        if steps == 1 {
-            self.intervals.record(interval);
-        }
+        (steps == 1).then_some(interval)
     }
 
     /// Samples received.
@@ -53,15 +49,21 @@ impl Pace {
         (self.span_ns > 0).then(|| self.publications as f64 * 1e9 / self.span_ns as f64)
     }
 
-    /// Time between publications that follow one another, ns; `None` when there are none.
-    pub(super) fn intervals(&self) -> Option<Percentiles> {
-        (self.intervals.count() > 0).then(|| self.intervals.percentiles())
-    }
-
     /// From the first to the last received sample, ns.
     pub(super) fn span_ns(&self) -> u64 {
         self.span_ns
     }
+}
+
+/// Exact percentiles of durations, ns; `None` when there are none. Sorts them.
+pub(super) fn percentiles(durations: &mut [u64]) -> Option<Percentiles> {
+    durations.sort_unstable();
+    let max = *durations.last()?;
+    let quantile = |share: f64| {
+        let rank = (share * durations.len() as f64).ceil() as usize;
+        durations[rank.clamp(1, durations.len()) - 1]
+    };
+    Some(Percentiles { p50: quantile(0.5), p99: quantile(0.99), p999: quantile(0.999), max })
 }
 
 #[cfg(test)]
@@ -72,17 +74,19 @@ mod tests {
         Stamp { sequence, source_time: publish_time, publish_time, origin: 3, incarnation }
     }
 
-    fn pace(stamps: &[(u64, u64, u32)]) -> Pace {
+    fn pace(stamps: &[(u64, u64, u32)]) -> (Pace, Vec<u64>) {
         let mut pace = Pace::default();
-        stamps.iter().for_each(|&(sequence, time, life)| pace.see(&stamp(sequence, time, life)));
-        pace
+        let see = |&(sequence, time, life): &(u64, u64, u32)| pace.see(&stamp(sequence, time, life));
+        let intervals = stamps.iter().filter_map(see).collect();
+        (pace, intervals)
     }
 
     #[test]
     fn the_rate_is_that_of_the_publisher_even_when_samples_are_lost() {
         // 1 kHz, of which every third sample is caught
         let stamps: Vec<_> = (0..100).map(|i| (1 + 3 * i, 5_000_000 + 3_000_000 * i, 0)).collect();
-        let pace = pace(&stamps);
+        let (pace, intervals) = pace(&stamps);
+        assert!(intervals.is_empty());
         assert_eq!(pace.received(), 100);
         assert_eq!(pace.lost(), 2 * 99);
         assert_eq!(pace.rate_hz(), Some(1000.0));
@@ -91,22 +95,31 @@ mod tests {
 
     #[test]
     fn intervals_are_measured_only_between_samples_that_follow_one_another() {
-        let pace = pace(&[(1, 0, 0), (2, 1_000, 0), (5, 9_000, 0), (6, 10_000, 0)]);
-        let intervals = pace.intervals().unwrap();
-        assert_eq!(intervals.max, 1_000, "the gap of 8000 ns is no interval");
+        let (pace, intervals) = pace(&[(1, 0, 0), (2, 1_000, 0), (5, 9_000, 0), (6, 10_100, 0)]);
+        assert_eq!(intervals, [1_000, 1_100], "the gap of 8000 ns is no interval");
         assert_eq!(pace.lost(), 2);
     }
 
     #[test]
     fn a_restart_of_the_publisher_is_no_gap_and_no_interval() {
-        let pace = pace(&[(98, 0, 0), (99, 1_000, 0), (1, 700_000, 1), (2, 701_000, 1)]);
+        let (pace, intervals) = pace(&[(98, 0, 0), (99, 1_000, 0), (1, 700_000, 1), (2, 701_000, 1)]);
         assert_eq!((pace.lost(), pace.rate_hz()), (0, Some(1e6)));
-        assert_eq!(pace.intervals().unwrap().max, 1_000);
+        assert_eq!(intervals, [1_000, 1_000]);
     }
 
     #[test]
     fn one_sample_tells_no_rate() {
-        let pace = pace(&[(7, 1_000, 0)]);
-        assert_eq!((pace.received(), pace.rate_hz(), pace.intervals()), (1, None, None));
+        let (pace, intervals) = pace(&[(7, 1_000, 0)]);
+        assert_eq!((pace.received(), pace.rate_hz()), (1, None));
+        assert!(intervals.is_empty());
+    }
+
+    #[test]
+    fn percentiles_are_values_that_occurred() {
+        let mut durations: Vec<u64> = (1..=2000).rev().collect();
+        let found = percentiles(&mut durations).unwrap();
+        assert_eq!(found, Percentiles { p50: 1000, p99: 1980, p999: 1998, max: 2000 });
+        assert_eq!(percentiles(&mut [5]).unwrap(), Percentiles { p50: 5, p99: 5, p999: 5, max: 5 });
+        assert_eq!(percentiles(&mut []), None);
     }
 }

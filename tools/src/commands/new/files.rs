@@ -1,0 +1,116 @@
+//! The files of a new component crate.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::checkout::Checkout;
+use crate::registry;
+
+/// A file's place in the crate, and its text.
+pub(super) type File = (&'static str, String);
+
+/// The files could not be written.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WriteError {
+    #[error("`{}` exists already and is left as it is; choose another name, or another folder with --path", .0.display())]
+    Exists(PathBuf),
+    #[error("there is no folder `{}` to make it in", .0.display())]
+    NoParent(PathBuf),
+    #[error("`{}` cannot be written: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+}
+
+/// All files of a crate of this name.
+pub(super) fn files(name: &str, checkout: Option<&Checkout>) -> Vec<File> {
+    let dependency = dependency(checkout);
+    let fill = |template: &str| template.replace("{{name}}", name).replace("{{dependency}}", &dependency);
+    let schema = motorium::graph::schema(&registry::registry());
+    let mut files = vec![
+        ("Cargo.toml", fill(include_str!("../../../templates/Cargo.toml.in"))),
+        ("README.md", fill(include_str!("../../../templates/README.md.in"))),
+        ("graph.toml", fill(include_str!("../../../templates/graph.toml.in"))),
+        ("graph.schema.json", format!("{:#}\n", schema.as_value())),
+        ("src/main.rs", include_str!("../../../templates/main.rs").to_string()),
+        (".gitignore", include_str!("../../../templates/gitignore.in").to_string()),
+    ];
+    // The versions that the runtime was built and tested with; cargo drops those that the crate does not need.
+    files.extend(checkout.and_then(Checkout::lock).map(|lock| ("Cargo.lock", lock)));
+    files
+}
+
+/// How the crate depends on motorium: on this checkout, or on the published version of this program.
+fn dependency(checkout: Option<&Checkout>) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    match checkout {
+        // A path as a TOML string: quoted and escaped as JSON is.
+        Some(checkout) => {
+            let path = serde_json::Value::String(checkout.runtime().to_string_lossy().into_owned());
+            format!("{{ version = \"{version}\", path = {path} }}")
+        }
+        None => format!("\"={version}\""),
+    }
+}
+
+/// Makes the crate's folder in `parent` and writes the files there; nothing that exists is ever touched. If a file
+/// cannot be written, what was made until then is removed.
+pub(super) fn write(parent: &Path, name: &str, files: &[File]) -> Result<PathBuf, WriteError> {
+    let folder = parent.join(name);
+    fs::create_dir(&folder).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => WriteError::Exists(folder.clone()),
+        io::ErrorKind::NotFound => WriteError::NoParent(parent.to_path_buf()),
+        _ => WriteError::Io { path: folder.clone(), source },
+    })?;
+    for (file, text) in files {
+        let path = folder.join(file);
+        let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, text));
+        if let Err(source) = written {
+            let _ = fs::remove_dir_all(&folder);
+            return Err(WriteError::Io { path, source });
+        }
+    }
+    Ok(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_placeholder_is_left_in_any_file() {
+        for checkout in [None, Checkout::find()] {
+            for (name, text) in files("my-controller", checkout.as_ref()) {
+                assert!(!text.contains("{{"), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn away_from_a_checkout_the_published_version_is_asked_for() {
+        let made = files("my-controller", None);
+        let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
+        assert!(manifest.contains(&format!("motorium = \"={}\"", env!("CARGO_PKG_VERSION"))), "{manifest}");
+        assert!(made.iter().all(|(name, _)| *name != "Cargo.lock"));
+    }
+
+    #[test]
+    fn what_exists_is_never_overwritten() {
+        let parent = tempfile::tempdir().unwrap();
+        let kept = parent.path().join("mine/Cargo.toml");
+        fs::create_dir(parent.path().join("mine")).unwrap();
+        fs::write(&kept, "mine").unwrap();
+        let error = write(parent.path(), "mine", &[("Cargo.toml", "new".into())]).unwrap_err();
+        assert!(matches!(error, WriteError::Exists(_)), "{error}");
+        assert_eq!(fs::read_to_string(kept).unwrap(), "mine");
+    }
+
+    #[test]
+    fn a_crate_that_cannot_be_written_whole_leaves_nothing() {
+        let parent = tempfile::tempdir().unwrap();
+        let files = [("a", "text".to_string()), ("a/b", "below a file".to_string())];
+        assert!(matches!(write(parent.path(), "half", &files), Err(WriteError::Io { .. })));
+        assert!(!parent.path().join("half").exists());
+        let missing = parent.path().join("nowhere");
+        assert!(matches!(write(&missing, "x", &files), Err(WriteError::NoParent(_))));
+    }
+}

@@ -1,0 +1,62 @@
+//! `motorium new`: a component crate and a graph that build and run at once.
+
+mod checkout;
+mod files;
+mod name;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use crate::style;
+use checkout::Checkout;
+
+/// Make a component crate and a graph that build and run at once.
+///
+/// Example: motorium new my-controller && cd my-controller && cargo build --release && motorium run graph.toml --for 2s
+#[derive(Debug, clap::Args)]
+pub(crate) struct New {
+    /// Name of the crate: lower-case letters, digits, `-` and `_`
+    name: String,
+    /// In which folder to make its folder
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    path: PathBuf,
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was made, as JSON.
+#[derive(Debug, Serialize)]
+struct Made {
+    name: String,
+    folder: PathBuf,
+    files: Vec<&'static str>,
+}
+
+impl New {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        name::check(&self.name)?;
+        let checkout = Checkout::find();
+        let files = files::files(&self.name, checkout.as_ref());
+        let folder = files::write(&self.path, &self.name, &files)?;
+        let made = Made { name: self.name, folder, files: files.into_iter().map(|(name, _)| name).collect() };
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&made)?);
+        } else {
+            anstream::println!("{}", next_steps(&made, &self.path));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn next_steps(made: &Made, path: &Path) -> String {
+    let folder = path.join(&made.name);
+    let folder = folder.strip_prefix(".").unwrap_or(&folder).display();
+    format!(
+        "{} {folder}: {}\nNow:\n  cd {folder}\n  cargo test\n  cargo build --release\n  motorium run graph.toml --for 5s",
+        style::good("made"),
+        made.files.join(", ")
+    )
+}

@@ -1,0 +1,193 @@
+//! A motorium component: swings one joint of a robot, smoothly, at a frequency that may be changed while it runs.
+//!
+//! The motion is [`Swing`], a plain calculation with tests; [`Controller`] makes it a component.
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::state::{JointCommand, JointState};
+use motorium::worker::{Input, Output, Parameter, Setup};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+motorium::main!(Controller);
+
+/// The `config` table of the component in the graph file. Doc comments show up in the JSON Schema.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    /// Index of the joint that swings.
+    #[serde(default)]
+    joint: usize,
+    /// How far it swings from where it was found, rad.
+    amplitude: f64,
+    /// Stiffness Kp of each joint, N m/rad.
+    stiffness: Vec<f64>,
+    /// Damping Kd of each joint, N m s/rad.
+    damping: Vec<f64>,
+}
+
+/// A position and its velocity, rad and rad/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Setpoint {
+    position: f64,
+    velocity: f64,
+}
+
+/// A motion to `amplitude` and back, again and again, which starts at rest: `amplitude/2 (1 - cos(phase))`.
+#[derive(Debug, Clone)]
+struct Swing {
+    amplitude: f64,
+    phase: f64,
+}
+
+impl Swing {
+    fn new(amplitude: f64) -> Self {
+        Self { amplitude, phase: 0.0 }
+    }
+
+    /// Moves on by `dt` seconds. The frequency (Hz) may change at any time: the phase goes on from where it is.
+    fn advance(&mut self, frequency: f64, dt: f64) -> Setpoint {
+        let rate = std::f64::consts::TAU * frequency;
+        self.phase = (self.phase + rate * dt) % std::f64::consts::TAU;
+        Setpoint {
+            position: 0.5 * self.amplitude * (1.0 - self.phase.cos()),
+            velocity: 0.5 * self.amplitude * rate * self.phase.sin(),
+        }
+    }
+}
+
+/// Swings one joint, holds all others where they were found.
+struct Controller {
+    state: Input<JointState>,
+    command: Output<JointCommand>,
+    frequency: Parameter<f64>,
+    config: Config,
+    swing: Swing,
+    /// The first state that was seen: the motion is relative to it.
+    start: Option<JointState>,
+    /// The setpoint of the last step, and the largest error with which it was followed, rad.
+    last: Option<f64>,
+    largest_error: f64,
+}
+
+impl Component for Controller {
+    const KIND: &'static str = env!("CARGO_PKG_NAME");
+    const SUMMARY: &'static str = "swings one joint of a robot";
+    type Config = Config;
+
+    // `motorium check` calls this: what is refused here is refused before anything runs.
+    fn declare(config: &Config, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<JointState>("state", "measured joint state");
+        declare.output::<JointCommand>("command", "setpoints and gains for all joints");
+        declare.float("frequency", 0.5, 0.05..=2.0, "Hz", "swings per second");
+        let (joints, gains) = (config.stiffness.len(), config.damping.len());
+        if joints != gains {
+            let message = format!("{gains} values, but `stiffness` has {joints}");
+            return Err(ConfigError::key("damping", message).advise("write one value for each joint"));
+        }
+        if config.joint >= joints {
+            let message = format!("joint {}, but `stiffness` is for {joints} joints", config.joint);
+            return Err(ConfigError::key("joint", message).advise("joints count from 0"));
+        }
+        if !(-1.0..=1.0).contains(&config.amplitude) {
+            let message = format!("{} rad, expected from -1 to 1", config.amplitude);
+            return Err(ConfigError::key("amplitude", message));
+        }
+        Ok(())
+    }
+
+    // All memory is allocated here.
+    fn configure(config: Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self {
+            state: setup.input("state")?,
+            command: setup.output("command")?,
+            frequency: setup.parameter("frequency")?,
+            swing: Swing::new(config.amplitude),
+            config,
+            start: None,
+            last: None,
+            largest_error: 0.0,
+        })
+    }
+
+    // The hot path: no allocation, no lock, no log, no system call.
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let Some(state) = self.state.latest() else { return Ok(()) };
+        let joints = self.config.stiffness.len();
+        if state.count() != joints {
+            return Err(StepError::failed(
+                "the robot has another number of joints than `stiffness` has values",
+            ));
+        }
+        let joint = self.config.joint;
+        if let Some(last) = self.last {
+            self.largest_error = self.largest_error.max((last - state.position()[joint]).abs());
+        }
+        let start = self.start.get_or_insert(*state);
+        let setpoint = self.swing.advance(self.frequency.get(), tick.dt());
+
+        // A lent sample is shared memory with old content: write every field.
+        let mut command = self.command.loan()?;
+        command.set_count(joints);
+        command.position_mut().copy_from_slice(start.position());
+        command.position_mut()[joint] += setpoint.position;
+        command.velocity_mut().fill(0.0);
+        command.velocity_mut()[joint] = setpoint.velocity;
+        command.effort_mut().fill(0.0);
+        command.stiffness_mut().copy_from_slice(&self.config.stiffness);
+        command.damping_mut().copy_from_slice(&self.config.damping);
+        self.last = Some(command.position()[joint]);
+        command.publish()
+    }
+
+    // Stands under `results` in the report of the run.
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "largest_error_rad": self.largest_error }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_swing_starts_at_rest_reaches_its_amplitude_and_comes_back() {
+        let mut swing = Swing::new(0.4);
+        let dt = 1e-3;
+        let path: Vec<Setpoint> = (0..1000).map(|_| swing.advance(1.0, dt)).collect();
+        assert!(path[0].position.abs() < 1e-5 && path[0].velocity.abs() < 1e-2);
+        assert!((path[499].position - 0.4).abs() < 1e-9);
+        assert!(path[999].position.abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_velocity_is_the_derivative_of_the_position_even_when_the_frequency_changes() {
+        let mut swing = Swing::new(0.4);
+        let dt = 1e-4;
+        let mut last = swing.advance(0.5, dt);
+        for i in 0..40_000 {
+            let frequency = if i < 20_000 { 0.5 } else { 1.5 };
+            let next = swing.advance(frequency, dt);
+            let difference = (next.position - last.position) / dt;
+            assert!((next.velocity - difference).abs() < 2e-3, "{} is not {difference}", next.velocity);
+            last = next;
+        }
+    }
+
+    fn declare(config: &str) -> Result<(), ConfigError> {
+        let config: Config = serde_json::from_str(config).expect("a config table");
+        Controller::declare(&config, &mut Declare::new(None))
+    }
+
+    #[test]
+    fn a_configuration_that_cannot_work_is_refused_with_its_key() {
+        let good = r#"{ "joint": 1, "amplitude": 0.3, "stiffness": [1.0, 2.0], "damping": [0.1, 0.2] }"#;
+        assert_eq!(declare(good), Ok(()));
+        for (key, wrong) in [
+            ("damping", good.replace("[0.1, 0.2]", "[0.1]")),
+            ("joint", good.replace("\"joint\": 1", "\"joint\": 2")),
+            ("amplitude", good.replace("0.3", "3.0")),
+        ] {
+            assert_eq!(declare(&wrong).unwrap_err().key.as_deref(), Some(key));
+        }
+    }
+}
