@@ -109,16 +109,10 @@ impl Launch<'_> {
     pub(super) fn end(&mut self, services: &Services, observe: &mut dyn FnMut(Event<'_>)) {
         let running = self.plan.clock == ClockKind::Realtime
             && self.region.components().iter().any(|block| block.phase() == Phase::Running);
-        if running && self.region.header().command() == Command::Run {
-            let noticed = monotonic_ns();
+        let actuators = self.plan.components.iter().any(|component| component.actuator);
+        if running && actuators && self.region.header().command() == Command::Run {
             self.region.header().order(Command::SafeStop);
-            let until = Instant::now() + Duration::from_millis(100);
-            while self.all_actuators_safe_since(noticed).is_none() && Instant::now() < until {
-                if !self.plan.components.iter().any(|component| component.actuator) {
-                    break;
-                }
-                std::thread::sleep(Duration::from_millis(1));
-            }
+            std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
         }
         self.region.header().order(Command::Stop);
         let until = Instant::now() + STOP_WITHIN;

@@ -41,19 +41,17 @@ impl Launch<'_> {
             if signals.raised() > 0 {
                 return (Exit::Interrupted, time);
             }
-            if self.region.header().command() == Command::SafeStop {
-                let reason = "a component ordered the safe stop".to_string();
-                observe(Event::SafeStop { reason: &reason });
-                return (Exit::SafeStop { reason }, time);
-            }
+            let mut stop = (self.region.header().command() == Command::SafeStop)
+                .then(|| "a component ordered the safe stop".to_string());
             for &index in &order {
-                if !self.is_due(index, time, &mut next, &mut seen) {
-                    continue;
+                if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
+                    stop = self.tick(index, time, &mut care[index], services, observe);
                 }
-                if let Some(reason) = self.tick(index, time, &mut care[index], services, observe) {
-                    observe(Event::SafeStop { reason: &reason });
-                    return (Exit::SafeStop { reason }, time);
-                }
+            }
+            if let Some(reason) = stop {
+                observe(Event::SafeStop { reason: &reason });
+                let time = self.settle_lockstep(time, &mut care, services, observe);
+                return (Exit::SafeStop { reason }, time);
             }
             let now = monotonic_ns();
             if now >= next_status {
@@ -80,6 +78,30 @@ impl Launch<'_> {
                 due
             }
         }
+    }
+
+    /// After a safe stop only the actuators go on, in their safe state, for the settling time. Returns when it is over.
+    fn settle_lockstep(
+        &mut self,
+        time: u64,
+        care: &mut [Care],
+        services: &Services,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> u64 {
+        self.region.header().order(Command::SafeStop);
+        let end = time + self.plan.safety.settle_ns;
+        for (index, care) in care.iter_mut().enumerate() {
+            let component = &self.plan.components[index];
+            let (period, actuator) = (component.period_ns(), component.actuator);
+            let mut next = time + period;
+            while actuator && !care.is_gone() && next <= end {
+                if self.tick(index, next, care, services, observe).is_some() {
+                    break;
+                }
+                next += period;
+            }
+        }
+        end
     }
 
     /// Hands out one tick and waits for it to be done. Returns why the graph cannot go on, if it cannot.
