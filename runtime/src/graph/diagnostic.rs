@@ -180,8 +180,12 @@ impl Report {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }
 
-    /// Everything collected, in the order of the file; what has no place comes first.
+    /// Everything collected, in the order of the file; what has no place comes first. Beside errors there are no
+    /// warnings: what is left out of a graph by mistake makes many of them.
     pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
+        if self.has_errors() {
+            self.diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
+        }
         self.diagnostics.sort_by_key(|diagnostic| diagnostic.primary.as_ref().map(|label| label.span.start));
         self.diagnostics.dedup();
         self.diagnostics

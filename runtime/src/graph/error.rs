@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::diagnostic::{Diagnostic, DiagnosticReport, Severity};
+use super::diagnostic::{Diagnostic, DiagnosticReport};
 
 /// Everything that was found wrong with a graph; at least one error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -16,12 +16,12 @@ impl GraphError {
         Self { diagnostics }
     }
 
-    /// Errors and warnings in the order of the file.
+    /// All errors, in the order of the file.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
     }
 
-    /// Errors and warnings as data.
+    /// All errors as data.
     pub fn reports(&self) -> Vec<DiagnosticReport> {
         self.diagnostics.iter().map(Diagnostic::report).collect()
     }
@@ -39,11 +39,11 @@ impl GraphError {
     }
 
     fn summary(&self) -> String {
-        let errors = self.diagnostics.iter().filter(|d| d.severity() == Severity::Error).count();
+        let errors = self.diagnostics.len();
         let file = self.diagnostics.first().map_or("", |diagnostic| diagnostic.sources.file().name.as_str());
         match errors {
-            1 => format!("{file}: 1 error, nothing was started"),
-            errors => format!("{file}: {errors} errors, nothing was started"),
+            1 => format!("1 error in {file}"),
+            errors => format!("{errors} errors in {file}"),
         }
     }
 }
@@ -51,8 +51,7 @@ impl GraphError {
 impl core::fmt::Display for GraphError {
     /// The first error and how many there are; [`GraphError::render`] shows all.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let first = self.diagnostics.iter().find(|diagnostic| diagnostic.severity() == Severity::Error);
-        match first {
+        match self.diagnostics.first() {
             Some(first) => write!(f, "{}: {}", self.summary(), first.message()),
             None => f.write_str(&self.summary()),
         }

@@ -18,7 +18,8 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
             Err(_) => {
                 report
                     .error(format!("the number {} is too large", number.as_str()))
-                    .at(&value.span(), "does not fit into 64 bits");
+                    .at(&value.span(), "does not fit into 64 bits")
+                    .advise("write it as a decimal number, such as 1e20, if the component takes one");
                 return None;
             }
         },

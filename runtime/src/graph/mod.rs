@@ -124,9 +124,10 @@ fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {
     let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let near = nearest::nearest(wanted, graphs.iter().map(String::as_str));
     let diagnostic = report.error(format!("the graph file `{name}` cannot be read: {error}"));
-    if let Some(near) = near {
-        diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display()));
-    }
+    match near {
+        Some(near) => diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display())),
+        None => diagnostic.advise("name a graph file, such as `graphs/panda-reach.toml`"),
+    };
     GraphError::new(report.into_diagnostics())
 }
 

@@ -38,6 +38,9 @@ pub(super) struct GraphTable<'i> {
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
     /// What keeps the robot safe when commands fail.
     pub safety: Option<At<SafetyTable>>,
+    /// Keys that misspelt ones probably mean.
+    #[schemars(skip)]
+    pub meant: Vec<&'static str>,
 }
 
 /// Names of the keys at the top of the file.
@@ -47,7 +50,7 @@ pub(super) const TOP_KEYS: [&str; 10] =
 impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
-        let table = Self {
+        let mut table = Self {
             name: keys.take("name"),
             clock: keys.take("clock"),
             duration: keys.take("duration"),
@@ -58,8 +61,9 @@ impl<'i> GraphTable<'i> {
             component: keys.take("component"),
             latency: keys.take("latency"),
             safety: keys.take("safety"),
+            meant: Vec::new(),
         };
-        keys.finish("the graph");
+        table.meant = keys.finish("the graph");
         Some(table)
     }
 }
@@ -69,10 +73,10 @@ impl<'i> GraphTable<'i> {
 #[schemars(deny_unknown_fields, rename = "Cores")]
 pub(super) struct CoresTable {
     /// Cores of real-time components. If left out: the last core of the machine.
-    #[schemars(length(min = 1))]
+    #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub realtime: Option<At<Vec<At<usize>>>>,
     /// Cores of everything else. If left out: all that are not real-time, or the same one on a machine with one core.
-    #[schemars(length(min = 1))]
+    #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub shared: Option<At<Vec<At<usize>>>>,
 }
 
@@ -113,13 +117,16 @@ pub(super) struct RobotTable {
     /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
     #[schemars(required)]
     pub urdf: Option<At<String>>,
+    /// Keys that misspelt ones probably mean.
+    #[schemars(skip)]
+    pub meant: Vec<&'static str>,
 }
 
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let table = Self { urdf: keys.take("urdf") };
-        keys.finish(&format!("robot `{key}`"));
+        let mut table = Self { urdf: keys.take("urdf"), meant: Vec::new() };
+        table.meant = keys.finish(&format!("robot `{key}`"));
         Some(table)
     }
 }
@@ -170,12 +177,15 @@ pub(super) struct ComponentTable<'i> {
     pub on_failure: Option<At<OnFailure>>,
     /// When it is started again.
     pub restart: Option<At<RestartTable>>,
+    /// Keys that misspelt ones probably mean.
+    #[schemars(skip)]
+    pub meant: Vec<&'static str>,
 }
 
 impl<'i> Read<'i> for ComponentTable<'i> {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
-        let table = Self {
+        let mut table = Self {
             kind: keys.take("kind"),
             exec: keys.take("exec"),
             robot: keys.take("robot"),
@@ -194,8 +204,9 @@ impl<'i> Read<'i> for ComponentTable<'i> {
             on_error: keys.take("on_error"),
             on_failure: keys.take("on_failure"),
             restart: keys.take("restart"),
+            meant: Vec::new(),
         };
-        keys.finish(&format!("component `{key}`"));
+        table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)
     }
 }
@@ -248,18 +259,22 @@ pub(super) struct LatencyTable {
     /// What happens when it takes longer.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
+    /// Keys that misspelt ones probably mean.
+    #[schemars(skip)]
+    pub meant: Vec<&'static str>,
 }
 
 impl<'i> Read<'i> for LatencyTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self {
+        let mut table = Self {
             from: keys.take("from"),
             to: keys.take("to"),
             max: keys.take("max"),
             on_miss: keys.take("on_miss"),
+            meant: Vec::new(),
         };
-        keys.finish("`[[latency]]`");
+        table.meant = keys.finish("`[[latency]]`");
         Some(table)
     }
 }

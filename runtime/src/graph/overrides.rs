@@ -180,7 +180,8 @@ impl<'t, 'i> Place<'t, 'i> {
                 report
                     .error(format!("`{name}` has no keys of its own"))
                     .at(&step.span(), "not a table")
-                    .and(&old, "its value here");
+                    .and(&old, "its value here")
+                    .advise(format!("end the path at `{name}`"));
                 None
             }
         }
@@ -215,7 +216,10 @@ fn element<'t, 'i>(
             0 => "the array is empty".to_string(),
             count => format!("expected a number from 0 to {}", count - 1),
         };
-        report.error(format!("`{name}` is not the place of an entry in an array")).at(&span, label);
+        report
+            .error(format!("`{name}` is not the place of an entry in an array"))
+            .at(&span, label)
+            .advise("count entries from 0, as in `latency.0.max`");
     }
     array.get_mut(index?)
 }

@@ -30,11 +30,28 @@ impl<'s> Texts<'s> {
     /// The tables of the graph, overrides in place; `None` if the file is not TOML.
     pub(super) fn parse(&self, report: &mut Report) -> Option<GraphTable<'_>> {
         let (graph, errors) = DeTable::parse_recoverable(&self.sources.file().text);
+        let mut duplicates = 0;
         for error in &errors {
-            let end = self.sources.file().text.len();
-            report
-                .error(format!("the file is not TOML: {}", error.message()))
-                .at(&error.span().unwrap_or(end..end), "");
+            let text = &self.sources.file().text;
+            let span = error.span().unwrap_or(text.len()..text.len());
+            if error.message() != "duplicate key" {
+                report
+                    .error(format!("the file is not TOML: {}", error.message()))
+                    .at(&span, "")
+                    .advise("graph files are TOML, see https://toml.io: `key = value`, text in quotes");
+                continue;
+            }
+            duplicates += 1;
+            // every key of a table that stands there twice is found again
+            if duplicates == 1 {
+                report
+                    .error(format!(
+                        "`{}` stands here for the second time",
+                        text.get(span.clone()).unwrap_or_default()
+                    ))
+                    .at(&span, "already defined above")
+                    .advise("put both together, or rename one of them");
+            }
         }
         if !errors.is_empty() {
             // what the parser made of the rest would only give mistakes that are none

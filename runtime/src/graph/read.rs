@@ -90,11 +90,15 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Some(At { value: read, span: value.span(), key: key.span() })
     }
 
-    /// Reports the keys that were not taken. `context` says whose keys they are.
-    pub(super) fn finish(self, context: &str) {
+    /// Reports the keys that were not taken. `context` says whose keys they are. Gives the keys that were probably
+    /// meant: that they are missing need not be reported as well.
+    pub(super) fn finish(self, context: &str) -> Vec<&'static str> {
+        let mut meant = Vec::new();
         for key in self.table.keys().filter(|key| !self.known.contains(&key.get_ref().as_ref())) {
             let name = key.get_ref().as_ref();
-            let advice = match nearest(name, self.known.iter().copied()) {
+            let near = nearest(name, self.known.iter().copied());
+            meant.extend(self.known.iter().copied().find(|known| Some(*known) == near));
+            let advice = match near {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("the keys of {context} are {}", list(self.known.iter().copied())),
             };
@@ -103,6 +107,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
                 .at(&key.span(), "not a key that is known here")
                 .advise(advice);
         }
+        meant
     }
 }
 
@@ -117,7 +122,11 @@ pub(super) fn entries<'t, 'i>(table: &'t DeTable<'i>) -> Vec<(&'t Spanned<DeStri
 pub(super) fn table<'t, 'i>(key: &str, value: &'t Value<'i>, report: &mut Report) -> Option<&'t DeTable<'i>> {
     let table = value.get_ref().as_table();
     if table.is_none() {
-        mismatch(key, value, "a table", report).advise(format!("write `[{key}]` or `{key} = {{ ... }}`"));
+        let advice = match key.rsplit_once('.') {
+            Some((_, name)) => format!("write `[{key}]`, or `{name} = {{ ... }}`"),
+            None => format!("write `{key} = {{ ... }}`"),
+        };
+        mismatch(key, value, "a table", report).advise(advice);
     }
     table
 }
@@ -152,7 +161,17 @@ pub(super) fn mismatch<'r>(
         DeValue::Array(_) => "an array".to_string(),
         DeValue::Table(_) => "a table".to_string(),
     };
+    let advice = match value.get_ref() {
+        DeValue::Integer(number) => format!("for text put it in quotes: \"{}\"", number.as_str()),
+        DeValue::Float(number) => format!("for text put it in quotes: \"{}\"", number.as_str()),
+        DeValue::String(text) if text.parse::<f64>().is_ok() => format!("leave the quotes out: {text}"),
+        DeValue::String(text) if matches!(text.as_ref(), "true" | "false") => {
+            format!("leave the quotes out: {text}")
+        }
+        _ => "the JSON Schema of graph files says what belongs here: `motorium schema`".to_string(),
+    };
     report
         .error(format!("`{key}` is {found}, expected {expected}"))
         .at(&value.span(), format!("expected {expected}"))
+        .advise(advice)
 }

@@ -14,6 +14,8 @@ pub fn schema(registry: &Registry) -> Schema {
     let configs: Vec<Json> =
         registry.kinds().iter().map(|kind| kind.schema(&mut generator).to_value()).collect();
     let mut schema = generator.into_root_schema_for::<GraphTable<'static>>();
+    let configs: Vec<(Json, Vec<&str>)> =
+        configs.into_iter().map(|config| (config.clone(), required(&config, &schema))).collect();
     for table in ["component", "robot"] {
         if let Some(names) = schema.pointer_mut(&format!("/properties/{table}")).and_then(Json::as_object_mut)
         {
@@ -29,10 +31,10 @@ pub fn schema(registry: &Registry) -> Schema {
         }
         let mut rules = vec![exactly_one("kind", "exec"), exactly_one("rate", "trigger")];
         rules.push(json!({ "if": { "required": ["phase"] }, "then": { "required": ["rate"] } }));
-        rules.extend(kinds.zip(configs).map(|(kind, config)| {
+        rules.extend(kinds.zip(configs).map(|(kind, (config, required))| {
             json!({
                 "if": { "properties": { "kind": { "const": kind.name } }, "required": ["kind"] },
-                "then": { "properties": { "config": config } },
+                "then": { "properties": { "config": config }, "required": required },
             })
         }));
         component.insert("allOf".into(), Json::Array(rules));
@@ -42,4 +44,13 @@ pub fn schema(registry: &Registry) -> Schema {
 
 fn exactly_one(one: &str, other: &str) -> Json {
     json!({ "oneOf": [{ "required": [one] }, { "required": [other] }] })
+}
+
+/// `config` itself is required if one of its keys is.
+fn required(config: &Json, schema: &Schema) -> Vec<&'static str> {
+    let reference =
+        config.get("$ref").and_then(Json::as_str).and_then(|reference| reference.strip_prefix('#'));
+    let table = reference.and_then(|pointer| schema.pointer(pointer)).unwrap_or(config);
+    let keys = table.get("required").and_then(Json::as_array);
+    if keys.is_some_and(|keys| !keys.is_empty()) { vec!["config"] } else { Vec::new() }
 }

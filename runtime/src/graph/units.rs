@@ -98,7 +98,11 @@ impl core::str::FromStr for Rate {
             return Err(impossible(text));
         };
         if hz > fastest || mhz < power.saturating_mul(SLOWEST_MHZ) {
-            return Err(impossible(text));
+            let how = if hz > fastest { "fast" } else { "slow" };
+            return Err(UnitError {
+                found: format!("is \"{text}\", which is too {how}"),
+                ..impossible(text)
+            });
         }
         let Some(ns) = power.checked_mul(1_000_000_000) else { return Err(impossible(text)) };
         let period_ns = u64::try_from((ns + hz / 2) / hz).map_err(|_| impossible(text))?;
@@ -176,7 +180,7 @@ impl core::fmt::Display for TimeSpan {
     /// The largest unit in which at most three decimals are needed: `1.5 ms`, `200 us`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let units = [("s", 1_000_000_000u64), ("ms", 1_000_000), ("us", 1_000), ("ns", 1)];
-        let fits = |scale: &u64| self.ns >= *scale && (self.ns % scale) * 1_000 % scale == 0;
+        let fits = |scale: &u64| self.ns >= *scale && ((self.ns % scale) * 1_000).is_multiple_of(*scale);
         let (unit, scale) = units.into_iter().find(|(_, scale)| fits(scale)).unwrap_or(("ns", 1));
         let thousandths = (self.ns % scale) * 1_000 / scale;
         let fraction = format!("{thousandths:03}");

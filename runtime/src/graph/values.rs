@@ -18,7 +18,10 @@ impl<'i> Read<'i> for String {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let text = text(key, value, "text", report)?;
         if text.trim().is_empty() {
-            report.error(format!("`{key}` is empty")).at(&value.span(), "expected some text");
+            report
+                .error(format!("`{key}` is empty"))
+                .at(&value.span(), "expected some text")
+                .advise(format!("say what it is, or leave `{key}` out"));
             return None;
         }
         Some(text.to_string())
@@ -66,6 +69,7 @@ fn check(
                 }
             })
             .collect();
+        let fixed = fixed.split('/').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("/");
         report
             .error(format!("`{name}` cannot be the name of {what}"))
             .at(span, format!("`{}` is not allowed here", wrong.escape_default()))
@@ -138,10 +142,10 @@ impl schemars::JsonSchema for TopicName {
 }
 
 /// Reports a time or rate that cannot be.
-fn refuse(key: &str, span: &Span, error: &UnitError, report: &mut Report) {
+fn refuse(key: &str, span: &Span, what: &str, error: &UnitError, report: &mut Report) {
     report
         .error(format!("`{key}` {}", error.found))
-        .at(span, "cannot be read")
+        .at(span, format!("expected {what}"))
         .advise(error.expected.as_str());
 }
 
@@ -161,7 +165,7 @@ macro_rules! read_unit {
                     }
                     return None;
                 };
-                text.parse().map_err(|error| refuse(key, &value.span(), &error, report)).ok()
+                text.parse().map_err(|error| refuse(key, &value.span(), $what, &error, report)).ok()
             }
         }
     };
@@ -186,9 +190,12 @@ macro_rules! read_whole {
                 let number = i128::from_str_radix(number.as_str(), number.radix()).unwrap_or(i128::MAX);
                 let (low, high) = ($type::MIN as i128, ($type::MAX as i128).min(i64::MAX as i128));
                 if number < low || number > high {
+                    let sign = if number < 0 { "at least" } else { "at most" };
+                    let limit = if number < 0 { low } else { high };
                     report
                         .error(format!("`{key}` is out of range"))
-                        .at(&value.span(), format!("expected a whole number from {low} to {high}"));
+                        .at(&value.span(), format!("expected a whole number from {low} to {high}"))
+                        .advise(format!("write {sign} {limit}"));
                     return None;
                 }
                 $type::try_from(number).ok()

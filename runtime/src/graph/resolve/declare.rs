@@ -25,7 +25,7 @@ pub(super) fn resolve<'g, 'i>(
 ) -> Vec<Draft<'g, 'i>> {
     let components = good(&graph.component).map(|components| components.0.as_slice()).unwrap_or_default();
     let empty = graph.component.as_ref().is_none_or(|at| at.get().is_some_and(|table| table.0.is_empty()));
-    if empty {
+    if empty && !graph.meant.contains(&"component") {
         let place = graph.component.as_ref().map_or(0..0, |at| at.key.clone());
         report
             .error("the graph has no components")
@@ -106,6 +106,7 @@ fn identify(
     report: &mut Report,
 ) -> Option<Declaration> {
     match (&draft.table.kind, &draft.table.exec) {
+        (None, None) if draft.table.meant.iter().any(|key| matches!(*key, "kind" | "exec")) => None,
         (None, None) => {
             report
                 .error(format!("component `{}` does not say what it runs", draft.name))
@@ -125,12 +126,15 @@ fn identify(
             let name = at.get()?;
             let Some(kind) = context.registry.find(name) else {
                 let kinds = context.registry.kinds().iter().map(|kind| kind.name);
-                let diagnostic =
-                    report.error(format!("unknown kind `{name}`")).at(&at.span, "no such kind of component");
-                if let Some(near) = nearest(name, kinds.clone()) {
-                    diagnostic.advise(format!("did you mean `{near}`?"));
-                }
-                diagnostic.note(format!("the built-in kinds are {}", list(kinds)));
+                let advice = match nearest(name, kinds.clone()) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "use one of them, or name a program of your own with `exec`".to_string(),
+                };
+                report
+                    .error(format!("unknown kind `{name}`"))
+                    .at(&at.span, "no such kind of component")
+                    .note(format!("the built-in kinds are {}", list(kinds)))
+                    .advise(advice);
                 return None;
             };
             draft.program = Some(Program::Builtin { kind: name.clone() });
@@ -179,17 +183,19 @@ fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut R
     let by_key = key.as_deref().and_then(|key| place_of(key, draft));
     let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
     let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
-    let subject = key.as_ref().map(|key| format!(" `{key}`")).unwrap_or_default();
-    let label = match key {
-        Some(key) => format!("refused by {}: `{key}`", draft.what()),
-        None => format!("refused by {}", draft.what()),
+    let subject = match key.as_deref() {
+        Some("robot") => format!("{}.robot", draft.name),
+        Some(key) => format!("{}.config.{key}", draft.name),
+        None => format!("{}.config", draft.name),
     };
-    let text = format!("configuration of component `{}`{}: {message}", draft.name, subject);
-    let advice = advice.clone().or_else(|| near_field(message));
-    let diagnostic = report.error(text).at(&place, label);
-    if let Some(advice) = advice {
-        diagnostic.advise(advice);
-    }
+    let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
+        Some(Program::Exec { .. }) => "see the configuration of this program".to_string(),
+        _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
+    });
+    report
+        .error(format!("`{subject}`: {message}"))
+        .at(&place, format!("refused by {}", draft.what()))
+        .advise(advice);
 }
 
 /// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.

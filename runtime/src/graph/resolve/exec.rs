@@ -17,9 +17,8 @@ use super::Draft;
 use crate::component::{ConfigError, Declaration, RobotReference};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
+use crate::worker::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest};
 
-/// The argument that asks a program what it declares.
-const DESCRIBE: &str = "motorium-describe";
 /// How long it may take to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The most that is read of its answer.
@@ -89,14 +88,16 @@ pub(super) fn describe(
     config: &Json,
     robot: Option<&RobotReference>,
 ) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
-    let request = serde_json::json!({ "config": config, "robot": robot }).to_string();
+    let request = DescribeRequest { config: config.clone(), robot: robot.cloned() };
+    let request = serde_json::to_string(&request)
+        .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
     let answer = ask(path, request)?;
     let no_component = |reason: String| ExecProblem::NoComponent {
         path: path.to_path_buf(),
         reason,
         stderr: answer.stderr.clone(),
     };
-    let mut reply: Json = serde_json::from_str(&answer.stdout).map_err(|error| {
+    let reply: Json = serde_json::from_str(&answer.stdout).map_err(|error| {
         no_component(match (answer.status.success(), answer.stdout.trim()) {
             (false, _) => format!("it ended with {}", answer.status),
             (true, "") => "it said nothing".to_string(),
@@ -110,15 +111,13 @@ pub(super) fn describe(
     if version != VERSION {
         return Err(ExecProblem::Version { path: path.to_path_buf(), found: version.to_string() });
     }
-    if let Some(error) = reply.get("error") {
-        let text = |key: &str| error.get(key).and_then(Json::as_str).map(str::to_string);
-        let message = text("message").ok_or_else(|| no_component("its error has no message".into()))?;
-        return Ok(Err(ConfigError { key: text("key"), message, advice: text("advice") }));
+    let reply: DescribeAnswer = serde_json::from_value(reply)
+        .map_err(|error| no_component(format!("its answer cannot be read ({error})")))?;
+    match (reply.declaration, reply.error) {
+        (_, Some(DescribeError { key, message, advice })) => Ok(Err(ConfigError { key, message, advice })),
+        (Some(declaration), None) => Ok(Ok(declaration)),
+        (None, None) => Err(no_component("its answer declares nothing".into())),
     }
-    let declaration = reply.get_mut("declaration").map(Json::take).unwrap_or_default();
-    serde_json::from_value(declaration)
-        .map(Ok)
-        .map_err(|error| no_component(format!("its declaration cannot be read ({error})")))
 }
 
 struct Answer {

@@ -97,14 +97,17 @@ fn budget<'g>(
     report: &mut Report,
 ) -> Option<Budget<'g>> {
     let missing = [("from", table.from.is_none()), ("to", table.to.is_none()), ("max", table.max.is_none())];
-    for (key, _) in missing.iter().filter(|(_, missing)| *missing) {
+    for (key, _) in missing.iter().filter(|(key, missing)| *missing && !table.meant.contains(key)) {
         report
             .error(format!("a latency budget has no `{key}`"))
             .at(place, format!("`{key}` is missing"))
             .advise("write `from = \"topic\"`, `to = \"topic\"`, `max = \"300 us\"`");
     }
     if let Some(max) = table.max.as_ref().filter(|max| max.get() == Some(&TimeSpan { ns: 0 })) {
-        report.error("a latency budget of nothing cannot be met").at(&max.span, "no time at all");
+        report
+            .error("a latency budget of nothing cannot be met")
+            .at(&max.span, "no time at all")
+            .advise("allow at least the execution budgets of the components on the path");
     }
     let from = topic(table.from.as_ref(), wiring, report);
     let to = topic(table.to.as_ref(), wiring, report);
@@ -127,7 +130,7 @@ fn topic(at: Option<&At<TopicName>>, wiring: &Wiring, report: &mut Report) -> Op
     let at = at?;
     let TopicName(name) = at.get()?;
     let found = wiring.topic(name).filter(|topic| wiring.writer(*topic).is_some());
-    if found.is_none() {
+    if found.is_none() && !wiring.incomplete {
         report
             .error(format!("nobody writes topic `{name}`"))
             .at(&at.span, "not a topic that can be measured")
@@ -213,6 +216,7 @@ fn no_path(
             inputs => diagnostic
                 .note(format!("`{to}` is written by `{name}`, which reads {}", list(inputs.iter().copied()))),
         };
+        diagnostic.advise("start the budget at a topic from which a chain of components leads there");
         return;
     };
     let reason = match timing.activation[writer] {
@@ -223,9 +227,10 @@ fn no_path(
         "`{to}` is written by `{name}` and has the source time of `{}`, {reason}",
         wiring.topics[cause]
     ));
-    if let Some(origin) = origin(budget.to, causes, wiring).filter(|origin| *origin != budget.to) {
-        diagnostic.advise(format!("start the budget at `{}`", wiring.topics[origin]));
-    }
+    match origin(budget.to, causes, wiring).filter(|origin| *origin != budget.to) {
+        Some(origin) => diagnostic.advise(format!("start the budget at `{}`", wiring.topics[origin])),
+        None => diagnostic.advise("leave one of the budgets out"),
+    };
 }
 
 /// A budget must start where its data comes into being.
@@ -273,6 +278,9 @@ fn too_tight(budget: &Budget<'_>, path: &[&Wire], drafts: &[Draft<'_, '_>], repo
     report
         .warning("a latency budget is shorter than the execution budgets on its path")
         .at(&budget.max.span, format!("less than {sum}"))
-        .note(format!("{} = {sum}", terms.join(" + ")))
+        .note(match terms.as_slice() {
+            [alone] => format!("a step may take {alone}"),
+            terms => format!("steps may take {} = {sum}", terms.join(" + ")),
+        })
         .advise("allow more time, or less for the components");
 }

@@ -73,7 +73,7 @@ impl Draft<'_, '_> {
 
 /// Resolves a graph. Gives nothing if and only if an error has been reported.
 pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Option<Plan> {
-    if graph.name.is_none() {
+    if graph.name.is_none() && !graph.meant.contains(&"name") {
         report
             .error("the graph has no name")
             .at(&(0..0), "`name` is missing")
@@ -81,7 +81,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     }
     let robots = robots::resolve(graph, context, report);
     let drafts = declare::resolve(graph, &robots, context, report);
-    let wiring = wiring::resolve(&drafts, report);
+    let wiring = wiring::resolve(graph, &drafts, report);
     topics::check(&drafts, &wiring, report);
     let timing = timing::resolve(&drafts, &wiring, report);
     let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);

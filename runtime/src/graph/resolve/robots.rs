@@ -23,7 +23,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     for (name, at) in good(&graph.robot).iter().flat_map(|robots| &robots.0) {
         let named = check_name("a robot", name, &at.key, report);
         let urdf = at.get().and_then(|table| {
-            if table.urdf.is_none() {
+            if table.urdf.is_none() && !table.meant.contains(&"urdf") {
                 report
                     .error(format!("robot `{name}` has no model"))
                     .at(&at.key, "`urdf` is missing")
@@ -37,9 +37,10 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
                 let diagnostic = report
                     .error(format!("robot `{name}`: {}", error.message))
                     .at(&urdf.span, "this model cannot be used");
-                if let Some(advice) = error.advice {
-                    diagnostic.advise(advice);
-                }
+                diagnostic.advise(error.advice.unwrap_or_else(|| {
+                    "`urdf` is a name of the catalogue, a folder, or a URDF file beside the graph file"
+                        .to_string()
+                }));
                 return None;
             }
             named.then(|| RobotReference {

@@ -25,7 +25,12 @@ pub(super) fn resolve(
         table.map_or(defaults::STALE_AFTER, |table| good_or(&table.stale_after, defaults::STALE_AFTER));
     let at = table.and_then(|table| table.stale_after.as_ref());
     not_zero("stale_after", at, "every command would be stale at once", report);
-    not_zero("duration", graph.duration.as_ref(), "the run would end at once", report);
+    if let Some(at) = graph.duration.as_ref().filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
+        report
+            .error("`duration` is zero")
+            .at(&at.span, "the run would end at once")
+            .advise("leave it out to run until stopped");
+    }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
         not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
         not_zero("within", restart.within.as_ref(), "no restart would be quick enough", report);
@@ -75,7 +80,7 @@ fn stale_commands(
             else {
                 continue;
             };
-            if stale_after.ns >= period_ns {
+            if stale_after.ns >= period_ns || stale_after.ns == 0 {
                 continue;
             }
             let period = TimeSpan { ns: period_ns };

@@ -86,7 +86,10 @@ fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Report) -> Core
         for core in listed {
             let Some(number) = core.get() else { continue };
             if cores.contains(number) {
-                report.error(format!("core {number} is listed twice")).at(&core.span, "once is enough");
+                report
+                    .error(format!("core {number} is listed twice"))
+                    .at(&core.span, "once is enough")
+                    .advise("leave one of them out");
             } else if exists(*number, machine, core, report) {
                 cores.push(*number);
             }

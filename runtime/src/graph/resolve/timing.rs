@@ -86,6 +86,7 @@ pub(super) fn resolve(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Re
 fn start(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) -> Option<Start> {
     let table = draft.table;
     match (&table.rate, &table.trigger) {
+        (None, None) if table.meant.iter().any(|key| matches!(*key, "rate" | "trigger")) => None,
         (None, None) => {
             let input = wiring.of_component(component, Direction::Input).find_map(|wire| wire.topic);
             let advice = match input {
@@ -148,6 +149,9 @@ fn find_trigger(
         wiring.of_component(component, Direction::Input).find(|wire| topic.is_some() && wire.topic == topic);
     if let (Some(wire), Some(topic)) = (wire, topic) {
         return Some(Start::Triggered { topic, input: wire.index?, span: trigger.span.clone() });
+    }
+    if draft.table.subscribe.as_ref().is_some_and(|at| at.get().is_none()) {
+        return None;
     }
     let inputs = || wiring.of_component(component, Direction::Input).filter_map(|wire| wire.topic);
     let names: Vec<&str> = inputs().map(|topic| wiring.topics[topic].as_str()).collect();

@@ -2,7 +2,7 @@
 
 use super::Draft;
 use super::wiring::{Wire, Wiring, carries};
-use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::component::{Direction, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::nearest::{list, nearest};
 
@@ -18,11 +18,6 @@ pub(super) fn check(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Repo
             agree(topic, writer, reader, drafts, wiring, report);
         }
     }
-}
-
-/// The declared port of a wire.
-fn port<'d>(wire: &Wire, drafts: &'d [Draft<'_, '_>]) -> Option<&'d PortDeclaration> {
-    drafts[wire.component].ports(wire.direction).nth(wire.index?)
 }
 
 fn one_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
@@ -42,22 +37,20 @@ fn one_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &
 
 fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
     let name = &wiring.topics[topic];
+    if wiring.incomplete {
+        return;
+    }
     for reader in wiring.of_topic(topic, Direction::Input) {
-        let wanted = port(reader, drafts).map(|port| port.layout.type_name.as_str());
-        // topics that would fit; all that are written if it is not known what would fit
-        let fitting = wiring.written().filter(|written| {
-            let writer = wiring.topic(written).and_then(|topic| wiring.writer(topic));
-            let carried = writer.and_then(|writer| port(writer, drafts));
-            wanted.is_none() || carried.is_some_and(|port| Some(port.layout.type_name.as_str()) == wanted)
-        });
-        let near = nearest(name, fitting.clone()).or_else(|| nearest(name, wiring.written()));
+        let wanted = reader.declared(drafts).map(|port| port.layout.type_name.as_str());
+        let fitting = wanted.map(|wanted| wiring.that_carry(wanted, drafts)).unwrap_or_default();
+        let near = nearest(name, fitting.iter().copied()).or_else(|| nearest(name, wiring.written()));
         let advice = match (near, wanted) {
             (Some(near), _) => format!("did you mean `{near}`?"),
-            (None, Some(wanted)) if fitting.clone().next().is_some() => {
+            (None, Some(wanted)) if !fitting.is_empty() => {
                 format!("topics that carry {wanted}: {}", list(fitting))
             }
             (None, Some(wanted)) => format!("add a component that publishes {wanted} on `{name}`"),
-            (None, None) => format!("the topics of this graph are {}", list(fitting)),
+            (None, None) => format!("the topics of this graph are {}", list(wiring.written())),
         };
         let component = drafts[reader.component].name;
         report
@@ -76,7 +69,7 @@ fn agree(
     wiring: &Wiring,
     report: &mut Report,
 ) {
-    let (Some(written), Some(read)) = (port(writer, drafts), port(reader, drafts)) else { return };
+    let (Some(written), Some(read)) = (writer.declared(drafts), reader.declared(drafts)) else { return };
     let name = &wiring.topics[topic];
     let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
     let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));
@@ -85,16 +78,7 @@ fn agree(
         format!("`{of_writer}` writes {}", carries(written)),
     );
     if written.layout.type_name != read.layout.type_name {
-        let fitting = |wire: &&Wire| {
-            port(wire, drafts).is_some_and(|port| port.layout.type_name == read.layout.type_name)
-        };
-        let topics: Vec<&str> = wiring
-            .wires
-            .iter()
-            .filter(|wire| wire.direction == Direction::Output)
-            .filter(fitting)
-            .filter_map(|wire| Some(wiring.topics[wire.topic?].as_str()))
-            .collect();
+        let topics = wiring.that_carry(&read.layout.type_name, drafts);
         let diagnostic = report
             .error(format!(
                 "topic `{name}` carries {}, but `{of_reader}` reads {}",

@@ -3,7 +3,8 @@
 use super::Draft;
 use crate::component::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::diagnostic::Report;
-use crate::graph::nearest::nearest;
+use crate::graph::model::GraphTable;
+use crate::graph::nearest::{list, nearest};
 use crate::graph::read::{At, good};
 use crate::graph::source::Span;
 use crate::graph::values::{Named, TopicName};
@@ -25,6 +26,13 @@ pub(super) struct Wire {
     pub span: Span,
 }
 
+impl Wire {
+    /// The declared port.
+    pub(super) fn declared<'d>(&self, drafts: &'d [Draft<'_, '_>]) -> Option<&'d PortDeclaration> {
+        drafts[self.component].ports(self.direction).nth(self.index?)
+    }
+}
+
 /// All wires of a graph.
 #[derive(Debug)]
 pub(super) struct Wiring {
@@ -32,6 +40,8 @@ pub(super) struct Wiring {
     pub topics: Vec<String>,
     /// All wires, by component, in the order of the file.
     pub wires: Vec<Wire>,
+    /// Whether outputs are missing because they were refused, so that a topic may only seem to have no writer.
+    pub incomplete: bool,
 }
 
 impl Wiring {
@@ -55,6 +65,15 @@ impl Wiring {
         self.of_component(component, direction).find(|wire| wire.index == Some(index))
     }
 
+    /// Topics that carry a type.
+    pub(super) fn that_carry<'w>(&'w self, type_name: &str, drafts: &[Draft<'_, '_>]) -> Vec<&'w str> {
+        let carries = |wire: &&Wire| {
+            wire.direction == Direction::Output
+                && wire.declared(drafts).is_some_and(|port| port.layout.type_name == type_name)
+        };
+        self.wires.iter().filter(carries).filter_map(|wire| Some(self.topics[wire.topic?].as_str())).collect()
+    }
+
     /// The topic of this name.
     pub(super) fn topic(&self, name: &str) -> Option<usize> {
         self.topics.iter().position(|topic| topic == name)
@@ -76,8 +95,11 @@ pub(super) fn carries(port: &PortDeclaration) -> String {
 }
 
 /// Finds the port and the topic of every wire.
-pub(super) fn resolve(drafts: &[Draft<'_, '_>], report: &mut Report) -> Wiring {
-    let mut wiring = Wiring { topics: Vec::new(), wires: Vec::new() };
+pub(super) fn resolve(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) -> Wiring {
+    let components = good(&graph.component).map_or(0, |components| components.0.len());
+    let refused = |draft: &Draft<'_, '_>| draft.table.publish.as_ref().is_some_and(|at| at.get().is_none());
+    let incomplete = drafts.len() < components || drafts.iter().any(refused);
+    let mut wiring = Wiring { topics: Vec::new(), wires: Vec::new(), incomplete };
     for (component, draft) in drafts.iter().enumerate() {
         let mut entries: Vec<(Direction, &(String, At<TopicName>))> = Vec::new();
         let sides = [(Direction::Input, &draft.table.subscribe), (Direction::Output, &draft.table.publish)];
@@ -98,12 +120,13 @@ pub(super) fn resolve(drafts: &[Draft<'_, '_>], report: &mut Report) -> Wiring {
                     wiring.topics.len() - 1
                 })
             });
+            wiring.incomplete |= topic.is_none() && direction == Direction::Output;
             let (port, span) = (port.clone(), at.span.clone());
             wiring.wires.push(Wire { component, port, index, direction, topic, span });
         }
     }
     for (component, draft) in drafts.iter().enumerate() {
-        required(component, draft, &wiring, report);
+        required(component, drafts, &wiring, report);
         nothing_to_do(component, draft, &wiring, report);
     }
     wiring
@@ -133,29 +156,31 @@ fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: 
         Direction::Input => ("input", Direction::Output, "publish"),
         Direction::Output => ("output", Direction::Input, "subscribe"),
     };
-    let list = |direction: Direction| {
+    let ports = |direction: Direction| {
         let ports: Vec<String> =
             draft.ports(direction).map(|port| format!("`{}` ({})", port.name, carries(port))).collect();
         if ports.is_empty() { "none".to_string() } else { ports.join(", ") }
     };
     let advice = if draft.ports(other_side).any(|declared| declared.name == port) {
         let article = if other_side == Direction::Input { "an input" } else { "an output" };
-        Some(format!("`{port}` is {article}: wire it in `{other_table}`"))
+        format!("`{port}` is {article}: wire it in `{other_table}`")
     } else {
         let names = draft.ports(direction).map(|declared| declared.name.as_str());
-        nearest(port, names).map(|near| format!("did you mean `{near}`?"))
+        match nearest(port, names) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "wire one of them, or leave this out".to_string(),
+        }
     };
-    let diagnostic = report
+    report
         .error(format!("{} has no {word} `{port}`", draft.what()))
         .at(place, format!("unknown {word}"))
-        .note(format!("its {word}s: {}", list(direction)));
-    if let Some(advice) = advice {
-        diagnostic.advise(advice);
-    }
+        .note(format!("its {word}s: {}", ports(direction)))
+        .advise(advice);
 }
 
 /// Every input that must be wired is.
-fn required(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
+fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
+    let draft = &drafts[component];
     if draft.table.subscribe.as_ref().is_some_and(|at| at.get().is_none()) {
         return;
     }
@@ -163,8 +188,20 @@ fn required(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &m
         if !port.required || wiring.of_port(component, Direction::Input, index).is_some() {
             continue;
         }
-        let place = draft.table.subscribe.as_ref().map_or(&draft.place, |subscribe| &subscribe.key);
-        let advice = format!("add `subscribe = {{ {} = \"...\" }}`", port.name);
+        let misspelt =
+            |wire: &Wire| wire.index.is_none() && nearest(&wire.port, [port.name.as_str()]).is_some();
+        if wiring.of_component(component, Direction::Input).any(misspelt) {
+            continue;
+        }
+        let (place, table) = match &draft.table.subscribe {
+            Some(subscribe) => (&subscribe.key, ""),
+            None => (&draft.place, "`subscribe`: "),
+        };
+        let advice = match wiring.that_carry(&port.layout.type_name, drafts).as_slice() {
+            [] => format!("no topic carries {}: add a component that publishes one", port.layout.type_name),
+            [topic] => format!("add {table}`{} = \"{topic}\"`", port.name),
+            topics => format!("wire it to one of {}", list(topics.iter().copied())),
+        };
         report
             .error(format!("input `{}` of component `{}` is not wired", port.name, draft.name))
             .at(place, format!("`{}` ({}) is missing", port.name, carries(port)))
@@ -182,7 +219,8 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
     if declaration.ports.is_empty() {
         report
             .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
-            .at(&draft.place, "neither reads nor writes");
+            .at(&draft.place, "neither reads nor writes")
+            .advise("fine if it works for the world outside only");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a required port that is missing has been reported already
         let ports: Vec<String> =

@@ -1,0 +1,131 @@
+//! Whole files: broken ones with the exact error each must give, good ones with their plans.
+
+use motorium::graph::Severity;
+use serde_json::Value as Json;
+
+use super::{anywhere, good, graphs, load, stem};
+
+#[test]
+fn every_broken_graph_gives_its_error() {
+    for folder in ["graphs/broken", "runtime/tests/graph_file/broken"] {
+        for path in graphs(folder) {
+            let error = match load(&path) {
+                Ok(_) => panic!("{} should be refused", path.display()),
+                Err(error) => error,
+            };
+            insta::assert_snapshot!(format!("broken__{}", stem(&path)), anywhere(&error.render(false)));
+        }
+    }
+}
+
+#[test]
+fn every_error_has_its_place_and_advice() {
+    for path in graphs("graphs/broken") {
+        let error = load(&path).expect_err("a broken graph");
+        assert!(error.diagnostics().iter().any(|diagnostic| diagnostic.severity() == Severity::Error));
+        for report in error.reports() {
+            assert!(report.line.is_some() && report.column.is_some(), "{}: {report:?}", path.display());
+            assert!(
+                report.advice.is_some_and(|advice| !advice.is_empty()),
+                "{}: {}",
+                path.display(),
+                report.message
+            );
+        }
+    }
+}
+
+#[test]
+fn an_error_as_data_says_what_its_text_says() {
+    let path =
+        graphs("graphs/broken").into_iter().find(|path| stem(path) == "wrong-type").expect("that file");
+    let error = load(&path).expect_err("a broken graph");
+    let text = serde_json::to_string_pretty(&error).expect("data");
+    insta::assert_snapshot!("wrong-type-as-data", anywhere(&text));
+}
+
+#[test]
+fn colours_are_added_only_when_wanted() {
+    let error = load(&graphs("graphs/broken")[0]).expect_err("a broken graph");
+    assert!(error.render(true).contains('\u{1b}'));
+    assert!(!error.render(false).contains('\u{1b}'));
+}
+
+#[test]
+fn what_is_allowed_but_not_meant_is_a_warning() {
+    for path in graphs("runtime/tests/graph_file/warned") {
+        let checked = load(&path).unwrap_or_else(|error| panic!("{}", error.render(false)));
+        let warnings: Vec<String> = checked.warnings.iter().map(|warning| warning.render(false)).collect();
+        assert!(!warnings.is_empty(), "{} should give a warning", path.display());
+        insta::assert_snapshot!(format!("warned__{}", stem(&path)), anywhere(&warnings.join("\n\n")));
+    }
+}
+
+#[test]
+fn a_good_graph_gives_its_plan() {
+    for path in graphs("runtime/tests/graph_file/good") {
+        let checked = load(&path).unwrap_or_else(|error| panic!("{}", error.render(false)));
+        assert_eq!(checked.warnings, [], "{}", path.display());
+        let mut plan = serde_json::to_value(&checked.plan).expect("plans travel as JSON");
+        name_layouts(&mut plan);
+        let text = serde_json::to_string_pretty(&plan).expect("JSON");
+        insta::assert_snapshot!(format!("good__{}", stem(&path)), anywhere(&text));
+    }
+}
+
+/// Puts the name of a type in the place of its layout: the layouts have tests of their own.
+fn name_layouts(value: &mut Json) {
+    match value {
+        Json::Object(object) => {
+            for (key, value) in object.iter_mut() {
+                match value.get("type_name").cloned() {
+                    Some(name) if key == "layout" => *value = name,
+                    _ => name_layouts(value),
+                }
+            }
+        }
+        Json::Array(array) => array.iter_mut().for_each(name_layouts),
+        _ => {}
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_is_answered_with_one_that_is() {
+    let error = load(&good("panda-rech")).expect_err("no such file");
+    assert!(error.render(false).contains("did you mean"), "{}", error.render(false));
+    assert!(error.render(false).contains("panda-reach.toml"), "{}", error.render(false));
+}
+
+#[test]
+fn a_file_that_is_not_text_is_refused_at_its_first_bad_byte() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("graph.toml");
+    std::fs::write(&path, b"name = \"a\"\n# \xff\n").expect("a file");
+    let error = load(&path).expect_err("not UTF-8");
+    let report = &error.reports()[0];
+    assert_eq!((report.line, report.column), (Some(2), Some(3)));
+}
+
+#[test]
+fn a_plan_survives_the_way_to_a_worker() {
+    let plan = load(&good("everything")).expect("a good graph").plan;
+    let text = serde_json::to_string(&plan).expect("JSON");
+    assert_eq!(serde_json::from_str::<motorium::plan::Plan>(&text).expect("the same plan"), plan);
+}
+
+#[test]
+fn the_seed_of_a_component_depends_on_its_name_and_not_on_its_place() {
+    let plan = load(&good("panda-reach")).expect("a good graph").plan;
+    let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("graph.toml");
+    let first = "[component.first]\nkind = \"policy.dmp\"\nrate = \"1 Hz\"\npublish.target = \"first\"\n\n";
+    std::fs::write(&path, text.replace("[component.physics]", &format!("{first}[component.physics]")))
+        .expect("a file");
+    let moved = load(&path).expect("still a good graph").plan;
+    let seed = |plan: &motorium::plan::Plan, name: &str| {
+        plan.components.iter().find(|component| component.name == name).map(|component| component.seed)
+    };
+    assert_eq!(seed(&plan, "encoder"), seed(&moved, "encoder"));
+    assert_ne!(seed(&plan, "encoder"), seed(&plan, "physics"));
+}

@@ -1,0 +1,102 @@
+//! No key is accepted and ignored: each one, changed, changes the plan.
+
+use std::collections::BTreeSet;
+
+use motorium::graph::schema;
+use serde_json::Value as Json;
+
+use super::{good, kinds, load, load_with};
+
+/// For every key of the graph file another value than `everything.toml` has. What is taken with it makes it possible.
+const OTHER_VALUES: &[(&str, &[&str])] = &[
+    ("Graph.name", &["name=other"]),
+    ("Graph.clock", &["clock=realtime"]),
+    ("Graph.duration", &["duration=1 s"]),
+    ("Graph.seed", &["seed=43"]),
+    ("Cores.realtime", &["cores.realtime=[3, 2]"]),
+    ("Cores.shared", &["cores.shared=[1, 0]"]),
+    ("Realtime.spin", &["realtime.spin=50 us"]),
+    ("Realtime.on_denied", &["realtime.on_denied=warn"]),
+    ("Robot.urdf", &["robot.panda.urdf=ur5"]),
+    ("Component.kind", &["phases.kind=log.recorder", "phases.subscribe={ episodes = \"episodes\" }"]),
+    ("Component.robot", &["robot.second.urdf=panda", "controller.robot=second"]),
+    ("Component.rate", &["policy.rate=61 Hz"]),
+    (
+        "Component.trigger",
+        &[
+            "controller.trigger=target",
+            "latency=[]",
+            "component.controller={ kind = \"control.qp\", robot = \"panda\", trigger = \"target\", subscribe = { target = \"target\", state = \"joint_state\" }, publish = { command = \"joint_command\" }, config = { tasks = [] } }",
+        ],
+    ),
+    ("Component.phase", &["physics.phase=10 us"]),
+    ("Component.budget", &["physics.budget=201 us"]),
+    ("Component.schedule", &["policy.schedule=fifo"]),
+    ("Component.priority", &["physics.priority=89"]),
+    ("Component.core", &["policy.core=0"]),
+    ("Component.subscribe", &["phases.subscribe={ phase = \"episodes\", target = \"target\" }"]),
+    (
+        "Component.publish",
+        &[
+            "policy.publish={ target = \"target\", episodes = \"renamed\" }",
+            "recorder.subscribe.episodes=renamed",
+            "recorder.trigger=renamed",
+            "phases.subscribe.phase=renamed",
+            "phases.trigger=renamed",
+        ],
+    ),
+    ("Component.params", &["controller.params.gain=9"]),
+    ("Component.config", &["physics.config.substeps=5"]),
+    ("Component.on_overrun", &["physics.on_overrun=rephase"]),
+    ("Component.on_error", &["physics.on_error=fail"]),
+    ("Component.on_failure", &["policy.on_failure=safe_stop"]),
+    ("Component.restart", &["physics.restart={}"]),
+    ("Restart.when", &["physics.restart.when=failure"]),
+    ("Restart.at_most", &["physics.restart.at_most=4"]),
+    ("Restart.window", &["physics.restart.window=2 s"]),
+    ("Restart.within", &["physics.restart.within=2 s"]),
+    ("Latency.from", &["latency.0.from=target"]),
+    ("Latency.to", &["latency.0.to=joint_command", "latency.0.from=target"]),
+    ("Latency.max", &["latency.0.max=4 ms"]),
+    ("Latency.on_miss", &["latency.0.on_miss=warn"]),
+    ("Safety.stale_after", &["safety.stale_after=9 ms"]),
+    ("Safety.safe_state", &["safety.safe_state=damp"]),
+    ("Safety.settle", &["safety.settle=2 s"]),
+];
+
+/// Keys whose own keys are in the list, and `exec`, which has tests of its own.
+const TABLES: [&str; 7] = [
+    "Graph.cores",
+    "Graph.realtime",
+    "Graph.robot",
+    "Graph.component",
+    "Graph.latency",
+    "Graph.safety",
+    "Component.exec",
+];
+
+#[test]
+fn every_key_changes_the_plan() {
+    let before = load(&good("everything")).expect("a good graph").plan;
+    for (key, set) in OTHER_VALUES {
+        let after = load_with(&good("everything"), set)
+            .unwrap_or_else(|error| panic!("{key}: {}", error.render(false)));
+        assert_ne!(before, after.plan, "{key} is ignored");
+    }
+}
+
+#[test]
+fn the_list_of_keys_is_complete() {
+    let document = schema(&kinds::registry()).to_value();
+    let mut keys = BTreeSet::new();
+    let mut take = |table: &str, described: &Json| {
+        let properties = described["properties"].as_object().expect("a table");
+        keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
+    };
+    take("Graph", &document);
+    for table in ["Cores", "Realtime", "Robot", "Component", "Restart", "Latency", "Safety"] {
+        take(table, &document["definitions"][table]);
+    }
+    let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();
+    assert_eq!(keys, listed);
+}

@@ -1,0 +1,296 @@
+//! Kinds of components with the ports of the real ones: the runtime itself knows none.
+
+use std::path::Path;
+
+use motorium::component::{
+    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
+};
+use motorium::state::{ImuSample, JointCommand, JointState, Phase, PoseTarget, Wrench};
+use motorium::worker::Setup;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// All kinds, and two robots: `panda` and `ur5`.
+pub(crate) fn registry() -> Registry {
+    Registry::new(
+        RobotSource { check },
+        [
+            Kind::of::<Physics>(),
+            Kind::of::<Encoder>(),
+            Kind::of::<Controller>(),
+            Kind::of::<Policy>(),
+            Kind::of::<Console>(),
+            Kind::of::<Recorder>(),
+            Kind::of::<OldController>(),
+            Kind::of::<PhaseOnly>(),
+            Kind::of::<Web>(),
+        ],
+    )
+}
+
+fn check(urdf: &str, folder: &Path) -> Result<(), ConfigError> {
+    if matches!(urdf, "panda" | "ur5") {
+        return Ok(());
+    }
+    if !folder.join(urdf).exists() {
+        return Err(
+            ConfigError::new(format!("no model at `{urdf}`")).advise("the catalogue has `panda` and `ur5`")
+        );
+    }
+    Err(ConfigError::new(format!("`{urdf}` is not a URDF model: it has no `<robot>` element")))
+}
+
+/// Implements what checking never needs.
+macro_rules! never_run {
+    ($config:ident) => {
+        type Config = $config;
+
+        fn configure(_: $config, _: &mut Setup) -> Result<Self, ConfigureError> {
+            Err(ConfigureError::failed("this kind is only there to be checked"))
+        }
+
+        fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+            Err(StepError::failed("this kind is only there to be checked"))
+        }
+    };
+}
+
+fn needs_robot(declare: &Declare) -> Result<(), ConfigError> {
+    match declare.robot() {
+        Some(_) => Ok(()),
+        None => Err(ConfigError::key("robot", "works on a robot").advise("add `robot = \"panda\"`")),
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct PhysicsConfig {
+    /// Gravity, m/s^2.
+    gravity: [f64; 3],
+    /// Steps of the engine in one step of the component.
+    substeps: u32,
+}
+
+impl Default for PhysicsConfig {
+    fn default() -> Self {
+        Self { gravity: [0.0, 0.0, -9.81], substeps: 1 }
+    }
+}
+
+struct Physics;
+
+impl Component for Physics {
+    const KIND: &'static str = "physics.rapier";
+    const SUMMARY: &'static str = "simulates a robot with rapier";
+    never_run!(PhysicsConfig);
+
+    fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        needs_robot(declare)?;
+        if config.gravity.iter().any(|g| g.abs() > 100.0) {
+            return Err(ConfigError::key("gravity", "no planet pulls so hard").advise("use m/s^2"));
+        }
+        if config.substeps == 0 {
+            return Err(ConfigError::key("substeps", "0 steps, expected at least 1"));
+        }
+        declare.actuator();
+        declare.input::<JointCommand>("joint_command", "setpoints that the drives follow");
+        declare.optional_input::<Wrench>("wrench", "force and torque on the hand");
+        declare.output::<JointState>("joint_state", "true state of the joints");
+        Ok(())
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[derive(Default)]
+struct EncoderConfig {
+    /// Standard deviation of the position noise, rad.
+    noise: f64,
+    /// Delay of the measurement, s.
+    latency: f64,
+}
+
+struct Encoder;
+
+impl Component for Encoder {
+    const KIND: &'static str = "sensor.joint_encoder";
+    const SUMMARY: &'static str = "measures joints as an encoder does";
+    never_run!(EncoderConfig);
+
+    fn declare(config: &EncoderConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        if config.noise < 0.0 {
+            return Err(ConfigError::key("noise", format!("is {}, expected 0 or more", config.noise)));
+        }
+        declare.input::<JointState>("joint_state", "true state of the joints");
+        declare.output::<JointState>("measured", "what the encoders say");
+        declare.optional_input::<ImuSample>("imu", "inertial measurement");
+        Ok(())
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Task {
+    /// Frame that is led.
+    frame: String,
+    /// Weight against the other tasks.
+    weight: f64,
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ControllerConfig {
+    /// Tasks, all solved at once.
+    tasks: Vec<Task>,
+}
+
+struct Controller;
+
+fn declare_controller(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    needs_robot(declare)?;
+    for (index, task) in config.tasks.iter().enumerate() {
+        if task.weight <= 0.0 {
+            return Err(ConfigError::key(
+                format!("tasks.{index}.weight"),
+                format!("is {}, expected more than 0 for the task of `{}`", task.weight, task.frame),
+            ));
+        }
+    }
+    declare.input::<JointState>("state", "measured joint state");
+    declare.input::<PoseTarget>("target", "where the hand should be");
+    declare.float("gain", 4.0, 0.0..=50.0, "1/s", "how fast errors go to zero");
+    declare.integer("iterations", 20, 1..=200, "most iterations of the solver");
+    declare.boolean("posture", true, "whether the posture task is active");
+    Ok(())
+}
+
+impl Component for Controller {
+    const KIND: &'static str = "control.qp";
+    const SUMMARY: &'static str = "differential inverse kinematics as a quadratic program";
+    never_run!(ControllerConfig);
+
+    fn declare(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare_controller(config, declare)?;
+        declare.output::<JointCommand>("command", "setpoints for the joints");
+        Ok(())
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PolicyConfig {
+    /// Goals, one after the other: x y z in metres.
+    #[serde(default)]
+    goals: Vec<[f64; 3]>,
+    /// Time for each, s.
+    #[serde(default = "one")]
+    duration: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+struct Policy;
+
+impl Component for Policy {
+    const KIND: &'static str = "policy.dmp";
+    const SUMMARY: &'static str = "reaches goals along movement primitives";
+    never_run!(PolicyConfig);
+
+    fn declare(config: &PolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        if config.goals.len() as f64 * config.duration > 3600.0 {
+            return Err(ConfigError::key("goals", "more than an hour of goals"));
+        }
+        declare.optional_input::<JointState>("state", "measured joint state");
+        declare.output::<PoseTarget>("target", "where the hand should be");
+        declare.stream_output::<Phase>("episodes", 16, "phase at the end of each movement");
+        declare.float("speed", 1.0, 0.1..=2.0, "", "speed in relation to the demonstration");
+        Ok(())
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ConsoleConfig {}
+
+struct Console;
+
+impl Component for Console {
+    const KIND: &'static str = "log.console";
+    const SUMMARY: &'static str = "prints the newest samples of topics";
+    never_run!(ConsoleConfig);
+
+    fn declare(_: &ConsoleConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.optional_input::<JointState>("joint_state", "joint state to print");
+        declare.optional_input::<JointCommand>("joint_command", "joint command to print");
+        declare.optional_input::<PoseTarget>("target", "target to print");
+        declare.optional_input::<Phase>("phase", "phase to print");
+        Ok(())
+    }
+}
+
+struct Recorder;
+
+impl Component for Recorder {
+    const KIND: &'static str = "log.recorder";
+    const SUMMARY: &'static str = "keeps every sample";
+    never_run!(ConsoleConfig);
+
+    fn declare(_: &ConsoleConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.stream_input::<Phase>("episodes", 64, "phases to keep");
+        Ok(())
+    }
+}
+
+/// The type of the setpoints as it once was.
+mod old {
+    motorium::state_buffer! {
+        /// Setpoints without gains.
+        pub struct JointCommand as "motorium.JointCommand" {
+            pub count: u32,
+            pub reserved: u32,
+            pub position: [f64; 64],
+            pub effort: [f64; 64],
+        }
+    }
+}
+
+struct OldController;
+
+impl Component for OldController {
+    const KIND: &'static str = "control.qp_of_last_year";
+    const SUMMARY: &'static str = "built when setpoints had no gains";
+    never_run!(ControllerConfig);
+
+    fn declare(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare_controller(config, declare)?;
+        declare.output::<old::JointCommand>("command", "setpoints for the joints");
+        Ok(())
+    }
+}
+
+struct PhaseOnly;
+
+impl Component for PhaseOnly {
+    const KIND: &'static str = "policy.phase";
+    const SUMMARY: &'static str = "publishes a phase";
+    never_run!(ConsoleConfig);
+
+    fn declare(_: &ConsoleConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<Phase>("phase", "the phase");
+        Ok(())
+    }
+}
+
+struct Web;
+
+impl Component for Web {
+    const KIND: &'static str = "bridge.web";
+    const SUMMARY: &'static str = "has no ports";
+    never_run!(ConsoleConfig);
+
+    fn declare(_: &ConsoleConfig, _: &mut Declare) -> Result<(), ConfigError> {
+        Ok(())
+    }
+}
