@@ -26,7 +26,9 @@
 //! assert!(kinematics.pose(model, hand).translation.z > 0.4);
 //! ```
 
+mod algebra;
 mod catalogue;
+mod configuration;
 mod dynamics;
 mod kinematics;
 mod load;
@@ -37,15 +39,16 @@ mod spatial;
 mod urdf;
 
 pub use catalogue::{Entry, catalogue};
-pub use dynamics::{Dynamics, SingularMassMatrix};
-pub use kinematics::Kinematics;
-pub use load::{LoadError, LoadOptions, Loaded, load, load_with};
+pub use dynamics::{Dynamics, MassFactor, Momentum, SingularMassMatrix, Wrench};
+pub use kinematics::{CentreOfMass, Kinematics};
+pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
 pub use model::{
-    Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits, Model,
-    Shape, UnknownFrame,
+    Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits,
+    Model, Shape, UnknownFrame,
 };
 pub use profile::{EndEffector, Gains, Profile, ProfileError};
 pub use spatial::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
+    parse_urdf_with,
 };

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::nearest::{nearest, suggestion};
 use crate::{
     Entry, MimicMode, Model, ModelWarning, PackagePath, Profile, ProfileError, UrdfError, UrdfRobot,
-    catalogue, parse_urdf,
+    catalogue, parse_urdf_with,
 };
 
 /// A robot ready to use.
@@ -24,9 +24,21 @@ pub struct Loaded {
     pub path: Option<PathBuf>,
 }
 
+/// How a robot stands in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BaseMode {
+    /// As the file says: its root link is fixed to the world, unless a `floating` joint is all that moves it.
+    #[default]
+    AsFile,
+    /// The root link moves freely.
+    Floating,
+}
+
 /// How to read a robot.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
+    /// What becomes of the root link.
+    pub base: BaseMode,
     /// What becomes of mimic joints.
     pub mimic: MimicMode,
     /// Where packages are searched before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
@@ -98,13 +110,13 @@ pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
 ///
 /// [`LoadError`].
 pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let mut packages = options.packages.clone();
+    let mut options = options.clone();
     let environment = PackagePath::from_env();
-    packages.folders.extend(environment.folders);
-    packages.prefixes.extend(environment.prefixes);
+    options.packages.folders.extend(environment.folders);
+    options.packages.prefixes.extend(environment.prefixes);
 
     if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
-        let UrdfRobot { model, warnings } = parse_urdf(entry.urdf, None, options.mimic, &packages)?;
+        let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
         let profile = Some(entry.profile.clone());
         return Ok(Loaded { model, warnings, profile, entry: Some(entry), path: None });
     }
@@ -114,7 +126,7 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
         return Err(LoadError::NotFound { reference: reference.to_owned(), path, nearest });
     }
     let path = if path.is_dir() { urdf_in(&path)? } else { path };
-    let UrdfRobot { model, warnings } = parse_urdf(&read(&path)?, Some(&path), options.mimic, &packages)?;
+    let UrdfRobot { model, warnings } = parse_urdf_with(&read(&path)?, Some(&path), &options)?;
     let profile = profile_beside(&path, &model, options.mimic)?;
     Ok(Loaded { model, warnings, profile, entry: None, path: Some(path) })
 }

@@ -206,7 +206,7 @@ impl Profile {
     }
 
     fn arrange(&self, model: &Model, values: &[f64]) -> Result<DVector<f64>, ProfileError> {
-        let mut arranged = DVector::zeros(model.nv());
+        let mut arranged = DVector::zeros(model.joint_count());
         for (index, joint) in model.joint_names().iter().enumerate() {
             let Some(place) = self.joints.iter().position(|name| name == joint) else {
                 let (joint, robot) = (joint.clone(), model.name().to_owned());

@@ -1,6 +1,6 @@
 //! Spatial vectors: linear part first, then angular.
 
-use nalgebra::{Matrix3, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 
 /// The point a spatial velocity is taken at and the axes it is expressed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -13,7 +13,7 @@ pub enum Reference {
     LocalWorldAligned,
 }
 
-/// A spatial velocity.
+/// A spatial velocity, or an acceleration in the units of one per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twist {
     /// Velocity of the reference point \[m/s\].
@@ -33,9 +33,4 @@ impl Twist {
         let (l, a) = (&self.linear, &self.angular);
         Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z)
     }
-}
-
-/// The matrix with `skew(a) * b == a x b`.
-pub(crate) fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }

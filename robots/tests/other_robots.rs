@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use golden::Golden;
-use motorium_robots::{LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
+use motorium_robots::{BaseMode, LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
 
 const ROBOTS: &str = "cmeel.prefix/share/example-robot-data/robots";
 
-fn independent(reference: &str, base: &Path) -> Loaded {
-    let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
-    load_with(reference, base, &options).unwrap()
+fn independent(reference: &str, folder: &Path, base: BaseMode) -> Loaded {
+    let options = LoadOptions { mimic: MimicMode::Independent, base, ..LoadOptions::default() };
+    load_with(reference, folder, &options).unwrap()
 }
 
 fn vectors(name: &str) -> Option<Golden> {
@@ -45,9 +45,9 @@ fn robots() -> Option<PathBuf> {
     None
 }
 
-fn agrees(name: &str, urdf: &str) {
+fn agrees(name: &str, urdf: &str, base: BaseMode) {
     let (Some(golden), Some(robots)) = (vectors(name), robots()) else { return };
-    let robot = independent(urdf, &robots);
+    let robot = independent(urdf, &robots, base);
     let errors = golden.compare(&robot.model);
     println!("{name}: {} warnings; {}", robot.warnings.len(), errors.summary());
     errors.stay_below(1e-10, 1e-8);
@@ -56,7 +56,7 @@ fn agrees(name: &str, urdf: &str) {
 #[test]
 fn our_panda_agrees_with_frankas() {
     let Some(golden) = vectors("panda") else { return };
-    let panda = independent("panda", Path::new("."));
+    let panda = independent("panda", Path::new("."), BaseMode::AsFile);
     let errors = golden.compare(&panda.model);
     println!("our panda: {}", errors.summary());
     errors.stay_below(1e-10, 1e-8);
@@ -65,17 +65,27 @@ fn our_panda_agrees_with_frankas() {
 
 #[test]
 fn frankas_panda_agrees_with_pinocchio() {
-    agrees("panda", "panda_description/urdf/panda.urdf");
+    agrees("panda", "panda_description/urdf/panda.urdf", BaseMode::AsFile);
 }
 
 #[test]
 fn the_ur5_agrees_with_pinocchio() {
-    agrees("ur5", "ur_description/urdf/ur5_robot.urdf");
+    agrees("ur5", "ur_description/urdf/ur5_robot.urdf", BaseMode::AsFile);
+}
+
+#[test]
+fn the_solo12_agrees_with_pinocchio() {
+    agrees("solo12", "solo_description/robots/solo12.urdf", BaseMode::Floating);
+}
+
+#[test]
+fn the_talos_agrees_with_pinocchio() {
+    agrees("talos_full", "talos_data/robots/talos_full_v2.urdf", BaseMode::Floating);
 }
 
 #[test]
 fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
-    agrees("tiago", "tiago_description/robots/tiago.urdf");
+    agrees("tiago", "tiago_description/robots/tiago.urdf", BaseMode::AsFile);
 }
 
 #[test]

@@ -104,11 +104,16 @@ fn joints_that_cannot_be_used_are_refused() {
         "robot.urdf:5:1: joint \"ab\" has the unknown type \"revolut\" (did you mean \"revolute\"?)"
     );
     assert_eq!(
-        joint_fault("floating", ""),
-        "robot.urdf:5:1: joint \"ab\" is floating; only revolute, continuous, prismatic and fixed joints are supported \
-         (model it as a chain of these, with massless links between)"
+        joint_fault("spherical", ""),
+        "robot.urdf:5:1: joint \"ab\" is spherical; only revolute, continuous, prismatic, planar and fixed joints are \
+         supported, and one floating joint that carries all the rest (model it as a chain of these, with massless links \
+         between)"
     );
-    assert!(joint_fault("planar", "").contains("joint \"ab\" is planar"));
+    let twice = joints(
+        "<joint name=\"ab\" type=\"floating\"><parent link=\"a\"/><child link=\"b\"/></joint>\n\
+         <joint name=\"bc\" type=\"floating\"><parent link=\"b\"/><child link=\"c\"/></joint>",
+    );
+    assert!(fault(&twice).contains("joint \"bc\" is floating"));
     assert_eq!(
         joint_fault("revolute", ""),
         "robot.urdf:5:1: joint \"ab\" has no <limit>; a revolute or prismatic joint needs one \

@@ -1,68 +1,95 @@
-//! Composite rigid body algorithm (Featherstone 2008, table 6.2).
+//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2), in base coordinates.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::DMatrix;
 
 use super::Dynamics;
 use crate::Model;
-use crate::model::tree::{BASE, Node};
+use crate::algebra::Spatial;
+use crate::model::program::Program;
 
 impl Dynamics {
     /// Joint-space mass matrix `M(q)` (nv x nv), both triangles.
     pub fn crba(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
-        assert_eq!(out.shape(), (model.nv(), model.nv()), "shape of the mass matrix");
-        self.place(model, q);
-        self.compose(model);
         out.fill(0.0);
-        for (index, node) in model.nodes().iter().enumerate() {
-            let body = &self.bodies[index];
+        self.crba_upper(model, q, out);
+        out.fill_lower_triangle_with_upper_triangle();
+    }
+
+    /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
+    /// hand in a matrix of zeros once and the same one ever after.
+    pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
+        let n = model.nv();
+        assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
+        self.place(model, q);
+        let program = model.program();
+        self.sweep(program);
+        let out = out.as_mut_slice();
+        if program.coupled {
+            self.coupled_mass(program, out, n);
+            return;
+        }
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let (outer, inner) = self.composite.split_at_mut(index + 1);
+            let body = &inner[0];
+            outer[node.parent].inertia += body.inertia;
             // The wrench that accelerates everything beyond the joint by one unit.
-            let (mut force, mut moment) = if node.prismatic {
-                (node.axis * body.composite_mass, body.composite_moment.cross(&node.axis))
-            } else {
-                (node.axis.cross(&body.composite_moment), body.composite_inertia * node.axis)
-            };
-            let along = |node: &Node, force: &_, moment: &_| {
-                node.multiplier * node.axis.dot(if node.prismatic { force } else { moment })
-            };
-            out[(node.column, node.column)] += node.multiplier * along(node, &force, &moment);
-            let mut child = index;
-            while model.nodes()[child].parent != BASE {
-                let work = &self.bodies[child];
-                force = work.rotation * force;
-                moment = work.rotation * moment + work.translation.cross(&force);
-                child = model.nodes()[child].parent;
-                let ancestor = &model.nodes()[child];
-                let entry = node.multiplier * along(ancestor, &force, &moment);
-                // Twice on the diagonal when a mimic and its master share the column: both cross terms land there.
-                out[(node.column, ancestor.column)] += entry;
-                out[(ancestor.column, node.column)] += entry;
+            let wrench = body.inertia.apply(body.joint);
+            let column = &mut out[node.column * n..][..=node.column];
+            column[node.column] = body.joint.dot(wrench);
+            let mut ancestor = node.parent;
+            while ancestor != 0 {
+                let node = &program.nodes[ancestor - 1];
+                column[node.column] = outer[ancestor].joint.dot(wrench);
+                ancestor = node.parent;
             }
+            if program.floating {
+                column[..6].copy_from_slice(&wrench.array());
+            }
+        }
+        if program.floating {
+            self.base_block(out, n);
         }
     }
 
-    /// Inertia of each body together with all that hangs on it, in the body frame.
-    fn compose(&mut self, model: &Model) {
-        for (node, body) in model.nodes().iter().zip(&mut self.bodies) {
-            body.composite_mass = node.mass;
-            body.composite_moment = node.moment;
-            body.composite_inertia = node.inertia;
+    /// Upper triangle of the six columns of the base.
+    fn base_block(&self, out: &mut [f64], n: usize) {
+        let inertia = &self.composite[0].inertia;
+        for column in 0..6 {
+            let mut unit = [0.0; 6];
+            unit[column] = 1.0;
+            let wrench = inertia.apply(Spatial::from_slice(&unit)).array();
+            out[column * n..][..=column].copy_from_slice(&wrench[..=column]);
         }
-        for (index, node) in model.nodes().iter().enumerate().rev() {
-            if node.parent == BASE {
-                continue;
+    }
+
+    /// The same where joints share columns: every pair of joints adds to the entry of its columns.
+    fn coupled_mass(&mut self, program: &Program, out: &mut [f64], n: usize) {
+        for column in 0..n {
+            out[column * n..][..=column].fill(0.0);
+        }
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let (outer, inner) = self.composite.split_at_mut(index + 1);
+            let body = &inner[0];
+            outer[node.parent].inertia += body.inertia;
+            let wrench = body.inertia.apply(body.joint) * node.multiplier;
+            out[node.column * n + node.column] += node.multiplier * body.joint.dot(wrench);
+            let mut ancestor = node.parent;
+            while ancestor != 0 {
+                let other = &program.nodes[ancestor - 1];
+                let entry = other.multiplier * outer[ancestor].joint.dot(wrench);
+                let (row, column) = (node.column.min(other.column), node.column.max(other.column));
+                // Twice on the diagonal when a mimic and its master share the column: both cross terms land there.
+                out[column * n + row] += if row == column { 2.0 * entry } else { entry };
+                ancestor = other.parent;
             }
-            let body = &self.bodies[index];
-            let (r, p, mass) = (body.rotation, body.translation, body.composite_mass);
-            let moment = r * body.composite_moment;
-            let cross = p * moment.transpose();
-            let shift = Matrix3::from_diagonal_element(2.0 * p.dot(&moment) + mass * p.norm_squared())
-                - (cross + cross.transpose())
-                - p * p.transpose() * mass;
-            let inertia = r * body.composite_inertia * r.transpose() + shift;
-            let parent = &mut self.bodies[node.parent];
-            parent.composite_mass += mass;
-            parent.composite_moment += moment + p * mass;
-            parent.composite_inertia += inertia;
+            if program.floating {
+                for (row, entry) in wrench.array().into_iter().enumerate() {
+                    out[node.column * n + row] += entry;
+                }
+            }
+        }
+        if program.floating {
+            self.base_block(out, n);
         }
     }
 }

@@ -1,13 +1,45 @@
-//! Recursive Newton-Euler (Featherstone 2008, table 5.1).
+//! Recursive Newton-Euler (Luh, Walker and Paul 1980), in the bodies' frames with classical accelerations.
 
 use nalgebra::Vector3;
 
-use super::Dynamics;
-use crate::Model;
-use crate::model::tree::BASE;
+use super::{Dynamics, Wrench, external};
+use crate::algebra::{M3, Spatial, V3};
+use crate::model::program::{Node, Program};
+use crate::{FrameId, Model};
+
+/// What the recursion keeps for one body, in its node frame.
+#[derive(Clone, Debug)]
+pub(super) struct Local {
+    /// Pose in the parent.
+    rotation: M3,
+    translation: V3,
+    /// Angular velocity.
+    angular: V3,
+    /// Angular acceleration.
+    angular_rate: V3,
+    /// Classical acceleration of the origin, gravity counted as acceleration upwards.
+    acceleration: V3,
+    /// `[alpha]x + [omega]x^2`: times a fixed point of the body, its acceleration relative to the origin.
+    swing: M3,
+    /// Net wrench on the body and all it carries, about the origin.
+    pub(super) wrench: Spatial,
+}
+
+impl Local {
+    pub(super) const START: Self = Self {
+        rotation: M3::IDENTITY,
+        translation: V3::ZERO,
+        angular: V3::ZERO,
+        angular_rate: V3::ZERO,
+        acceleration: V3::ZERO,
+        swing: M3::ZERO,
+        wrench: Spatial::ZERO,
+    };
+}
 
 impl Dynamics {
-    /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\].
+    /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six are the
+    /// wrench that an outside hand would have to apply to the base, at its origin and in its axes.
     #[expect(clippy::too_many_arguments, reason = "the textbook signature: model, q, v, a, gravity, tau")]
     pub fn rnea(
         &mut self,
@@ -19,86 +51,183 @@ impl Dynamics {
         tau_out: &mut [f64],
     ) {
         assert_eq!(a.len(), model.nv(), "length of a");
-        self.move_bodies(model, q, v, Some(a), gravity);
-        self.joint_forces(model, tau_out);
+        assert_eq!(v.len(), model.nv(), "length of v");
+        self.place(model, q);
+        let program = model.program();
+        self.start(program, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(program, v, a);
+        self.inward(program, tau_out);
+    }
+
+    /// [`rnea`](Self::rnea) of a robot on which outside wrenches act: `tau_out = M a + C v + g - sum J' f`.
+    ///
+    /// Each wrench acts at the origin of its frame and is given in its axes.
+    #[expect(clippy::too_many_arguments, reason = "the textbook signature, with the wrenches")]
+    pub fn rnea_external(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        gravity: Vector3<f64>,
+        wrenches: &[(FrameId, Wrench)],
+        tau_out: &mut [f64],
+    ) {
+        assert_eq!(a.len(), model.nv(), "length of a");
+        assert_eq!(v.len(), model.nv(), "length of v");
+        self.place(model, q);
+        let program = model.program();
+        self.start(program, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(program, v, a);
+        for (frame, wrench) in wrenches {
+            let mount = &program.mounts[frame.index()];
+            if mount.slot != Program::WORLD {
+                self.local[mount.slot].wrench -= external::at_slot(mount, wrench);
+            }
+        }
+        self.inward(program, tau_out);
+    }
+
+    /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its axes.
+    pub(super) fn base_wrench(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
+        let mut tau = std::mem::take(&mut self.scratch);
+        tau.resize(model.nv(), 0.0);
+        self.rnea(model, q, v, a, Vector3::zeros(), &mut tau);
+        self.scratch = tau;
     }
 
     /// Bias forces: `out = C(q, v) v + g(q)` \[Nm or N\], what [`rnea`](Self::rnea) gives for `a = 0`.
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
-        self.move_bodies(model, q, v, None, gravity);
-        self.joint_forces(model, out);
+        assert_eq!(v.len(), model.nv(), "length of v");
+        self.place(model, q);
+        let program = model.program();
+        self.start(program, q, gravity, Some((v, None)));
+        self.outward::<false>(program, v, &[]);
+        self.inward(program, out);
     }
 
     /// Gravity torques: `out = g(q)` \[Nm or N\], the efforts that hold the robot still at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         self.place(model, q);
-        for (index, node) in model.nodes().iter().enumerate() {
-            // Standing still under gravity is being accelerated upwards.
-            let up =
-                if node.parent == BASE { -gravity } else { self.bodies[node.parent].linear_acceleration };
-            let body = &mut self.bodies[index];
-            let up = body.rotation.tr_mul(&up);
-            body.linear_acceleration = up;
-            body.force = up * node.mass;
-            body.moment = node.moment.cross(&up);
+        let program = model.program();
+        self.start(program, q, gravity, None);
+        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+            let (rotation, translation) = node.pose(position);
+            let up = rotation.tr_mul(self.local[node.parent].acceleration);
+            let body = &mut self.local[index + 1];
+            (body.rotation, body.translation, body.acceleration) = (rotation, translation, up);
+            body.wrench = Spatial::new(up * node.inertia.mass, node.inertia.moment.cross(up));
         }
-        self.joint_forces(model, out);
+        self.inward(program, out);
+    }
+
+    /// Motion of the base and the wrench on it.
+    #[inline(always)]
+    fn start(
+        &mut self,
+        program: &Program,
+        q: &[f64],
+        gravity: Vector3<f64>,
+        motion: Option<(&[f64], Option<&[f64]>)>,
+    ) {
+        let base = &mut self.local[0];
+        // Standing still under gravity is being accelerated upwards.
+        let up = -V3::from(gravity);
+        if !program.floating {
+            *base = Local { acceleration: up, ..Local::START };
+            return;
+        }
+        let (rotation, _) = program.base_pose(q);
+        let up = rotation.tr_mul(up);
+        let (v, a) = motion.unwrap_or((&[0.0; 6], None));
+        let v = Spatial::from_slice(v);
+        let a = a.map_or(Spatial::ZERO, Spatial::from_slice);
+        base.angular = v.angular;
+        base.angular_rate = a.angular;
+        base.acceleration = a.linear + v.angular.cross(v.linear) + up;
+        base.swing = swing(v.angular, a.angular);
+        base.wrench = net_wrench(&program.base, base);
     }
 
     /// Outward pass: velocities, accelerations and the net wrench on each body.
-    fn move_bodies(&mut self, model: &Model, q: &[f64], v: &[f64], a: Option<&[f64]>, gravity: Vector3<f64>) {
-        assert_eq!(v.len(), model.nv(), "length of v");
-        self.place(model, q);
-        for (index, node) in model.nodes().iter().enumerate() {
-            let (linear, angular, linear_acceleration, angular_acceleration) = if node.parent == BASE {
-                (Vector3::zeros(), Vector3::zeros(), -gravity, Vector3::zeros())
-            } else {
-                let parent = &self.bodies[node.parent];
-                (parent.linear, parent.angular, parent.linear_acceleration, parent.angular_acceleration)
-            };
-            let body = &mut self.bodies[index];
-            let (r, p) = (&body.rotation, &body.translation);
-            let mut w = r.tr_mul(&angular);
-            let mut u = r.tr_mul(&(linear + angular.cross(p)));
-            let mut dw = r.tr_mul(&angular_acceleration);
-            let mut du = r.tr_mul(&(linear_acceleration + angular_acceleration.cross(p)));
-            let rate = node.axis * node.rate(v);
+    #[inline(always)]
+    fn outward<const ACCELERATED: bool>(&mut self, program: &Program, v: &[f64], a: &[f64]) {
+        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+            let (outer, inner) = self.local.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let (rotation, translation) = node.pose(position);
+            let mut w = rotation.tr_mul(parent.angular);
+            let mut dw = rotation.tr_mul(parent.angular_rate);
+            let mut acceleration = rotation.tr_mul(parent.acceleration + parent.swing * translation);
+            let rate = node.multiplier * v[node.column];
+            let rate_of_rate = if ACCELERATED { node.multiplier * a[node.column] } else { 0.0 };
             if node.prismatic {
-                u += rate;
-                du += w.cross(&rate);
+                // Coriolis: 2 w x z rate
+                acceleration.x += 2.0 * w.y * rate;
+                acceleration.y -= 2.0 * w.x * rate;
+                acceleration.z += rate_of_rate;
             } else {
-                w += rate;
-                dw += w.cross(&rate);
-                du += u.cross(&rate);
+                // w x z rate
+                dw.x += w.y * rate;
+                dw.y -= w.x * rate;
+                dw.z += rate_of_rate;
+                w.z += rate;
             }
-            if let Some(a) = a {
-                let acceleration = node.axis * node.rate(a);
-                if node.prismatic { du += acceleration } else { dw += acceleration }
-            }
-            let momentum = u * node.mass + w.cross(&node.moment);
-            let spin = node.inertia * w + node.moment.cross(&u);
-            body.force = du * node.mass + dw.cross(&node.moment) + w.cross(&momentum);
-            body.moment = node.inertia * dw + node.moment.cross(&du) + w.cross(&spin) + u.cross(&momentum);
-            (body.linear, body.angular) = (u, w);
-            (body.linear_acceleration, body.angular_acceleration) = (du, dw);
+            body.rotation = rotation;
+            body.translation = translation;
+            body.angular = w;
+            body.angular_rate = dw;
+            body.acceleration = acceleration;
+            body.swing = swing(w, dw);
+            body.wrench = net_wrench(&node.inertia, body);
         }
     }
 
     /// Inward pass: sums the wrenches towards the base and projects them on the joint axes.
-    fn joint_forces(&mut self, model: &Model, out: &mut [f64]) {
-        assert_eq!(out.len(), model.nv(), "length of tau");
+    #[inline(always)]
+    fn inward(&mut self, program: &Program, out: &mut [f64]) {
+        assert_eq!(out.len(), program.above.len(), "length of tau");
         out.fill(0.0);
-        for (index, node) in model.nodes().iter().enumerate().rev() {
-            let body = &self.bodies[index];
-            let along = if node.prismatic { &body.force } else { &body.moment };
-            out[node.column] += node.multiplier * node.axis.dot(along);
-            if node.parent != BASE {
-                let force = body.rotation * body.force;
-                let moment = body.rotation * body.moment + body.translation.cross(&force);
-                let parent = &mut self.bodies[node.parent];
-                parent.force += force;
-                parent.moment += moment;
-            }
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let (outer, inner) = self.local.split_at_mut(index + 1);
+            let (parent, body) = (&mut outer[node.parent], &inner[0]);
+            out[node.column] += node.multiplier * along(node, body.wrench);
+            let force = body.rotation * body.wrench.linear;
+            parent.wrench.linear += force;
+            parent.wrench.angular += body.rotation * body.wrench.angular + body.translation.cross(force);
         }
+        if program.floating {
+            out[..6].copy_from_slice(&self.local[0].wrench.array());
+        }
+    }
+}
+
+/// The part of a wrench that the joint's drive has to bear.
+#[inline(always)]
+fn along(node: &Node, wrench: Spatial) -> f64 {
+    if node.prismatic { wrench.linear.z } else { wrench.angular.z }
+}
+
+/// `[alpha]x + [omega]x^2`
+#[inline(always)]
+fn swing(w: V3, dw: V3) -> M3 {
+    let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
+    let (xy, xz, yz) = (w.x * w.y, w.x * w.z, w.y * w.z);
+    M3 {
+        x: V3::new(-(yy + zz), xy + dw.z, xz - dw.y),
+        y: V3::new(xy - dw.z, -(xx + zz), yz + dw.x),
+        z: V3::new(xz + dw.y, yz - dw.x, -(xx + yy)),
+    }
+}
+
+/// What moves a body as it moves, about the origin: Newton's and Euler's equations.
+#[inline(always)]
+fn net_wrench(inertia: &crate::algebra::RigidInertia, body: &Local) -> Spatial {
+    let spin = inertia.rotational * body.angular;
+    Spatial {
+        linear: body.acceleration * inertia.mass + body.swing * inertia.moment,
+        angular: inertia.rotational * body.angular_rate
+            + body.angular.cross(spin)
+            + inertia.moment.cross(body.acceleration),
     }
 }

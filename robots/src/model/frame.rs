@@ -22,7 +22,9 @@ pub struct Frame {
     pub name: String,
     /// Body it is fixed to; `None` for the base.
     pub body: Option<usize>,
-    /// The frame in the body frame (in the world for the base).
+    /// Fixed to the world though the base floats: a link above a `floating` joint.
+    pub in_world: bool,
+    /// The frame in the body frame; in that of the base, or the world's.
     pub placement: Isometry3<f64>,
 }
 

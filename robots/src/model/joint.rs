@@ -48,11 +48,11 @@ pub struct JointDynamics {
 /// Where the position of a joint comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
-    /// Its own entry in `q`.
+    /// Its own entry among the joints' part of `q` ([`Model::joints_of_q`](crate::Model::joints_of_q)).
     Independent(usize),
     /// It follows another joint: position = `multiplier * q[of] + offset`. Chains of mimics are already resolved.
     Mimic {
-        /// Index in `q` of the independent joint it follows.
+        /// Index among the independent joints of the one it follows.
         of: usize,
         /// Ratio of the two positions.
         multiplier: f64,
@@ -62,7 +62,8 @@ pub enum Coordinate {
 }
 
 impl Coordinate {
-    /// Index in `q` of the coordinate that moves the joint.
+    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a floating one
+    /// add 7 and 6.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,
@@ -86,7 +87,7 @@ impl Coordinate {
         }
     }
 
-    /// Position of the joint \[rad or m\] in configuration `q`.
+    /// Position of the joint \[rad or m\], `q` being the joints' part of the configuration.
     pub fn position(&self, q: &[f64]) -> f64 {
         self.multiplier() * q[self.index()] + self.offset()
     }

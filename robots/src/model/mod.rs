@@ -3,10 +3,10 @@
 mod frame;
 mod inertia;
 mod joint;
+pub(crate) mod program;
 mod shape;
-pub(crate) mod tree;
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Isometry3};
 
 pub use frame::{Frame, FrameId, UnknownFrame};
 pub use inertia::Inertia;
@@ -14,7 +14,7 @@ pub use joint::{Coordinate, Joint, JointDynamics, JointKind, Limits};
 pub use shape::{Geometry, Shape};
 
 use crate::nearest::nearest;
-use tree::Node;
+use program::Program;
 
 /// The body moved by one joint, with every link fixed to it merged in.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,25 +31,40 @@ pub struct Body {
     pub shapes: Vec<Shape>,
 }
 
-/// A robot on a fixed base.
+/// What stands at the root of the tree: every link fixed to the root link, merged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Base {
+    /// It moves freely: six entries of `v`, seven of `q`, before those of the joints.
+    pub floating: bool,
+    /// Pose in the world of the neutral configuration, where the file gives one.
+    pub neutral: Isometry3<f64>,
+    /// Inertia in the frame of the base's first link. Plays no part when the base is fixed.
+    pub inertia: Inertia,
+    /// Collision geometry in the same frame.
+    pub shapes: Vec<Shape>,
+    /// Collision geometry that stays in the world when the base floats.
+    pub world_shapes: Vec<Shape>,
+}
+
+/// A robot: a base and the bodies its joints move.
 #[derive(Clone, Debug)]
 pub struct Model {
     name: String,
+    base: Base,
     bodies: Vec<Body>,
     frames: Vec<Frame>,
-    base_shapes: Vec<Shape>,
     joint_names: Vec<String>,
     joint_bodies: Vec<usize>,
     lower: DVector<f64>,
     upper: DVector<f64>,
     velocity_limit: DVector<f64>,
     effort_limit: DVector<f64>,
-    nodes: Vec<Node>,
+    program: Program,
 }
 
 impl Model {
     /// Bodies must stand parents first and their independent coordinates must count 0, 1, 2 ... in that order.
-    pub(crate) fn new(name: String, bodies: Vec<Body>, frames: Vec<Frame>, base_shapes: Vec<Shape>) -> Self {
+    pub(crate) fn new(name: String, base: Base, bodies: Vec<Body>, frames: Vec<Frame>) -> Self {
         let mut joint_bodies = Vec::new();
         for (index, body) in bodies.iter().enumerate() {
             debug_assert!(body.parent.is_none_or(|parent| parent < index));
@@ -70,11 +85,16 @@ impl Model {
             upper: limit(|limits| limits.upper),
             velocity_limit: limit(|limits| limits.velocity),
             effort_limit: limit(|limits| limits.effort),
-            nodes: bodies.iter().map(Node::new).collect(),
+            program: Program::new(
+                &bodies,
+                &frames,
+                &base,
+                joint_bodies.len() + if base.floating { 6 } else { 0 },
+            ),
             name,
+            base,
             bodies,
             frames,
-            base_shapes,
             joint_bodies,
         }
     }
@@ -84,27 +104,57 @@ impl Model {
         &self.name
     }
 
-    /// Length of `v`, `a` and `tau`: the number of independent joints.
+    /// Length of `v`, `a` and `tau`: the number of independent joints, and six for a floating base.
     pub fn nv(&self) -> usize {
+        self.joint_names.len() + if self.base.floating { 6 } else { 0 }
+    }
+
+    /// Length of `q`; equal to [`nv`](Self::nv) on a fixed base, one more on a floating one.
+    pub fn nq(&self) -> usize {
+        self.joint_names.len() + if self.base.floating { 7 } else { 0 }
+    }
+
+    /// Number of independent joints.
+    pub fn joint_count(&self) -> usize {
         self.joint_names.len()
     }
 
-    /// Length of `q`; equal to [`nv`](Self::nv) on a fixed base.
-    pub fn nq(&self) -> usize {
-        self.nv()
+    /// The root of the tree.
+    pub fn base(&self) -> &Base {
+        &self.base
     }
 
-    /// Names of the independent joints, in the order of `q`.
+    /// The joints' part of a configuration: all of it on a fixed base, what follows the base's pose on a floating one.
+    pub fn joints_of_q<'a>(&self, q: &'a [f64]) -> &'a [f64] {
+        &q[if self.base.floating { 7 } else { 0 }..]
+    }
+
+    /// The joints' part of a velocity, acceleration or effort.
+    pub fn joints_of_v<'a>(&self, v: &'a [f64]) -> &'a [f64] {
+        &v[if self.base.floating { 6 } else { 0 }..]
+    }
+
+    /// Some joint follows another.
+    pub fn has_mimics(&self) -> bool {
+        self.program.coupled
+    }
+
+    /// Mass of all that moves \[kg\]: the base only if it floats.
+    pub fn mass(&self) -> f64 {
+        self.program.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
+    }
+
+    /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is one).
     pub fn joint_names(&self) -> &[String] {
         &self.joint_names
     }
 
-    /// Index in `q` of an independent joint.
+    /// Index of an independent joint among them: on a fixed base, its index in `q`.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joint_names.iter().position(|joint| joint == name)
     }
 
-    /// The independent joint at `index` of `q`.
+    /// The independent joint `index`.
     pub fn joint(&self, index: usize) -> &Joint {
         &self.bodies[self.joint_bodies[index]].joint
     }
@@ -114,7 +164,7 @@ impl Model {
         &self.bodies
     }
 
-    /// The body moved by the independent joint at `index` of `q`.
+    /// The body moved by the independent joint `index`.
     pub fn joint_body(&self, index: usize) -> usize {
         self.joint_bodies[index]
     }
@@ -157,12 +207,12 @@ impl Model {
         &self.effort_limit
     }
 
-    /// Collision geometry of the links fixed to the world, in the world frame.
+    /// Collision geometry of the base: of the links fixed to the world, unless the base floats.
     pub fn base_shapes(&self) -> &[Shape] {
-        &self.base_shapes
+        &self.base.shapes
     }
 
-    pub(crate) fn nodes(&self) -> &[Node] {
-        &self.nodes
+    pub(crate) fn program(&self) -> &Program {
+        &self.program
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{Isometry3, Vector3};
-use urdf_rs::Robot;
+use urdf_rs::{JointType, Robot};
 
 use super::error::{UrdfError, UrdfProblem};
 use super::mimic::{self, Follow};
@@ -11,20 +11,20 @@ use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints};
-use crate::{Body, Coordinate, Frame, Geometry, Inertia, Joint, Model, Shape};
+use crate::load::{BaseMode, LoadOptions};
+use crate::{Base, Body, Coordinate, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape};
 
 /// Parses, checks and builds.
 pub(crate) fn assemble(
     text: &str,
     file: Option<&Path>,
-    mimic: MimicMode,
-    packages: &PackagePath,
+    options: &LoadOptions,
 ) -> Result<UrdfRobot, UrdfError> {
     let survey = source::survey(text)?;
     let robot = urdf_rs::read_from_string(&survey.text)
         .map_err(|error| UrdfError::new(None, UrdfProblem::Reader(error.to_string())))?;
     let structure = structure::structure(&robot, &survey)?;
-    let follows = match mimic {
+    let follows = match options.mimic {
         MimicMode::Follow => mimic::resolve(&robot, &survey)?,
         MimicMode::Independent => vec![None; robot.joints.len()],
     };
@@ -32,11 +32,17 @@ pub(crate) fn assemble(
         robot: &robot,
         survey: &survey,
         file,
-        packages,
+        packages: &options.packages,
         places: vec![None; robot.links.len()],
         bodies: Vec::new(),
         frames: Vec::new(),
-        base_shapes: Vec::new(),
+        base: Base {
+            floating: options.base == BaseMode::Floating,
+            neutral: Isometry3::identity(),
+            inertia: Inertia::zero(),
+            shapes: Vec::new(),
+            world_shapes: Vec::new(),
+        },
         warnings: Vec::new(),
     };
     assembly.add_link(structure.root, None, Isometry3::identity())?;
@@ -45,20 +51,25 @@ pub(crate) fn assemble(
         assembly.add_joint(edge, &columns, &follows)?;
     }
     inertia::warn_of_massless_ends(&assembly.bodies, &mut assembly.warnings);
-    let Assembly { bodies, frames, base_shapes, warnings, .. } = assembly;
-    Ok(UrdfRobot { model: Model::new(robot.name.clone(), bodies, frames, base_shapes), warnings })
+    let Assembly { bodies, frames, base, warnings, .. } = assembly;
+    Ok(UrdfRobot { model: Model::new(robot.name.clone(), base, bodies, frames), warnings })
 }
 
-/// For every joint of the file its column in `q`, where it has one.
+/// For every joint of the file the first of its entries among the independent joints, where it has one.
 fn columns(robot: &Robot, structure: &Structure, follows: &[Option<Follow>]) -> Vec<Option<usize>> {
     let mut columns = vec![None; robot.joints.len()];
     let mut next = 0;
     for edge in &structure.joints {
-        let fixed = robot.joints[edge.joint].joint_type == urdf_rs::JointType::Fixed;
-        if !fixed && follows[edge.joint].is_none() {
-            columns[edge.joint] = Some(next);
-            next += 1;
+        if follows[edge.joint].is_some() {
+            continue;
         }
+        let count = match robot.joints[edge.joint].joint_type {
+            JointType::Fixed | JointType::Floating => continue,
+            JointType::Planar => 3,
+            _ => 1,
+        };
+        columns[edge.joint] = Some(next);
+        next += count;
     }
     columns
 }
@@ -72,7 +83,7 @@ struct Assembly<'a> {
     places: Vec<Option<(Option<usize>, Isometry3<f64>)>>,
     bodies: Vec<Body>,
     frames: Vec<Frame>,
-    base_shapes: Vec<Shape>,
+    base: Base,
     warnings: Vec<ModelWarning>,
 }
 
@@ -87,8 +98,13 @@ impl Assembly<'_> {
         let source = &self.survey.joints[edge.joint];
         let (parent, at) = self.places[edge.parent].expect("a parent link is added before its children");
         let placement = at * joints::pose(&joint.origin);
-        let Some(kind) = joints::kind(joint, source)? else {
-            return self.add_link(edge.child, parent, placement);
+        let kind = match joint.joint_type {
+            JointType::Floating => return self.add_floating(edge, parent, placement),
+            JointType::Planar => return self.add_planar(edge, columns[edge.joint], (parent, placement)),
+            _ => match joints::kind(joint, source)? {
+                Some(kind) => kind,
+                None => return self.add_link(edge.child, parent, placement),
+            },
         };
         let coordinate = match follows[edge.joint] {
             None => Coordinate::Independent(columns[edge.joint].expect("an independent joint has a column")),
@@ -112,6 +128,71 @@ impl Assembly<'_> {
         self.add_link(edge.child, Some(self.bodies.len() - 1), Isometry3::identity())
     }
 
+    /// The root's floating joint: its child becomes the base, what stands above it belongs to the world.
+    fn add_floating(
+        &mut self,
+        edge: &Edge,
+        parent: Option<usize>,
+        placement: Isometry3<f64>,
+    ) -> Result<(), UrdfError> {
+        let joint = &self.robot.joints[edge.joint];
+        let moving = |joint: &&urdf_rs::Joint| joint.joint_type != JointType::Fixed;
+        let above: Vec<&str> = self.frames.iter().map(|frame| &*frame.name).collect();
+        let alone = self
+            .robot
+            .joints
+            .iter()
+            .filter(moving)
+            .filter(|joint| above.contains(&&*joint.parent.link))
+            .count();
+        if parent.is_some() || self.base.floating || alone > 1 {
+            return joints::unsupported(joint, &self.survey.joints[edge.joint], "floating").map(drop);
+        }
+        for frame in &mut self.frames {
+            frame.in_world = true;
+        }
+        self.base.world_shapes = std::mem::take(&mut self.base.shapes);
+        self.base.inertia = Inertia::zero();
+        self.base.neutral = placement;
+        self.base.floating = true;
+        self.add_link(edge.child, None, Isometry3::identity())
+    }
+
+    /// A planar joint as two slides and a turn, in this order: `NAME/x`, `NAME/y`, `NAME/yaw`.
+    fn add_planar(
+        &mut self,
+        edge: &Edge,
+        column: Option<usize>,
+        (parent, placement): (Option<usize>, Isometry3<f64>),
+    ) -> Result<(), UrdfError> {
+        let joint = &self.robot.joints[edge.joint];
+        let source = &self.survey.joints[edge.joint];
+        let Some(column) = column else {
+            return joints::unsupported(joint, source, "a planar mimic joint").map(drop);
+        };
+        let normal = joints::axis(joint, source, &mut self.warnings)?;
+        let limits =
+            Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..joints::planar_limits(joint, source) };
+        let plane = joints::plane(&normal);
+        let child = &self.robot.links[edge.child].name;
+        let (mut parent, mut placement) = (parent, placement);
+        let steps = [
+            ("x", JointKind::Prismatic, plane[0]),
+            ("y", JointKind::Prismatic, plane[1]),
+            ("yaw", JointKind::Continuous, normal),
+        ];
+        for (place, (suffix, kind, axis)) in steps.into_iter().enumerate() {
+            let name = format!("{}/{suffix}", joint.name);
+            let coordinate = Coordinate::Independent(column + place);
+            let dynamics = joints::dynamics(joint, source)?;
+            let joint = Joint { name, kind, axis, placement, limits, dynamics, coordinate };
+            let name = if place == 2 { child.clone() } else { format!("{child}/{suffix}") };
+            self.bodies.push(Body { name, joint, parent, inertia: Inertia::zero(), shapes: Vec::new() });
+            (parent, placement) = (Some(self.bodies.len() - 1), Isometry3::identity());
+        }
+        self.add_link(edge.child, parent, Isometry3::identity())
+    }
+
     /// Merges a link into `body` (or the base), at `placement` in it.
     fn add_link(
         &mut self,
@@ -121,21 +202,22 @@ impl Assembly<'_> {
     ) -> Result<(), UrdfError> {
         let link = &self.robot.links[index];
         self.places[index] = Some((body, placement));
-        self.frames.push(Frame { name: link.name.clone(), body, placement });
+        self.frames.push(Frame { name: link.name.clone(), body, in_world: false, placement });
         let inertia = inertia::of_link(link, self.survey.links[index], &mut self.warnings)?;
         for collision in &link.collision {
             let placement = placement * joints::pose(&collision.origin);
             let geometry = self.geometry(&link.name, &collision.geometry);
             let shapes = match body {
                 Some(body) => &mut self.bodies[body].shapes,
-                None => &mut self.base_shapes,
+                None => &mut self.base.shapes,
             };
             shapes.push(Shape { link: link.name.clone(), placement, geometry });
         }
-        if let Some(body) = body {
-            let body = &mut self.bodies[body];
-            body.inertia = body.inertia.merged(&inertia.moved(&placement));
-        }
+        let whole = match body {
+            Some(body) => &mut self.bodies[body].inertia,
+            None => &mut self.base.inertia,
+        };
+        *whole = whole.merged(&inertia.moved(&placement));
         Ok(())
     }
 

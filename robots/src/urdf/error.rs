@@ -107,8 +107,9 @@ pub enum UrdfProblem {
     },
     /// A joint type that exists but is not handled.
     #[error(
-        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic and fixed joints are supported \
-         (model it as a chain of these, with massless links between)"
+        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are \
+         supported, and one floating joint that carries all the rest (model it as a chain of these, with massless links \
+         between)"
     )]
     UnsupportedJointType {
         /// Joint at fault.

@@ -10,19 +10,47 @@ use crate::{JointDynamics, JointKind, Limits};
 
 /// How the joint moves; `None` when it is fixed.
 pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Option<JointKind>, UrdfError> {
-    let unsupported = |kind: &str| {
-        let problem = UrdfProblem::UnsupportedJointType { joint: joint.name.clone(), kind: kind.to_owned() };
-        Err(UrdfError::new(source.at, problem))
-    };
     match joint.joint_type {
         JointType::Fixed => Ok(None),
         JointType::Revolute => Ok(Some(JointKind::Revolute)),
         JointType::Continuous => Ok(Some(JointKind::Continuous)),
         JointType::Prismatic => Ok(Some(JointKind::Prismatic)),
-        JointType::Floating => unsupported("floating"),
-        JointType::Planar => unsupported("planar"),
-        JointType::Spherical => unsupported("spherical"),
+        JointType::Floating => unsupported(joint, source, "floating"),
+        JointType::Planar => unsupported(joint, source, "planar"),
+        JointType::Spherical => unsupported(joint, source, "spherical"),
     }
+}
+
+/// Refuses a joint.
+pub(crate) fn unsupported(
+    joint: &urdf_rs::Joint,
+    source: &JointSource,
+    kind: &str,
+) -> Result<Option<JointKind>, UrdfError> {
+    let problem = UrdfProblem::UnsupportedJointType { joint: joint.name.clone(), kind: kind.to_owned() };
+    Err(UrdfError::new(source.at, problem))
+}
+
+/// Speed and effort limits of a planar joint, which may do without.
+pub(crate) fn planar_limits(joint: &urdf_rs::Joint, source: &JointSource) -> Limits {
+    let Some(limit) = &source.limit else { return Limits::NONE };
+    let effort = if limit.has_effort { joint.limit.effort } else { f64::INFINITY };
+    Limits { velocity: joint.limit.velocity, effort, ..Limits::NONE }
+}
+
+/// Two directions that span the plane with this normal, right-handed: x and y for z.
+pub(crate) fn plane(normal: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
+    let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+    let start = if normal.dot(&z).abs() > 0.5 {
+        x
+    } else if normal.dot(&x).abs() > 0.5 {
+        y
+    } else {
+        z
+    };
+    let first = Unit::new_normalize(start - normal.into_inner() * normal.dot(&start));
+    let second = Unit::new_normalize(normal.cross(&first));
+    [first, second]
 }
 
 /// Limits, infinite where the file gives none.

@@ -16,7 +16,7 @@ pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
 pub use warning::ModelWarning;
 
-use crate::Model;
+use crate::{LoadOptions, Model};
 
 /// What becomes of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +51,19 @@ pub fn parse_urdf(
     mimic: MimicMode,
     packages: &PackagePath,
 ) -> Result<UrdfRobot, UrdfError> {
-    assemble::assemble(text, file, mimic, packages)
+    parse_urdf_with(text, file, &LoadOptions { mimic, packages: packages.clone(), ..LoadOptions::default() })
+}
+
+/// [`parse_urdf`], with all options.
+///
+/// # Errors
+///
+/// As [`parse_urdf`].
+pub fn parse_urdf_with(
+    text: &str,
+    file: Option<&Path>,
+    options: &LoadOptions,
+) -> Result<UrdfRobot, UrdfError> {
+    assemble::assemble(text, file, options)
         .map_err(|error| UrdfError { file: file.map(Path::to_owned), ..error })
 }

@@ -1,0 +1,10 @@
+//! Small dense arithmetic for the inner loops: three-vectors, rotations, symmetric matrices and spatial vectors as plain
+//! numbers, so that a whole recursion compiles into straight-line code.
+
+mod spatial;
+mod three;
+mod trigonometry;
+
+pub(crate) use spatial::{ArticulatedInertia, RigidInertia, Spatial};
+pub(crate) use three::{M3, S3, V3};
+pub(crate) use trigonometry::{LANES, sin_cos};

@@ -1,0 +1,173 @@
+//! The configuration manifold: moving along it, the way between two points on it, and other programs' coordinates.
+//!
+//! On a floating base `q` begins with the base's position in the world and its orientation as a quaternion x y z w, and
+//! `v` with the velocity of the base's origin and its angular velocity, both in the base's axes. Everything else is one
+//! number per joint in both; a continuous joint is one unbounded angle.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use crate::{JointKind, Model};
+
+/// Below this angle \[rad\] series replace quotients that lose their digits.
+const SMALL: f64 = 1e-4;
+
+impl Model {
+    /// The configuration with every joint at zero and the base where its file puts it.
+    pub fn neutral(&self) -> Vec<f64> {
+        let mut q = vec![0.0; self.nq()];
+        if self.base().floating {
+            write_pose(&self.base().neutral, &mut q);
+        }
+        q
+    }
+
+    /// `q_out = q` moved for one unit of time with the constant velocity `v` (for a time `dt`, hand in `v dt`).
+    ///
+    /// The base follows the screw of its velocity, `T exp(v)`. The quaternion comes out normalised.
+    pub fn integrate(&self, q: &[f64], v: &[f64], q_out: &mut [f64]) {
+        assert!(
+            q.len() == self.nq() && q_out.len() == self.nq() && v.len() == self.nv(),
+            "length of q and v"
+        );
+        let joints = self.joints_of_q(q).iter().zip(self.joints_of_v(v));
+        let offset = self.nq() - self.joint_count();
+        for (out, (q, v)) in q_out[offset..].iter_mut().zip(joints) {
+            *out = q + v;
+        }
+        if self.base().floating {
+            write_pose(&(base_pose(q) * exp(&v[..6])), q_out);
+        }
+    }
+
+    /// `v_out` with `integrate(from, v_out) = to`: of all such velocities the one of least rotation.
+    pub fn difference(&self, from: &[f64], to: &[f64], v_out: &mut [f64]) {
+        assert!(
+            from.len() == self.nq() && to.len() == self.nq() && v_out.len() == self.nv(),
+            "length of q and v"
+        );
+        let joints = self.joints_of_q(from).iter().zip(self.joints_of_q(to));
+        let offset = self.nv() - self.joint_count();
+        for (out, (from, to)) in v_out[offset..].iter_mut().zip(joints) {
+            *out = to - from;
+        }
+        if self.base().floating {
+            v_out[..6].copy_from_slice(&log(&(base_pose(from).inverse() * base_pose(to))));
+        }
+    }
+
+    /// The configuration at `share` of the way from `from` (0) to `to` (1), along [`difference`](Self::difference).
+    pub fn interpolate(&self, from: &[f64], to: &[f64], share: f64, q_out: &mut [f64]) {
+        assert!(from.len() == self.nq() && to.len() == self.nq() && q_out.len() == self.nq(), "length of q");
+        let offset = self.nq() - self.joint_count();
+        for (out, (from, to)) in q_out[offset..].iter_mut().zip(from[offset..].iter().zip(&to[offset..])) {
+            *out = from + share * (to - from);
+        }
+        if self.base().floating {
+            let way = log(&(base_pose(from).inverse() * base_pose(to))).map(|part| part * share);
+            write_pose(&(base_pose(from) * exp(&way)), q_out);
+        }
+    }
+
+    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine. Joints keep our order.
+    pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
+        let mut out = q[..self.nq() - self.joint_count()].to_vec();
+        for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
+            match self.joint(index).kind {
+                JointKind::Continuous => out.extend([angle.cos(), angle.sin()]),
+                JointKind::Revolute | JointKind::Prismatic => out.push(angle),
+            }
+        }
+        out
+    }
+
+    /// The reverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints come out in -pi .. pi. `None`
+    /// when `q` has another length than this model's layout.
+    pub fn from_pinocchio(&self, q: &[f64]) -> Option<Vec<f64>> {
+        let start = self.nq() - self.joint_count();
+        let mut out = q.get(..start)?.to_vec();
+        let mut rest = q[start..].iter();
+        for index in 0..self.joint_count() {
+            let first = *rest.next()?;
+            out.push(match self.joint(index).kind {
+                JointKind::Continuous => rest.next()?.atan2(first),
+                JointKind::Revolute | JointKind::Prismatic => first,
+            });
+        }
+        rest.next().is_none().then_some(out)
+    }
+
+    /// `q` and `v` in MuJoCo's layout: quaternion w x y z, linear velocity of the base in world axes, its angular
+    /// velocity in its own. Joints keep our order.
+    pub fn to_mujoco(&self, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (mut qpos, mut qvel) = (q.to_vec(), v.to_vec());
+        if self.base().floating {
+            qpos[3..7].rotate_right(1);
+            let linear = base_pose(q).rotation * Vector3::from_column_slice(&v[..3]);
+            qvel[..3].copy_from_slice(linear.as_slice());
+        }
+        (qpos, qvel)
+    }
+
+    /// The reverse of [`to_mujoco`](Self::to_mujoco).
+    pub fn from_mujoco(&self, qpos: &[f64], qvel: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (mut q, mut v) = (qpos.to_vec(), qvel.to_vec());
+        if self.base().floating {
+            q[3..7].rotate_left(1);
+            let linear = base_pose(&q).rotation.inverse() * Vector3::from_column_slice(&v[..3]);
+            v[..3].copy_from_slice(linear.as_slice());
+        }
+        (q, v)
+    }
+}
+
+/// Pose of a floating base in the world.
+pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
+    Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)
+}
+
+fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
+    q[..3].copy_from_slice(pose.translation.vector.as_slice());
+    let rotation = UnitQuaternion::new_normalize(*pose.rotation.quaternion());
+    q[3..7].copy_from_slice(rotation.coords.as_slice());
+}
+
+/// The pose reached by a unit time of the twist `v` (linear, angular).
+fn exp(v: &[f64]) -> Isometry3<f64> {
+    let (u, w) = (Vector3::from_column_slice(&v[..3]), Vector3::from_column_slice(&v[3..6]));
+    let angle = w.norm();
+    // (1 - cos t) / t^2 and (t - sin t) / t^3
+    let (b, c) = if angle < SMALL {
+        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
+    } else {
+        let half = (0.5 * angle).sin() / angle;
+        (2.0 * half * half, (angle - angle.sin()) / angle.powi(3))
+    };
+    let translation = u + w.cross(&u) * b + w.cross(&w.cross(&u)) * c;
+    Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_scaled_axis(w))
+}
+
+/// The reverse of [`exp`], with the least rotation.
+fn log(pose: &Isometry3<f64>) -> [f64; 6] {
+    let quaternion = pose.rotation.quaternion();
+    let (mut vector, mut real) = (quaternion.imag(), quaternion.w);
+    if real < 0.0 {
+        (vector, real) = (-vector, -real);
+    }
+    let sine = vector.norm();
+    let angle = 2.0 * sine.atan2(real);
+    let w = if sine < SMALL {
+        vector * (2.0 / real) * (1.0 - sine * sine / (3.0 * real * real))
+    } else {
+        vector * (angle / sine)
+    };
+    // (1 - (t/2) cot(t/2)) / t^2
+    let c = if angle < SMALL {
+        1.0 / 12.0 + angle * angle / 720.0
+    } else {
+        (1.0 - 0.5 * angle * real / sine) / (angle * angle)
+    };
+    let p = pose.translation.vector;
+    let u = p - w.cross(&p) * 0.5 + w.cross(&w.cross(&p)) * c;
+    [u.x, u.y, u.z, w.x, w.y, w.z]
+}

@@ -1,0 +1,179 @@
+//! Articulated body algorithm (Featherstone 2008, table 7.1), in base coordinates.
+//!
+//! Velocity products and gravity go out with the velocities as an acceleration of their own; what comes back is then the
+//! response of a robot at rest, so that no articulated inertia has to be multiplied with a bias acceleration.
+
+use nalgebra::Vector3;
+
+use super::base_sweep::joint_motion;
+use super::{Dynamics, SingularMassMatrix, Wrench, external};
+use crate::algebra::{ArticulatedInertia, M3, Spatial, V3};
+use crate::model::program::{Mount, Program};
+use crate::{FrameId, Model};
+
+/// A body in base coordinates.
+#[derive(Clone, Debug)]
+pub(super) struct Articulated {
+    rotation: M3,
+    position: V3,
+    joint: Spatial,
+    velocity: Spatial,
+    /// Acceleration that velocity products and gravity alone would cause, then what the efforts add to it.
+    acceleration: Spatial,
+    /// Wrench that the motion needs beyond what arrives.
+    wrench: Spatial,
+    inertia: ArticulatedInertia,
+    /// Wrench along the joint's motion.
+    yielding: Spatial,
+    inverse: f64,
+    effort: f64,
+}
+
+impl Articulated {
+    pub(super) const START: Self = Self {
+        rotation: M3::IDENTITY,
+        position: V3::ZERO,
+        joint: Spatial::ZERO,
+        velocity: Spatial::ZERO,
+        acceleration: Spatial::ZERO,
+        wrench: Spatial::ZERO,
+        inertia: ArticulatedInertia::ZERO,
+        yielding: Spatial::ZERO,
+        inverse: 0.0,
+        effort: 0.0,
+    };
+}
+
+impl Dynamics {
+    /// O(n) forward dynamics of a robot without mimic joints.
+    #[expect(clippy::too_many_arguments, reason = "the textbook signature, with the wrenches")]
+    pub(super) fn aba(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        v: &[f64],
+        tau: &[f64],
+        gravity: Vector3<f64>,
+        wrenches: &[(FrameId, Wrench)],
+        a_out: &mut [f64],
+    ) -> Result<(), SingularMassMatrix> {
+        let n = model.nv();
+        assert!(v.len() == n && tau.len() == n && a_out.len() == n, "length of v, tau and a");
+        self.place(model, q);
+        let program = model.program();
+        self.start_articulated(program, q, v, gravity);
+        self.release(program, v);
+        for (frame, wrench) in wrenches {
+            let mount = &program.mounts[frame.index()];
+            if mount.slot != Program::WORLD {
+                let body = &mut self.articulated[mount.slot];
+                body.wrench -= in_base(mount, wrench, body);
+            }
+        }
+        self.gather(program, tau)?;
+        let base = &mut self.articulated[0];
+        base.acceleration = Spatial::ZERO;
+        if program.floating {
+            let missing = Spatial::from_slice(tau) - base.wrench;
+            base.acceleration = base.inertia.solve(missing).ok_or(SingularMassMatrix { index: 0 })?;
+            a_out[..6].copy_from_slice(&base.acceleration.array());
+        }
+        self.respond(program, a_out);
+        Ok(())
+    }
+
+    /// The base's own motion. Gravity is an acceleration upwards.
+    #[inline(always)]
+    fn start_articulated(&mut self, program: &Program, q: &[f64], v: &[f64], gravity: Vector3<f64>) {
+        let base = &mut self.articulated[0];
+        let mut up = -V3::from(gravity);
+        base.velocity = Spatial::ZERO;
+        base.wrench = Spatial::ZERO;
+        base.inertia = ArticulatedInertia::ZERO;
+        if program.floating {
+            up = program.base_pose(q).0.tr_mul(up);
+            base.velocity = Spatial::from_slice(v);
+            base.inertia.add_rigid(&program.base);
+            base.wrench = program.base.apply(Spatial::new(up, V3::ZERO))
+                + base.velocity.cross_wrench(program.base.apply(base.velocity));
+        }
+        base.acceleration = Spatial::new(up, V3::ZERO);
+    }
+
+    /// Outward: poses, velocities, bias accelerations and the wrenches they need.
+    #[inline(always)]
+    fn release(&mut self, program: &Program, v: &[f64]) {
+        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+            let (outer, inner) = self.articulated.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let (rotation, translation) = node.pose(position);
+            let r = parent.rotation * rotation;
+            let p = parent.position + parent.rotation * translation;
+            let joint = joint_motion(node, r.z, p);
+            let own = joint * v[node.column];
+            let velocity = parent.velocity + own;
+            let acceleration = parent.acceleration + parent.velocity.cross_motion(own);
+            let inertia = node.inertia.moved(&r, p);
+            body.rotation = r;
+            body.position = p;
+            body.joint = joint;
+            body.velocity = velocity;
+            body.acceleration = acceleration;
+            body.wrench = inertia.apply(acceleration) + velocity.cross_wrench(inertia.apply(velocity));
+            body.inertia = ArticulatedInertia::ZERO;
+            body.inertia.add_rigid(&inertia);
+        }
+    }
+
+    /// Inward: articulated inertias and what each joint's effort leaves over.
+    #[inline(always)]
+    fn gather(&mut self, program: &Program, tau: &[f64]) -> Result<(), SingularMassMatrix> {
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let (outer, inner) = self.articulated.split_at_mut(index + 1);
+            let (parent, body) = (&mut outer[node.parent], &mut inner[0]);
+            let yielding = body.inertia.apply(body.joint);
+            let d = body.joint.dot(yielding);
+            // Cancellation leaves rounding noise where an exact result would be zero.
+            if !(d > 1e-14 * magnitude(body.joint, yielding)) {
+                return Err(SingularMassMatrix { index: node.column });
+            }
+            let inverse = 1.0 / d;
+            let effort = tau[node.column] - body.joint.dot(body.wrench);
+            body.yielding = yielding;
+            body.inverse = inverse;
+            body.effort = effort;
+            parent.wrench += body.wrench + yielding * (effort * inverse);
+            parent.inertia.add_yielding(&body.inertia, yielding, inverse);
+        }
+        Ok(())
+    }
+
+    /// Outward: the accelerations.
+    #[inline(always)]
+    fn respond(&mut self, program: &Program, a_out: &mut [f64]) {
+        for (index, node) in program.nodes.iter().enumerate() {
+            let (outer, inner) = self.articulated.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let a = (body.effort - body.yielding.dot(parent.acceleration)) * body.inverse;
+            body.acceleration = parent.acceleration + body.joint * a;
+            a_out[node.column] = a;
+        }
+    }
+}
+
+/// Size of the terms of `a . b`.
+#[inline(always)]
+fn magnitude(a: Spatial, b: Spatial) -> f64 {
+    (a.linear.x * b.linear.x).abs()
+        + (a.linear.y * b.linear.y).abs()
+        + (a.linear.z * b.linear.z).abs()
+        + (a.angular.x * b.angular.x).abs()
+        + (a.angular.y * b.angular.y).abs()
+        + (a.angular.z * b.angular.z).abs()
+}
+
+fn in_base(mount: &Mount, wrench: &Wrench, body: &Articulated) -> Spatial {
+    let local = external::at_slot(mount, wrench);
+    let force = body.rotation * local.linear;
+    Spatial { linear: force, angular: body.rotation * local.angular + body.position.cross(force) }
+}

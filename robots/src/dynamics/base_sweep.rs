@@ -1,0 +1,50 @@
+//! Poses, joint motions and inertias of all bodies in base coordinates.
+
+use super::Dynamics;
+use crate::algebra::{M3, RigidInertia, Spatial, V3};
+use crate::model::program::{Node, Program};
+
+/// A body in base coordinates.
+#[derive(Clone, Debug)]
+pub(crate) struct Composite {
+    pub(crate) rotation: M3,
+    pub(crate) position: V3,
+    /// Motion of the body for one unit of joint velocity.
+    pub(crate) joint: Spatial,
+    /// Its inertia, then that of all it carries too.
+    pub(crate) inertia: RigidInertia,
+}
+
+impl Composite {
+    pub(crate) const START: Self = Self {
+        rotation: M3::IDENTITY,
+        position: V3::ZERO,
+        joint: Spatial::ZERO,
+        inertia: RigidInertia::ZERO,
+    };
+}
+
+/// The motion of a body whose joint axis is `z` through `p`, for one unit of joint velocity.
+#[inline(always)]
+pub(crate) fn joint_motion(node: &Node, z: V3, p: V3) -> Spatial {
+    if node.prismatic { Spatial::new(z, V3::ZERO) } else { Spatial::new(p.cross(z), z) }
+}
+
+impl Dynamics {
+    /// Outward: poses, joint motions and each body's own inertia. The base stands at the identity.
+    #[inline(always)]
+    pub(super) fn sweep(&mut self, program: &Program) {
+        self.composite[0].inertia = program.base;
+        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+            let (outer, inner) = self.composite.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let (rotation, translation) = node.pose(position);
+            let r = parent.rotation * rotation;
+            let p = parent.position + parent.rotation * translation;
+            body.rotation = r;
+            body.position = p;
+            body.joint = joint_motion(node, r.z, p);
+            body.inertia = node.inertia.moved(&r, p);
+        }
+    }
+}

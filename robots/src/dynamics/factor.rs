@@ -1,0 +1,117 @@
+//! Factorisation of the mass matrix that keeps its sparsity (Featherstone 2005; 2008, section 6.5).
+
+use nalgebra::DMatrix;
+
+use crate::Model;
+
+/// The mass matrix is not positive definite: some joint moves nothing that has inertia.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the mass matrix is not positive definite at entry {index} of v: the links beyond that joint have no inertia; \
+     give them a mass and a rotational inertia, or make the joint fixed"
+)]
+pub struct SingularMassMatrix {
+    /// Index in `v` where the factorisation failed.
+    pub index: usize,
+}
+
+/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries joint `i`, as
+/// in M itself.
+#[derive(Clone, Debug)]
+pub struct MassFactor {
+    above: Vec<usize>,
+    /// D on the diagonal, L' above it.
+    factor: DMatrix<f64>,
+}
+
+impl MassFactor {
+    /// Room for the factor of `model`'s mass matrix.
+    pub fn new(model: &Model) -> Self {
+        Self { above: model.program().above.clone(), factor: DMatrix::identity(model.nv(), model.nv()) }
+    }
+
+    /// Factors `mass`; its upper triangle is read.
+    ///
+    /// # Errors
+    ///
+    /// [`SingularMassMatrix`]; the factor is then useless.
+    pub fn factor(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
+        self.factor.copy_from(mass);
+        let n = self.above.len();
+        let above = &*self.above;
+        let m = self.factor.as_mut_slice();
+        for k in (0..n).rev() {
+            // Columns right of k are done; what they took from column k is in it.
+            let pivot = m[k * n + k];
+            if !(pivot > mass[(k, k)] * 1e-14) {
+                return Err(SingularMassMatrix { index: k });
+            }
+            let inverse = 1.0 / pivot;
+            let (left, right) = m.split_at_mut(k * n);
+            let column = &mut right[..n];
+            let mut i = k;
+            while above[i] != i {
+                i = above[i];
+                let scale = column[i] * inverse;
+                let target = &mut left[i * n..][..n];
+                let mut j = i;
+                loop {
+                    target[j] -= scale * column[j];
+                    if above[j] == j {
+                        break;
+                    }
+                    j = above[j];
+                }
+                // Entries nearer the base still need the unscaled ones below them only as products: scale in place.
+                column[i] = scale;
+            }
+        }
+        Ok(())
+    }
+
+    /// Solves `M x = b` in place.
+    pub fn solve(&self, x: &mut [f64]) {
+        let n = self.above.len();
+        assert_eq!(x.len(), n, "length of the right-hand side");
+        let l = self.factor.as_slice();
+        for k in (0..n).rev() {
+            let column = &l[k * n..][..n];
+            let value = x[k];
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                x[i] -= column[i] * value;
+            }
+        }
+        for (k, x) in x.iter_mut().enumerate() {
+            *x /= l[k * n + k];
+        }
+        for k in 0..n {
+            let column = &l[k * n..][..n];
+            let mut value = x[k];
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                value -= column[i] * x[i];
+            }
+            x[k] = value;
+        }
+    }
+
+    /// Solves `M X = B` in place, column by column.
+    pub fn solve_columns(&self, b: &mut DMatrix<f64>) {
+        let n = self.above.len();
+        assert_eq!(b.nrows(), n, "rows of the right-hand sides");
+        for column in b.as_mut_slice().chunks_exact_mut(n) {
+            self.solve(column);
+        }
+    }
+
+    /// `M^-1`, both triangles.
+    pub fn inverse(&self, out: &mut DMatrix<f64>) {
+        let n = self.above.len();
+        assert_eq!(out.shape(), (n, n), "shape of the inverse");
+        out.fill_with_identity();
+        self.solve_columns(out);
+    }
+}

@@ -1,0 +1,123 @@
+//! Centroidal momentum and energies (Orin, Goswami and Lee 2013).
+
+use nalgebra::{Dim, Matrix, StorageMut, Vector3};
+
+use super::Dynamics;
+use crate::Model;
+use crate::algebra::{M3, Spatial, V3};
+
+/// Momentum of a whole robot, or its rate, about the centre of mass in world axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Momentum {
+    /// Linear \[kg m/s\], its rate \[N\].
+    pub linear: Vector3<f64>,
+    /// Angular, about the centre of mass \[kg m2/s\], its rate \[Nm\].
+    pub angular: Vector3<f64>,
+}
+
+impl Dynamics {
+    /// Centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all that moves, about the
+    /// centre of mass, in world axes.
+    pub fn centroidal_map<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        out: &mut Matrix<f64, R, C, S>,
+    ) {
+        assert_eq!(out.shape(), (6, model.nv()), "shape of the momentum matrix");
+        let program = model.program();
+        let (axes, centre) = self.compose(model, q);
+        if program.coupled {
+            out.fill(0.0);
+        }
+        for (node, body) in program.nodes.iter().zip(&self.composite[1..]) {
+            let momentum = about(&axes, centre, body.inertia.apply(body.joint) * node.multiplier);
+            for (row, entry) in momentum.array().into_iter().enumerate() {
+                if program.coupled {
+                    out[(row, node.column)] += entry
+                } else {
+                    out[(row, node.column)] = entry
+                }
+            }
+        }
+        if program.floating {
+            for column in 0..6 {
+                let mut unit = [0.0; 6];
+                unit[column] = 1.0;
+                let momentum = self.composite[0].inertia.apply(Spatial::from_slice(&unit));
+                for (row, entry) in about(&axes, centre, momentum).array().into_iter().enumerate() {
+                    out[(row, column)] = entry;
+                }
+            }
+        }
+    }
+
+    /// Momentum of all that moves, about the centre of mass, in world axes.
+    pub fn momentum(&mut self, model: &Model, q: &[f64], v: &[f64]) -> Momentum {
+        assert_eq!(v.len(), model.nv(), "length of v");
+        let program = model.program();
+        let (axes, centre) = self.compose(model, q);
+        let mut sum = Spatial::ZERO;
+        for (node, body) in program.nodes.iter().zip(&self.composite[1..]) {
+            sum += body.inertia.apply(body.joint) * (node.multiplier * v[node.column]);
+        }
+        if program.floating {
+            sum += self.composite[0].inertia.apply(Spatial::from_slice(v));
+        }
+        about(&axes, centre, sum).into()
+    }
+
+    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0` it
+    /// is the drift `Agdot v`.
+    pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
+        // What moves the robot in the absence of gravity arrives at the base.
+        self.base_wrench(model, q, v, a);
+        let (axes, centre) = self.compose(model, q);
+        about(&axes, centre, self.local[0].wrench).into()
+    }
+
+    /// Kinetic energy `v' M(q) v / 2` \[J\].
+    pub fn kinetic_energy(&mut self, model: &Model, q: &[f64], v: &[f64]) -> f64 {
+        let mut impulse = std::mem::take(&mut self.scratch);
+        impulse.resize(model.nv(), 0.0);
+        let mut zero = std::mem::take(&mut self.zero);
+        zero.resize(model.nv(), 0.0);
+        self.rnea(model, q, &zero, v, Vector3::zeros(), &mut impulse);
+        let energy = 0.5 * impulse.iter().zip(v).map(|(p, v)| p * v).sum::<f64>();
+        (self.scratch, self.zero) = (impulse, zero);
+        energy
+    }
+
+    /// Potential energy of all that moves \[J\]: zero with its centre of mass at the world's origin.
+    pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
+        let (axes, _) = self.compose(model, q);
+        let (_, position) = model.program().base_pose(q);
+        let inertia = &self.composite[0].inertia;
+        -V3::from(gravity).dot(position * inertia.mass + axes * inertia.moment)
+    }
+
+    /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base coordinates.
+    fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
+        self.place(model, q);
+        let program = model.program();
+        self.sweep(program);
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let (outer, inner) = self.composite.split_at_mut(index + 1);
+            outer[node.parent].inertia += inner[0].inertia;
+        }
+        let total = &self.composite[0].inertia;
+        (program.base_pose(q).0, total.moment * (1.0 / total.mass))
+    }
+}
+
+/// A momentum or wrench about the base's origin, moved to `centre` and turned into world axes.
+#[inline(always)]
+fn about(axes: &M3, centre: V3, wrench: Spatial) -> Spatial {
+    Spatial { linear: *axes * wrench.linear, angular: *axes * (wrench.angular - centre.cross(wrench.linear)) }
+}
+
+impl From<Spatial> for Momentum {
+    fn from(momentum: Spatial) -> Self {
+        Self { linear: momentum.linear.into(), angular: momentum.angular.into() }
+    }
+}

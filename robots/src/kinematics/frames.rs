@@ -1,0 +1,92 @@
+//! Poses, velocities and accelerations of frames.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+
+use super::Kinematics;
+use crate::algebra::{M3, V3};
+use crate::{FrameId, Model, Reference, Twist};
+
+impl Kinematics {
+    /// Pose of `frame` in the world.
+    pub fn pose(&self, model: &Model, frame: FrameId) -> Isometry3<f64> {
+        let (rotation, position) = self.placement(model, frame);
+        isometry(&rotation, position)
+    }
+
+    /// Pose of the body frame of body `index` of [`Model::bodies`] in the world.
+    pub fn body_pose(&self, index: usize) -> Isometry3<f64> {
+        let body = &self.bodies[index + 1];
+        isometry(&(body.rotation * self.align[index].transpose()), body.position)
+    }
+
+    /// Velocity of `frame`'s origin and its angular velocity, in world axes ([`Reference::LocalWorldAligned`]).
+    /// Zero after [`update`](Self::update).
+    pub fn velocity(&self, model: &Model, frame: FrameId) -> Twist {
+        self.velocity_in(model, frame, Reference::LocalWorldAligned)
+    }
+
+    /// Velocity of `frame` with the point and axes of `reference`. Zero after [`update`](Self::update).
+    pub fn velocity_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
+        let mount = &model.program().mounts[frame.index()];
+        let body = self.carrier(mount);
+        let arm = body.rotation * mount.position;
+        let linear = body.linear + body.angular.cross(arm);
+        express(reference, &(body.rotation, mount.rotation), body.position + arm, (linear, body.angular))
+    }
+
+    /// Classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
+    /// `J a + Jdot v` of the local-world-aligned Jacobian.
+    ///
+    /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
+    pub fn acceleration(&self, model: &Model, frame: FrameId) -> Twist {
+        let mount = &model.program().mounts[frame.index()];
+        let body = self.carrier(mount);
+        let arm = body.rotation * mount.position;
+        let linear =
+            body.linear_rate + body.angular_rate.cross(arm) + body.angular.cross(body.angular.cross(arm));
+        Twist { linear: linear.into(), angular: body.angular_rate.into() }
+    }
+
+    /// Time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in `reference`.
+    ///
+    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the others the
+    /// spatial one, which lacks the `w x v` of the origin's own motion. After
+    /// [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
+    pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
+        let classical = self.acceleration(model, frame);
+        if reference == Reference::LocalWorldAligned {
+            return classical;
+        }
+        let mount = &model.program().mounts[frame.index()];
+        let body = self.carrier(mount);
+        let arm = body.rotation * mount.position;
+        let velocity = body.linear + body.angular.cross(arm);
+        let linear = V3::from(classical.linear) - body.angular.cross(velocity);
+        express(reference, &(body.rotation, mount.rotation), body.position + arm, (linear, body.angular_rate))
+    }
+
+    /// Orientation and origin of `frame` in the world.
+    pub(super) fn placement(&self, model: &Model, frame: FrameId) -> (M3, V3) {
+        let mount = &model.program().mounts[frame.index()];
+        let body = self.carrier(mount);
+        (body.rotation * mount.rotation, body.rotation * mount.position + body.position)
+    }
+}
+
+/// A motion given at `point` in world axes, with the point and axes of `reference`.
+fn express(reference: Reference, (body, mount): &(M3, M3), point: V3, (linear, angular): (V3, V3)) -> Twist {
+    let (linear, angular) = match reference {
+        Reference::LocalWorldAligned => (linear, angular),
+        Reference::Local => (mount.tr_mul(body.tr_mul(linear)), mount.tr_mul(body.tr_mul(angular))),
+        Reference::World => (linear + point.cross(angular), angular),
+    };
+    Twist { linear: linear.into(), angular: angular.into() }
+}
+
+fn isometry(rotation: &M3, position: V3) -> Isometry3<f64> {
+    let matrix = Rotation3::from_matrix_unchecked(Matrix3::from(*rotation));
+    Isometry3::from_parts(
+        Translation3::from(nalgebra::Vector3::from(position)),
+        UnitQuaternion::from_rotation_matrix(&matrix),
+    )
+}

@@ -1,0 +1,132 @@
+//! Jacobians of frames.
+
+use nalgebra::{Dim, Matrix, StorageMut};
+
+use super::{BodyState, Kinematics};
+use crate::algebra::{M3, V3};
+use crate::model::program::Program;
+use crate::{FrameId, Model, Reference};
+
+impl Kinematics {
+    /// Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in `reference`.
+    ///
+    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the frame are zero.
+    pub fn jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &self,
+        model: &Model,
+        frame: FrameId,
+        reference: Reference,
+        out: &mut Matrix<f64, R, C, S>,
+    ) {
+        assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
+        out.fill(0.0);
+        let program = model.program();
+        let mount = &program.mounts[frame.index()];
+        if mount.slot == Program::WORLD {
+            return;
+        }
+        let (rotation, position) = self.placement(model, frame);
+        let point = if reference == Reference::World { V3::ZERO } else { position };
+        let axes = (reference == Reference::Local).then_some(rotation);
+        if program.floating {
+            let base = &self.bodies[0];
+            for (column, axis) in [base.rotation.x, base.rotation.y, base.rotation.z].into_iter().enumerate()
+            {
+                write(out, column, &axes, (axis, V3::ZERO), 1.0);
+                write(out, column + 3, &axes, (axis.cross(point - base.position), axis), 1.0);
+            }
+        }
+        let Some(body) = mount.slot.checked_sub(1) else { return };
+        for &slot in program.chain(body) {
+            let (node, state) = (&program.nodes[slot - 1], &self.bodies[slot]);
+            write(out, node.column, &axes, column(node.prismatic, state, point), node.multiplier);
+        }
+    }
+
+    /// Places the bodies that carry `frame` at `q` (nq), no others, and gives the Jacobian of `frame` as
+    /// [`jacobian`](Self::jacobian) does. Faster than a whole update where one frame is all that is asked for.
+    pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        frame: FrameId,
+        reference: Reference,
+        out: &mut Matrix<f64, R, C, S>,
+    ) {
+        self.place_carriers(model, q, frame);
+        self.jacobian(model, frame, reference, out);
+    }
+
+    /// Places the bodies that carry `frame` at `q` (nq): its [`pose`](Self::pose) and [`jacobian`](Self::jacobian) are
+    /// then valid, those of frames on other bodies and all velocities are what they were.
+    pub fn place_carriers(&mut self, model: &Model, q: &[f64], frame: FrameId) {
+        self.check(model, q);
+        let program = model.program();
+        (self.bodies[0].rotation, self.bodies[0].position) = program.base_pose(q);
+        let slot = program.mounts[frame.index()].slot;
+        if slot == Program::WORLD || slot == 0 {
+            return;
+        }
+        let chain = program.chain(slot - 1);
+        self.positions.update_chain(&program.nodes, chain, q);
+        let mut parent = 0;
+        for (place, &slot) in chain.iter().enumerate() {
+            let (rotation, translation) = program.nodes[slot - 1].pose(self.positions.get(place));
+            let (r, p) = (self.bodies[parent].rotation, self.bodies[parent].position);
+            let body = &mut self.bodies[slot];
+            body.rotation = r * rotation;
+            body.position = p + r * translation;
+            parent = slot;
+        }
+    }
+
+    /// Velocity of `frame` relative to that of `base`, seen from `base`: the Jacobian of its pose in `base`'s frame
+    /// (6 x nv, linear rows first), with the point at `frame`'s origin and the axes of `base`.
+    ///
+    /// `scratch` is another 6 x nv matrix.
+    pub fn relative_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &self,
+        model: &Model,
+        base: FrameId,
+        frame: FrameId,
+        scratch: &mut Matrix<f64, R, C, S>,
+        out: &mut Matrix<f64, R, C, S>,
+    ) {
+        self.jacobian(model, frame, Reference::World, out);
+        self.jacobian(model, base, Reference::World, scratch);
+        let (axes, _) = self.placement(model, base);
+        let (_, point) = self.placement(model, frame);
+        for column in 0..model.nv() {
+            let entry = |row: usize| out[(row, column)] - scratch[(row, column)];
+            let angular = V3::new(entry(3), entry(4), entry(5));
+            let linear = V3::new(entry(0), entry(1), entry(2)) + angular.cross(point);
+            out.column_mut(column).fill(0.0);
+            write(out, column, &Some(axes), (linear, angular), 1.0);
+        }
+    }
+}
+
+/// What one unit of velocity of the joint does to `point`.
+#[inline(always)]
+fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
+    let axis = body.rotation.z;
+    if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
+}
+
+/// Adds to a column, in `axes` if any.
+#[inline(always)]
+fn write<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+    out: &mut Matrix<f64, R, C, S>,
+    column: usize,
+    axes: &Option<M3>,
+    (linear, angular): (V3, V3),
+    multiplier: f64,
+) {
+    let (linear, angular) = match axes {
+        Some(axes) => (axes.tr_mul(linear), axes.tr_mul(angular)),
+        None => (linear, angular),
+    };
+    for (row, entry) in linear.array().into_iter().chain(angular.array()).enumerate() {
+        out[(row, column)] += multiplier * entry;
+    }
+}

@@ -1,0 +1,159 @@
+//! Forward kinematics to second order, in world axes.
+
+mod centre_of_mass;
+mod frames;
+mod jacobian;
+
+pub use centre_of_mass::CentreOfMass;
+
+use crate::Model;
+use crate::algebra::{M3, V3};
+use crate::model::program::{Mount, Positions, Program};
+
+/// Motion of one body in world axes: of its node frame's origin.
+#[derive(Clone, Debug)]
+struct BodyState {
+    rotation: M3,
+    position: V3,
+    linear: V3,
+    angular: V3,
+    /// Classical acceleration.
+    linear_rate: V3,
+    angular_rate: V3,
+}
+
+impl BodyState {
+    const START: Self = Self {
+        rotation: M3::IDENTITY,
+        position: V3::ZERO,
+        linear: V3::ZERO,
+        angular: V3::ZERO,
+        linear_rate: V3::ZERO,
+        angular_rate: V3::ZERO,
+    };
+}
+
+/// Workspace for the kinematics of one [`Model`]. Nothing allocates after [`new`](Self::new).
+///
+/// Call one of the updates, then ask. Methods panic on slices and matrices of another size than the model's, and on a
+/// model with another number of bodies.
+#[derive(Clone, Debug)]
+pub struct Kinematics {
+    positions: Positions,
+    /// The base, then one per body.
+    bodies: Vec<BodyState>,
+    /// Node frames in their body frames.
+    align: Vec<M3>,
+    /// A frame of the world beside a floating base.
+    world: BodyState,
+    /// Mass and first moment about the world's origin of each body and all it carries.
+    carried: Vec<(f64, V3)>,
+}
+
+impl Kinematics {
+    /// A workspace for `model`. Poses are valid after the first update only.
+    pub fn new(model: &Model) -> Self {
+        let slots = model.bodies().len() + 1;
+        Self {
+            positions: Positions::new(model.bodies().len()),
+            bodies: vec![BodyState::START; slots],
+            align: model.program().align.clone(),
+            world: BodyState::START,
+            carried: vec![(0.0, V3::ZERO); slots],
+        }
+    }
+
+    /// Forward kinematics of all bodies at `q` (nq). Velocities and accelerations become zero.
+    pub fn update(&mut self, model: &Model, q: &[f64]) {
+        self.place(model, q);
+        for body in &mut self.bodies {
+            (body.linear, body.angular) = (V3::ZERO, V3::ZERO);
+            (body.linear_rate, body.angular_rate) = (V3::ZERO, V3::ZERO);
+        }
+    }
+
+    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a = 0`: the
+    /// drift `Jdot v` of every frame.
+    pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
+        self.place(model, q);
+        self.differentiate::<false>(model, v, &[]);
+    }
+
+    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a` (nv).
+    pub fn update_with_acceleration(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
+        assert_eq!(a.len(), model.nv(), "length of a");
+        self.place(model, q);
+        self.differentiate::<true>(model, v, a);
+    }
+
+    #[inline(always)]
+    fn check(&self, model: &Model, q: &[f64]) {
+        assert_eq!(q.len(), model.nq(), "length of q");
+        assert_eq!(self.bodies.len(), model.bodies().len() + 1, "the workspace was made for another model");
+    }
+
+    fn place(&mut self, model: &Model, q: &[f64]) {
+        self.check(model, q);
+        let program = model.program();
+        self.positions.update(&program.nodes, q);
+        (self.bodies[0].rotation, self.bodies[0].position) = program.base_pose(q);
+        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+            let (outer, inner) = self.bodies.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let (rotation, translation) = node.pose(position);
+            body.rotation = parent.rotation * rotation;
+            body.position = parent.position + parent.rotation * translation;
+        }
+    }
+
+    fn differentiate<const ACCELERATED: bool>(&mut self, model: &Model, v: &[f64], a: &[f64]) {
+        assert_eq!(v.len(), model.nv(), "length of v");
+        let program = model.program();
+        if program.floating {
+            let base = &mut self.bodies[0];
+            let r = base.rotation;
+            let (linear, angular) = (V3::from_slice(&v[..3]), V3::from_slice(&v[3..6]));
+            // Spatial to classical acceleration.
+            let mut rate = angular.cross(linear);
+            let mut angular_rate = V3::ZERO;
+            if ACCELERATED {
+                rate += V3::from_slice(&a[..3]);
+                angular_rate = V3::from_slice(&a[3..6]);
+            }
+            (base.linear, base.angular) = (r * linear, r * angular);
+            (base.linear_rate, base.angular_rate) = (r * rate, r * angular_rate);
+        }
+        for (index, node) in program.nodes.iter().enumerate() {
+            let (outer, inner) = self.bodies.split_at_mut(index + 1);
+            let (parent, body) = (&outer[node.parent], &mut inner[0]);
+            let arm = body.position - parent.position;
+            let swing = parent.angular.cross(arm);
+            let own = body.rotation.z * (node.multiplier * v[node.column]);
+            let mut linear = parent.linear + swing;
+            let mut angular = parent.angular;
+            let mut linear_rate =
+                parent.linear_rate + parent.angular_rate.cross(arm) + parent.angular.cross(swing);
+            let mut angular_rate = parent.angular_rate;
+            let turning = parent.angular.cross(own);
+            if node.prismatic {
+                linear += own;
+                linear_rate += turning * 2.0;
+            } else {
+                angular += own;
+                angular_rate += turning;
+            }
+            if ACCELERATED {
+                let own = body.rotation.z * (node.multiplier * a[node.column]);
+                if node.prismatic { linear_rate += own } else { angular_rate += own }
+            }
+            (body.linear, body.angular) = (linear, angular);
+            (body.linear_rate, body.angular_rate) = (linear_rate, angular_rate);
+        }
+    }
+
+    /// The body a frame is mounted on.
+    #[inline(always)]
+    fn carrier(&self, mount: &Mount) -> &BodyState {
+        if mount.slot == Program::WORLD { &self.world } else { &self.bodies[mount.slot] }
+    }
+}
