@@ -9,7 +9,7 @@ use core::ops::Range;
 pub(super) type Span = Range<usize>;
 
 /// One text.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(super) struct Source {
     /// What messages call it: the path of the file, or `--set`.
     pub name: String,
@@ -17,6 +17,13 @@ pub(super) struct Source {
     pub text: String,
     /// Offset of its first byte in the shared range.
     pub start: usize,
+}
+
+impl core::fmt::Debug for Source {
+    /// Without the text: every diagnostic refers to its sources.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} ({} bytes from {})", self.name, self.text.len(), self.start)
+    }
 }
 
 impl Source {

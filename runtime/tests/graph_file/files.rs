@@ -119,7 +119,7 @@ fn the_seed_of_a_component_depends_on_its_name_and_not_on_its_place() {
     let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("graph.toml");
-    let first = "[component.first]\nkind = \"policy.dmp\"\nrate = \"1 Hz\"\npublish.target = \"first\"\n\n";
+    let first = "[component.first]\nkind = \"policy.phase\"\nrate = \"1 Hz\"\npublish.phase = \"first\"\n\n";
     std::fs::write(&path, text.replace("[component.physics]", &format!("{first}[component.physics]")))
         .expect("a file");
     let moved = load(&path).expect("still a good graph").plan;

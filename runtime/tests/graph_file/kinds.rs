@@ -58,7 +58,8 @@ macro_rules! never_run {
 fn needs_robot(declare: &Declare) -> Result<(), ConfigError> {
     match declare.robot() {
         Some(_) => Ok(()),
-        None => Err(ConfigError::key("robot", "works on a robot").advise("add `robot = \"panda\"`")),
+        None => Err(ConfigError::new("it works on a robot, but the component names none")
+            .advise("add `robot = \"panda\"`")),
     }
 }
 
@@ -105,9 +106,9 @@ impl Component for Physics {
 #[derive(Default)]
 struct EncoderConfig {
     /// Standard deviation of the position noise, rad.
-    noise: f64,
-    /// Delay of the measurement, s.
-    latency: f64,
+    position_noise: f64,
+    /// Standard deviation of the velocity noise, rad/s.
+    velocity_noise: f64,
 }
 
 struct Encoder;
@@ -118,8 +119,10 @@ impl Component for Encoder {
     never_run!(EncoderConfig);
 
     fn declare(config: &EncoderConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        if config.noise < 0.0 {
-            return Err(ConfigError::key("noise", format!("is {}, expected 0 or more", config.noise)));
+        needs_robot(declare)?;
+        if config.position_noise < 0.0 {
+            let found = format!("is {}, expected 0 or more", config.position_noise);
+            return Err(ConfigError::key("position_noise", found));
         }
         declare.input::<JointState>("joint_state", "true state of the joints");
         declare.output::<JointState>("measured", "what the encoders say");
@@ -137,17 +140,22 @@ struct Task {
     weight: f64,
 }
 
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
 struct ControllerConfig {
     /// Tasks, all solved at once.
     tasks: Vec<Task>,
+    /// Weight of all joint velocities.
+    damping: f64,
 }
 
 struct Controller;
 
 fn declare_controller(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
     needs_robot(declare)?;
+    if config.damping < 0.0 {
+        return Err(ConfigError::key("damping", format!("is {}, expected 0 or more", config.damping)));
+    }
     for (index, task) in config.tasks.iter().enumerate() {
         if task.weight <= 0.0 {
             return Err(ConfigError::key(
@@ -156,7 +164,7 @@ fn declare_controller(config: &ControllerConfig, declare: &mut Declare) -> Resul
             ));
         }
     }
-    declare.input::<JointState>("state", "measured joint state");
+    declare.input::<JointState>("joint_state", "measured joint state");
     declare.input::<PoseTarget>("target", "where the hand should be");
     declare.float("gain", 4.0, 0.0..=50.0, "1/s", "how fast errors go to zero");
     declare.integer("iterations", 20, 1..=200, "most iterations of the solver");
@@ -171,24 +179,25 @@ impl Component for Controller {
 
     fn declare(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare_controller(config, declare)?;
-        declare.output::<JointCommand>("command", "setpoints for the joints");
+        declare.output::<JointCommand>("joint_command", "setpoints for the joints");
         Ok(())
     }
 }
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct PolicyConfig {
-    /// Goals, one after the other: x y z in metres.
-    #[serde(default)]
-    goals: Vec<[f64; 3]>,
-    /// Time for each, s.
-    #[serde(default = "one")]
-    duration: f64,
+struct Goal {
+    /// Way from the goal before it, m.
+    offset: [f64; 3],
+    /// Time for it.
+    duration: String,
 }
 
-fn one() -> f64 {
-    1.0
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PolicyConfig {
+    /// Goals, one after the other.
+    goals: Vec<Goal>,
 }
 
 struct Policy;
@@ -199,13 +208,16 @@ impl Component for Policy {
     never_run!(PolicyConfig);
 
     fn declare(config: &PolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        if config.goals.len() as f64 * config.duration > 3600.0 {
-            return Err(ConfigError::key("goals", "more than an hour of goals"));
+        needs_robot(declare)?;
+        for (index, goal) in config.goals.iter().enumerate() {
+            if goal.offset.iter().any(|x| x.abs() > 2.0) || goal.duration.is_empty() {
+                return Err(ConfigError::key(format!("goals[{index}].offset"), "is out of reach"));
+            }
         }
-        declare.optional_input::<JointState>("state", "measured joint state");
+        declare.input::<JointState>("joint_state", "joint state, read once to find where the hand starts");
         declare.output::<PoseTarget>("target", "where the hand should be");
         declare.stream_output::<Phase>("episodes", 16, "phase at the end of each movement");
-        declare.float("speed", 1.0, 0.1..=2.0, "", "speed in relation to the demonstration");
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed in relation to the demonstration");
         Ok(())
     }
 }
@@ -265,7 +277,7 @@ impl Component for OldController {
 
     fn declare(config: &ControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare_controller(config, declare)?;
-        declare.output::<old::JointCommand>("command", "setpoints for the joints");
+        declare.output::<old::JointCommand>("joint_command", "setpoints for the joints");
         Ok(())
     }
 }

@@ -184,16 +184,17 @@ fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut R
     let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
     let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
     let subject = match key.as_deref() {
-        Some("robot") => format!("{}.robot", draft.name),
-        Some(key) => format!("{}.config.{key}", draft.name),
-        None => format!("{}.config", draft.name),
+        Some("robot") => format!("`{}.robot`", draft.name),
+        Some(key) => format!("`{}.config.{key}`", draft.name),
+        None if problem.span.is_some() => format!("`{}.config`", draft.name),
+        None => format!("component `{}`", draft.name),
     };
     let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
         Some(Program::Exec { .. }) => "see the configuration of this program".to_string(),
         _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
     });
     report
-        .error(format!("`{subject}`: {message}"))
+        .error(format!("{subject}: {message}"))
         .at(&place, format!("refused by {}", draft.what()))
         .advise(advice);
 }
