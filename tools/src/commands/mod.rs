@@ -28,25 +28,17 @@ pub(crate) struct Cli {
     command: Option<Command>,
 }
 
+// The help of each is that of its own type: a doc comment on a variant would hide it.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Launch a graph: every component as its own process
     Run(run::Run),
-    /// Check a graph file without starting anything
     Check(check::Check),
-    /// Draw a graph
     Graph(draw::Draw),
-    /// Look at the topics of a running graph
     Topic(topic::Topic),
-    /// Look at and change the parameters of a running graph
     Param(param::Param),
-    /// Is this machine fit for real time? What to change, and how
     Doctor(doctor::Doctor),
-    /// Print the JSON Schema of graph files or of a report
     Schema(schema::Schema),
-    /// Make a component crate and a graph that build and run at once
     New(new::New),
-    /// Print a completion script for a shell
     Completions(completions::Completions),
 }
 

@@ -16,19 +16,19 @@ use render::Row;
 /// Look at and change the parameters of a running graph.
 ///
 /// A change takes effect between two steps of the component.
+///
+/// Example: motorium param set controller.frequency 1
 #[derive(Debug, clap::Args)]
 pub(crate) struct Param {
     #[command(subcommand)]
     command: Command,
 }
 
+// The help of each is that of its own type: a doc comment on a variant would hide it.
 #[derive(Debug, clap::Subcommand)]
 enum Command {
-    /// All parameters: value, range, unit
     List(List),
-    /// Print the value of a parameter
     Get(Get),
-    /// Change a parameter
     Set(Set),
 }
 
@@ -56,7 +56,7 @@ struct List {
 
 /// Print the value of a parameter.
 ///
-/// Example: motorium param get controller.damping
+/// Example: motorium param get controller.frequency
 #[derive(Debug, clap::Args)]
 struct Get {
     /// The parameter
@@ -71,7 +71,7 @@ struct Get {
 
 /// Change a parameter.
 ///
-/// Example: motorium param set controller.damping 0.02
+/// Example: motorium param set controller.frequency 1
 #[derive(Debug, clap::Args)]
 struct Set {
     /// The parameter

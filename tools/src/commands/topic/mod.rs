@@ -17,22 +17,21 @@ use super::runs::suggest;
 
 /// Look at the topics of a running graph.
 ///
-/// Looking on costs the graph nothing: it never waits for an observer.
+/// No component ever waits for who looks on.
+///
+/// Example: motorium topic echo panda/joint_state --rate 2
 #[derive(Debug, clap::Args)]
 pub(crate) struct Topic {
     #[command(subcommand)]
     command: Command,
 }
 
+// The help of each is that of its own type: a doc comment on a variant would hide it.
 #[derive(Debug, clap::Subcommand)]
 enum Command {
-    /// All topics: type, writer, readers, rate, age
     List(list::List),
-    /// Print the samples of a topic
     Echo(echo::Echo),
-    /// Measure the rate of a topic and how evenly it comes
     Hz(hz::Hz),
-    /// One topic in detail, with the layout of its samples
     Info(info::Info),
 }
 

@@ -1,0 +1,68 @@
+//! What holds for the command as a whole: help, completions, the doctor's answers.
+
+mod program;
+
+use program::{motorium, printed, run};
+
+#[test]
+fn the_help_of_every_command_has_an_example() {
+    for command in [
+        "run",
+        "check",
+        "graph",
+        "topic",
+        "topic list",
+        "topic echo",
+        "topic hz",
+        "topic info",
+        "param",
+        "param list",
+        "param get",
+        "param set",
+        "doctor",
+        "schema",
+        "new",
+        "completions",
+    ] {
+        let mut arguments: Vec<&str> = command.split(' ').collect();
+        arguments.push("--help");
+        let help = printed(&arguments);
+        assert!(help.contains("Example: motorium"), "{command}: {help}");
+        assert!(help.lines().count() <= 60, "{command}: {} lines", help.lines().count());
+    }
+}
+
+#[test]
+fn completions_know_the_commands_in_every_shell() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = printed(&["completions", shell]);
+        assert!(script.contains("doctor") && script.contains("measure"), "{shell}");
+    }
+}
+
+#[test]
+fn the_doctor_answers_in_json_with_an_exit_code_that_agrees() {
+    let output = run(&["doctor", "--measure", "20ms", "--json"]);
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let findings = answer["findings"].as_array().expect("findings");
+    let failed = findings.iter().any(|finding| finding["verdict"] == "fail");
+    assert_eq!(answer["fit"], !failed);
+    assert_eq!(output.status.code(), Some(if failed { 5 } else { 0 }));
+    for finding in findings {
+        let passed = finding["verdict"] == "pass";
+        assert_eq!(finding["fix"].is_null(), passed, "what is not right has a fix: {finding}");
+    }
+    assert_eq!(answer["wakeup"]["count"], 20);
+    assert_eq!(answer["removed"], serde_json::json!([]), "nothing is removed unasked");
+}
+
+#[test]
+fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
+    let plain = run(&["doctor", "--measure", "0s"]);
+    assert!(!plain.stdout.contains(&0x1b));
+    let forced =
+        motorium(&["doctor", "--measure", "0s"]).env("CLICOLOR_FORCE", "1").output().expect("it runs");
+    assert!(forced.stdout.contains(&0x1b));
+    let refused = motorium(&["doctor", "--measure", "0s"]).env("NO_COLOR", "1").output().expect("it runs");
+    assert!(!refused.stdout.contains(&0x1b));
+}
