@@ -1,0 +1,160 @@
+//! What an admission says.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{Overheads, RtLimit};
+use crate::graph::Severity;
+use crate::plan::ClockKind;
+
+/// Whether a graph can hold its times, with the arithmetic.
+///
+/// What is not known (components without a budget, releases by components that are not real-time) counts as nothing in
+/// all sums. What exceeds its limit even so is refused; what does not, but rests on it, is not provable.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Admission {
+    /// The worst of everything below.
+    pub verdict: Verdict,
+    /// The clock of the graph: in lockstep nothing has a deadline, and nothing is analysed.
+    pub clock: ClockKind,
+    /// What the machine and the runtime were taken to cost.
+    pub overheads: Overheads,
+    /// How much of a core real-time threads may have.
+    pub rt_limit: RtLimit,
+    /// Every core with real-time components.
+    pub cores: Vec<CoreLoad>,
+    /// Every component, in the order of the plan.
+    pub tasks: Vec<TaskBound>,
+    /// Every latency budget, in the order of the plan.
+    pub latencies: Vec<LatencyBound>,
+    /// What does not hold, or cannot be proved to.
+    pub problems: Vec<Problem>,
+}
+
+impl Admission {
+    /// Whether the graph must not run: something cannot hold.
+    pub fn refuses(&self) -> bool {
+        self.verdict == Verdict::Exceeds
+    }
+
+    /// What cannot hold.
+    pub fn refusals(&self) -> impl Iterator<Item = &Problem> {
+        self.problems.iter().filter(|problem| problem.severity == Severity::Error)
+    }
+}
+
+/// Whether something holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Not real-time: nothing is promised, nothing was analysed.
+    BestEffort,
+    /// It holds, whatever happens within the budgets.
+    Holds,
+    /// Nothing says that it does not hold, but something that it rests on is not known.
+    NotProvable,
+    /// It cannot be guaranteed: the bound lies beyond the limit.
+    Exceeds,
+}
+
+/// How busy real-time components keep a core.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct CoreLoad {
+    /// The core.
+    pub core: usize,
+    /// Share of its time, 1 for all of it; at least that much if the verdict is `not_provable`.
+    pub share: f64,
+    /// Share that real-time threads may have before the kernel stops them.
+    pub limit: f64,
+    /// Whether it holds.
+    pub verdict: Verdict,
+    /// What the share is made of.
+    pub terms: Vec<LoadTerm>,
+    /// The sum in one line.
+    pub arithmetic: String,
+}
+
+/// What one component does to its core.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct LoadTerm {
+    /// Name of the component.
+    pub component: String,
+    /// What it takes the time for.
+    pub activity: Activity,
+    /// Time per period, ns.
+    pub cost_ns: u64,
+    /// The period, ns.
+    pub period_ns: u64,
+    /// One by the other.
+    pub share: f64,
+}
+
+/// What a component does with a core.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Activity {
+    /// Waiting awake for its release.
+    Spin,
+    /// Its step, with what the runtime adds.
+    Step,
+}
+
+/// How long a component may take from its release to the end of its step.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct TaskBound {
+    /// Name of the component.
+    pub component: String,
+    /// Its core; `None` if it may run on several.
+    pub core: Option<usize>,
+    /// `SCHED_FIFO` priority; `None` if it is not real-time.
+    pub priority: Option<u8>,
+    /// Time between two of its steps, ns.
+    pub period_ns: u64,
+    /// Execution time allowed per step, ns.
+    pub budget_ns: Option<u64>,
+    /// The component at whose release `response_ns` begins: itself, or the one at the head of those that trigger one
+    /// another on the same core at the same priority.
+    pub released_with: String,
+    /// Longest time from that release to the end of the step, ns. `None` without a bound.
+    pub response_ns: Option<u64>,
+    /// Longest time from the release of the time-triggered component at the head of the whole chain, ns.
+    pub chain_ns: Option<u64>,
+    /// The next release may follow after this time, ns: until then the step must have ended.
+    pub deadline_ns: u64,
+    /// Whether it holds.
+    pub verdict: Verdict,
+    /// How `response_ns` comes about, in one line.
+    pub arithmetic: String,
+}
+
+/// How long data may take from one topic to another.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct LatencyBound {
+    /// Topic at the head of the chain.
+    pub from: String,
+    /// Topic at its end.
+    pub to: String,
+    /// The components that the data goes through, the writer of `from` first.
+    pub path: Vec<String>,
+    /// Longest time, ns. `None` without a bound.
+    pub bound_ns: Option<u64>,
+    /// Longest time allowed, ns.
+    pub max_ns: u64,
+    /// Whether it holds.
+    pub verdict: Verdict,
+    /// How `bound_ns` comes about, in one line.
+    pub arithmetic: String,
+}
+
+/// Something that does not hold (an error), or cannot be proved to (a warning).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Problem {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is.
+    pub message: String,
+    /// The sum behind it, in one line.
+    pub arithmetic: Option<String>,
+    /// What to try.
+    pub advice: String,
+}

@@ -1,0 +1,111 @@
+//! Priorities and cores for what a graph leaves open.
+
+/// Rate-monotonic priorities: the shorter the period, the higher (C. Liu, J. Layland 1973). Equal periods get equal
+/// priorities.
+///
+/// The fastest gets `fastest`, every slower rate `step` less; with so many rates that this would end below 1, they lie
+/// closer together, and only with more than `fastest` of them neighbours share one.
+pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
+    let mut rates = periods_ns.to_vec();
+    rates.sort_unstable();
+    rates.dedup();
+    let last = rates.len().saturating_sub(1).max(1);
+    let room = usize::from(fastest.saturating_sub(1));
+    periods_ns
+        .iter()
+        .map(|period| {
+            // every period is among them
+            let rank = rates.binary_search(period).unwrap_or(0);
+            let below = (rank * usize::from(step)).min(rank * room / last);
+            fastest.saturating_sub(u8::try_from(below).unwrap_or(u8::MAX)).max(1)
+        })
+        .collect()
+}
+
+/// A chain of components that trigger one another, as far as placing it on a core goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChainLoad {
+    /// Share of a core that it takes: budgets by period; 0 if they are not known.
+    pub share: f64,
+    /// The core that the graph gives to it.
+    pub core: Option<usize>,
+}
+
+/// Cores for chains, each whole on one core: handing over there is several times cheaper than waking another.
+///
+/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after those whose
+/// core is given; among equally loaded cores to the one with fewer chains, then to the one listed first. By chain, in
+/// their order; `realtime` must name a core.
+pub fn cores(chains: &[ChainLoad], realtime: &[usize]) -> Vec<usize> {
+    let mut loads: Vec<(f64, usize)> = realtime
+        .iter()
+        .map(|core| {
+            let here = chains.iter().filter(|chain| chain.core == Some(*core));
+            (here.clone().map(|chain| chain.share).sum(), here.count())
+        })
+        .collect();
+    let mut placed: Vec<Option<usize>> = chains.iter().map(|chain| chain.core).collect();
+    let mut open: Vec<usize> = (0..chains.len()).filter(|chain| chains[*chain].core.is_none()).collect();
+    open.sort_by(|a, b| chains[*b].share.total_cmp(&chains[*a].share));
+    for chain in open {
+        let least = (0..loads.len()).min_by(|a, b| {
+            let ((a_share, a_count), (b_share, b_count)) = (loads[*a], loads[*b]);
+            a_share.total_cmp(&b_share).then(a_count.cmp(&b_count))
+        });
+        let Some(least) = least else { continue };
+        loads[least].0 += chains[chain].share;
+        loads[least].1 += 1;
+        placed[chain] = Some(realtime[least]);
+    }
+    placed.into_iter().map(|core| core.unwrap_or(0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faster_means_more_urgent_and_equal_rates_are_equal() {
+        assert_eq!(rate_monotonic(&[1_000, 250, 1_000, 10_000], 80, 5), [75, 80, 75, 70]);
+        assert_eq!(rate_monotonic(&[7], 80, 5), [80]);
+        assert!(rate_monotonic(&[], 80, 5).is_empty());
+    }
+
+    #[test]
+    fn many_rates_all_keep_a_priority_of_their_own() {
+        let periods: Vec<u64> = (1..=80).collect();
+        let priorities = rate_monotonic(&periods, 80, 5);
+        assert_eq!((priorities[0], priorities[79]), (80, 1));
+        assert!(priorities.windows(2).all(|pair| pair[0] > pair[1]), "{priorities:?}");
+    }
+
+    #[test]
+    fn more_rates_than_priorities_still_never_rank_a_slower_one_higher() {
+        let periods: Vec<u64> = (1..=300).collect();
+        let priorities = rate_monotonic(&periods, 80, 5);
+        assert!(priorities.windows(2).all(|pair| pair[0] >= pair[1]));
+        assert_eq!((priorities[0], priorities[299]), (80, 1));
+    }
+
+    fn chain(share: f64, core: Option<usize>) -> ChainLoad {
+        ChainLoad { share, core }
+    }
+
+    #[test]
+    fn chains_spread_over_the_real_time_cores() {
+        let chains = [chain(0.1, None), chain(0.6, None), chain(0.3, None), chain(0.3, None)];
+        assert_eq!(cores(&chains, &[2, 3]), [2, 2, 3, 3]);
+    }
+
+    #[test]
+    fn a_given_core_is_kept_and_counted() {
+        let chains = [chain(0.5, Some(3)), chain(0.1, None), chain(0.1, Some(0))];
+        assert_eq!(cores(&chains, &[3, 2]), [3, 2, 0]);
+    }
+
+    #[test]
+    fn chains_of_unknown_load_are_spread_by_number() {
+        assert_eq!(cores(&[chain(0.0, None); 4], &[1, 2]), [1, 2, 1, 2]);
+        assert_eq!(cores(&[chain(0.0, None); 2], &[1]), [1, 1]);
+    }
+}

@@ -1,0 +1,133 @@
+//! Whether a graph can hold its times: a static plan, response times, latencies; all pure functions, without a clock.
+//!
+//! [`admit`] is the check before a launch. Its model, and what it rests on:
+//!
+//! * Real-time components are `SCHED_FIFO` threads on one core each. Those that trigger one another on a core at a
+//!   priority are one task ([`StaticPlan`]); the response time of every stage of it is bounded, across cores and
+//!   priorities through release jitter.
+//! * Phases count: tasks on the common clock that never meet do not hold each other up. A component with the overrun
+//!   policy `rephase` may leave the clock; it is taken to be released at any time.
+//! * Spinning before a release takes the core from everything that is not more urgent.
+//! * Budgets are kept. A component that outruns its budget, a host that steals time, interrupts, and a kernel that
+//!   cannot be interrupted are no part of the model: they show while the graph runs, counted by cause.
+//! * Equal priorities: a chain that is ahead in the queue is counted whole.
+//! * A component publishes at the end of its step (matters for latencies only).
+//! * What is not known counts as nothing, and what rests on it as not provable.
+//!
+//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and cores
+//! to components for which a graph does not.
+
+mod admission;
+pub mod assign;
+mod latency;
+mod load;
+mod overheads;
+mod phases;
+mod problems;
+mod response;
+mod tasks;
+mod terms;
+mod timeline;
+mod unknown;
+mod window;
+mod words;
+
+#[cfg(test)]
+mod tests;
+
+pub use admission::{Activity, Admission, CoreLoad, LatencyBound, LoadTerm, Problem, TaskBound, Verdict};
+pub use overheads::{Overheads, RtLimit};
+pub use tasks::{Place, Release, Stage, StaticPlan, Step, Task};
+pub use timeline::{CoreTimeline, Lane, Segment, Timeline, timeline};
+
+use crate::plan::{ClockKind, Plan};
+use latency::Analysis;
+use unknown::Unknown;
+
+/// Finds out whether a graph can hold its times on a machine with these overheads and this limit for real-time threads.
+pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
+    let mut admission = Admission {
+        verdict: Verdict::BestEffort,
+        clock: plan.clock,
+        overheads: *overheads,
+        rt_limit,
+        cores: Vec::new(),
+        tasks: Vec::new(),
+        latencies: Vec::new(),
+        problems: Vec::new(),
+    };
+    if plan.clock == ClockKind::Lockstep {
+        return admission;
+    }
+    let tasks = StaticPlan::of(plan, overheads);
+    let responses = response::responses(&tasks, overheads);
+    let unknown = Unknown::of(plan, &tasks);
+    let analysis = Analysis { plan, tasks: &tasks, responses: &responses, unknown: &unknown };
+    admission.cores =
+        tasks.cores().into_iter().map(|core| load::load(plan, &tasks, core, &rt_limit)).collect();
+    admission.tasks = (0..plan.components.len()).map(|component| bound(&analysis, component)).collect();
+    admission.latencies = plan.latencies.iter().map(|latency| latency::latency(&analysis, latency)).collect();
+    problems::find(&analysis, &mut admission);
+    let verdicts = (admission.cores.iter().map(|core| core.verdict))
+        .chain(admission.tasks.iter().map(|task| task.verdict))
+        .chain(admission.latencies.iter().map(|latency| latency.verdict));
+    admission.verdict = verdicts.max().unwrap_or(Verdict::BestEffort);
+    admission
+}
+
+/// The bound of one component.
+fn bound(analysis: &Analysis<'_>, component: usize) -> TaskBound {
+    let (plan, tasks) = (analysis.plan, analysis.tasks);
+    let planned = &plan.components[component];
+    let deadline_ns = planned.period_ns();
+    let mut found = TaskBound {
+        component: planned.name.clone(),
+        core: tasks::core(plan, planned),
+        priority: tasks::priority(planned),
+        period_ns: planned.period_ns(),
+        budget_ns: planned.budget_ns,
+        released_with: planned.name.clone(),
+        response_ns: None,
+        chain_ns: None,
+        deadline_ns,
+        verdict: Verdict::BestEffort,
+        arithmetic: "not real-time".to_string(),
+    };
+    let Some(place) = tasks.places[component] else {
+        if found.priority.is_some() {
+            found.verdict = Verdict::NotProvable;
+            found.arithmetic = "may run on several cores".to_string();
+        }
+        return found;
+    };
+    let task = &tasks.tasks[place.task];
+    found.released_with.clone_from(&plan.components[task.head()].name);
+    let bound = analysis.responses.bounds[place.task].as_ref().and_then(|stages| stages.get(place.stage));
+    let Some(bound) = bound else {
+        found.verdict = Verdict::Exceeds;
+        found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
+        return found;
+    };
+    // a time-triggered component is measured from its release, not from where it begins to spin
+    let (sum, spin) = match task.release {
+        Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
+        Release::Trigger { .. } => (&bound.response, 0),
+    };
+    let response = u64::try_from(sum.total - spin).unwrap_or(0);
+    let holds = response <= deadline_ns;
+    let known = !analysis.unknown.rests[place.task];
+    let terms: Vec<String> = terms::of(analysis, place, 0, sum)
+        .iter()
+        .enumerate()
+        .map(|(index, term)| terms::joined(index, term))
+        .collect();
+    found.response_ns = Some(response);
+    found.chain_ns = latency::since_release(analysis, place);
+    found.verdict = match (holds, known) {
+        (false, _) => Verdict::Exceeds,
+        (true, false) => Verdict::NotProvable,
+        (true, true) => Verdict::Holds,
+    };
+    found.arithmetic = words::comparison(&terms, words::time(response), holds, &words::time(deadline_ns));
+    found
+}

@@ -1,0 +1,101 @@
+//! What the machine itself takes, and how much of a core the kernel lets real-time threads have.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+const MICROSECOND: u64 = 1_000;
+
+/// Time that goes to the machine and to the runtime rather than to components.
+///
+/// The defaults are worst cases with room to spare, as seen on a virtual machine of two cores (Linux 6.18, idle states
+/// that poll); a machine's own are measured and put in their place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Overheads {
+    /// How late a sleeping component may be woken, ns; 40 us. It costs no time of the core. What of it falls into the
+    /// time a component spins before its release is hidden by that.
+    pub wake_ns: u64,
+    /// Time of the core from the end of a step to the beginning of the one that it triggers on the same core, ns; 6 us.
+    pub hop_same_core_ns: u64,
+    /// Longest time from a publication to the moment when a component that it triggers on another core may run, ns;
+    /// 30 us, most of which an idle core takes to wake up. It costs no time of either core.
+    pub hop_cross_core_ns: u64,
+    /// Time of the core that the worker takes for every step besides the component's own, ns; 3 us: getting onto the
+    /// core and off it, reading clocks, accounting.
+    pub worker_ns: u64,
+}
+
+impl Overheads {
+    /// A machine that costs nothing: for the analysis of task sets in the abstract.
+    pub const NONE: Self = Self { wake_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, worker_ns: 0 };
+}
+
+impl Default for Overheads {
+    fn default() -> Self {
+        Self {
+            wake_ns: 40 * MICROSECOND,
+            hop_same_core_ns: 6 * MICROSECOND,
+            hop_cross_core_ns: 30 * MICROSECOND,
+            worker_ns: 3 * MICROSECOND,
+        }
+    }
+}
+
+/// How long real-time threads may keep a core busy: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel with
+/// throttling stops them for the rest of the period when they have used it up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct RtLimit {
+    /// Time they may run in each period, ns; as long as they like if `None`.
+    pub runtime_ns: Option<u64>,
+    /// The period, ns.
+    pub period_ns: u64,
+}
+
+impl RtLimit {
+    /// No throttling.
+    pub const NONE: Self = Self { runtime_ns: None, period_ns: 1_000_000_000 };
+
+    /// What a Linux kernel does unless it is told otherwise: 950 ms in every second.
+    pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
+
+    /// The limit from the two files in `/proc/sys/kernel`, in us; a negative run time means that there is none.
+    /// `None` if they do not hold numbers.
+    pub fn from_sysctl(runtime_us: &str, period_us: &str) -> Option<Self> {
+        let runtime: i64 = runtime_us.trim().parse().ok()?;
+        let period_ns = period_us.trim().parse::<u64>().ok()?.checked_mul(MICROSECOND)?;
+        let runtime_ns = u64::try_from(runtime).ok().map(|us| us.saturating_mul(MICROSECOND));
+        let runtime_ns = runtime_ns.filter(|runtime_ns| *runtime_ns < period_ns);
+        (period_ns > 0).then_some(Self { runtime_ns, period_ns })
+    }
+
+    /// The limit of the machine this runs on; the kernel's default if it cannot be read.
+    pub fn detect() -> Self {
+        let read =
+            |name: &str| std::fs::read_to_string(format!("/proc/sys/kernel/{name}")).unwrap_or_default();
+        Self::from_sysctl(&read("sched_rt_runtime_us"), &read("sched_rt_period_us"))
+            .unwrap_or(Self::KERNEL_DEFAULT)
+    }
+
+    /// Share of a core that real-time threads may have, 0 to 1.
+    pub fn share(&self) -> f64 {
+        match self.runtime_ns {
+            Some(runtime_ns) if runtime_ns < self.period_ns => runtime_ns as f64 / self.period_ns as f64,
+            _ => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_is_read_as_the_kernel_writes_it() {
+        assert_eq!(RtLimit::from_sysctl("950000\n", "1000000\n"), Some(RtLimit::KERNEL_DEFAULT));
+        assert_eq!(RtLimit::from_sysctl("-1\n", "1000000\n"), Some(RtLimit::NONE));
+        assert_eq!(RtLimit::from_sysctl("1000000", "1000000").map(|limit| limit.share()), Some(1.0));
+        assert_eq!(RtLimit::from_sysctl("0", "1000000").map(|limit| limit.share()), Some(0.0));
+        assert_eq!(RtLimit::from_sysctl("", ""), None);
+        assert_eq!(RtLimit::from_sysctl("1", "0"), None);
+        assert_eq!(RtLimit::KERNEL_DEFAULT.share(), 0.95);
+    }
+}

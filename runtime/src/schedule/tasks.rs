@@ -1,0 +1,213 @@
+//! The static plan: which tasks share which core, and what releases them.
+//!
+//! A *task* is what the scheduler cannot tell apart: a real-time component together with everything that it triggers,
+//! directly or through others, on the same core at the same priority. Its *stages* run one after the other: the first is
+//! the component at its head, the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is
+//! woken goes to the end of the queue of its priority, and nobody of that priority interrupts another, so that everything
+//! triggered by one stage has run before anything that the next stage triggers.) A component that is triggered from
+//! another core, or by one of another priority, is the head of a task of its own.
+
+use serde::Serialize;
+
+use super::Overheads;
+use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass};
+
+/// All real-time components of a graph as tasks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StaticPlan {
+    /// Tasks, each after the one that triggers it.
+    pub tasks: Vec<Task>,
+    /// By component of the plan: where it is; `None` if it is not real-time, or may run on several cores.
+    pub places: Vec<Option<Place>>,
+}
+
+/// Where a component is in a static plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// Index of its task.
+    pub task: usize,
+    /// Index of its stage.
+    pub stage: usize,
+}
+
+/// Components that trigger one another on one core at one priority.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Task {
+    /// The core.
+    pub core: usize,
+    /// `SCHED_FIFO` priority.
+    pub priority: u8,
+    /// Time between two releases of the time-triggered component at the head of the whole chain, ns.
+    pub period_ns: u64,
+    /// What releases its first stage.
+    pub release: Release,
+    /// What runs, one stage after the other.
+    pub stages: Vec<Stage>,
+}
+
+/// What releases a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Release {
+    /// The clock, at `start + phase + n * period`.
+    Timer {
+        /// Offset of the first release, ns.
+        phase_ns: u64,
+        /// How long before a release the component begins to spin, ns.
+        spin_ns: u64,
+        /// Whether releases never leave that grid; the overrun policy `rephase` moves it.
+        fixed: bool,
+    },
+    /// A publication of another component.
+    Trigger {
+        /// Index of that component in the plan.
+        by: usize,
+        /// Longest time from the publication until the first stage may run, ns.
+        delay_ns: u64,
+    },
+}
+
+/// Components that are triggered together; they run one after the other.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Stage {
+    /// Their steps.
+    pub steps: Vec<Step>,
+}
+
+/// One step of one component, as it weighs on its core.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Step {
+    /// Index of the component in the plan.
+    pub component: usize,
+    /// Execution time allowed, ns.
+    pub budget_ns: Option<u64>,
+    /// What the runtime and the machine add, ns.
+    pub overhead_ns: u64,
+}
+
+impl Step {
+    /// Time of the core that it takes, ns: budget and overhead; the overhead alone without a budget.
+    pub fn cost_ns(&self) -> u64 {
+        self.budget_ns.unwrap_or(0) + self.overhead_ns
+    }
+}
+
+impl Stage {
+    /// Time of the core that its steps take, ns.
+    pub fn cost_ns(&self) -> u64 {
+        self.steps.iter().map(Step::cost_ns).sum()
+    }
+}
+
+impl Task {
+    /// How long its head spins before every release, ns.
+    pub fn spin_ns(&self) -> u64 {
+        match self.release {
+            Release::Timer { spin_ns, .. } => spin_ns,
+            Release::Trigger { .. } => 0,
+        }
+    }
+
+    /// Time of the core that one release takes, ns: spinning and all stages.
+    pub fn cost_ns(&self) -> u64 {
+        self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
+    }
+
+    /// All its steps.
+    pub fn steps(&self) -> impl Iterator<Item = &Step> {
+        self.stages.iter().flat_map(|stage| &stage.steps)
+    }
+
+    /// Index in the plan of the component at its head.
+    pub fn head(&self) -> usize {
+        self.stages[0].steps[0].component
+    }
+}
+
+impl StaticPlan {
+    /// The tasks of a plan.
+    pub fn of(plan: &Plan, overheads: &Overheads) -> Self {
+        let mut made = Self { tasks: Vec::new(), places: vec![None; plan.components.len()] };
+        // writers come before those they trigger, so that a task is there when its members are placed
+        let mut order: Vec<usize> = (0..plan.components.len()).collect();
+        order.sort_by_key(|component| plan.components[*component].order);
+        for index in order {
+            made.place(plan, index, overheads);
+        }
+        made
+    }
+
+    fn place(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
+        let component = &plan.components[index];
+        let (Some(priority), Some(core)) = (priority(component), core(plan, component)) else { return };
+        let spin_ns = plan.scheduling.spin_ns;
+        let mut step =
+            Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };
+        let release = match component.activation {
+            Activation::Periodic { period_ns, phase_ns } => Release::Timer {
+                phase_ns,
+                // who spins all the time takes all the time
+                spin_ns: spin_ns.min(period_ns),
+                fixed: component.on_overrun != OnOverrun::Rephase,
+            },
+            Activation::Triggered { topic, .. } => {
+                let by = plan.topics[topic].writer;
+                if self::core(plan, &plan.components[by]) == Some(core) {
+                    step.overhead_ns += overheads.hop_same_core_ns;
+                    let place = self.places[by].filter(|place| {
+                        let task = &self.tasks[place.task];
+                        (task.core, task.priority) == (core, priority)
+                    });
+                    if let Some(Place { task, stage }) = place {
+                        let stages = &mut self.tasks[task].stages;
+                        stages.resize_with(stages.len().max(stage + 2), Stage::default);
+                        stages[stage + 1].steps.push(step);
+                        self.places[index] = Some(Place { task, stage: stage + 1 });
+                        return;
+                    }
+                    Release::Trigger { by, delay_ns: 0 }
+                } else {
+                    Release::Trigger { by, delay_ns: overheads.hop_cross_core_ns }
+                }
+            }
+        };
+        self.places[index] = Some(Place { task: self.tasks.len(), stage: 0 });
+        self.tasks.push(Task {
+            core,
+            priority,
+            period_ns: component.period_ns(),
+            release,
+            stages: vec![Stage { steps: vec![step] }],
+        });
+    }
+
+    /// The cores on which there are tasks, ascending.
+    pub fn cores(&self) -> Vec<usize> {
+        let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
+        cores.sort_unstable();
+        cores.dedup();
+        cores
+    }
+
+    /// Indices of the tasks on a core.
+    pub fn on_core(&self, core: usize) -> Vec<usize> {
+        (0..self.tasks.len()).filter(|task| self.tasks[*task].core == core).collect()
+    }
+}
+
+/// Priority of a component that is scheduled as `SCHED_FIFO`.
+pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
+    match component.class {
+        SchedulingClass::Fifo(priority) => Some(priority),
+        _ => None,
+    }
+}
+
+/// The one core that a component may run on, if it is one.
+pub(super) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
+    match (component.core, plan.scheduling.shared_cores.as_slice()) {
+        (Some(core), _) => Some(core),
+        (None, [only]) => Some(*only),
+        (None, _) => None,
+    }
+}

@@ -1,0 +1,259 @@
+//! Whole graphs: verdicts, and the arithmetic in words.
+
+use super::graphs::{Node, When, graph, node};
+use crate::graph::Severity;
+use crate::plan::{ClockKind, OnOverrun};
+use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
+
+const US: u64 = 1_000;
+const KHZ: When = When::Every(1_000 * US, 0);
+
+fn every(us: u64) -> When {
+    When::Every(us * US, 0)
+}
+
+/// Physics, encoder, policy and controller, as a chain.
+fn reach(controller_us: u64) -> Vec<Node> {
+    vec![
+        node("physics", KHZ, 400 * US),
+        node("encoder", When::After(0), 50 * US),
+        node("policy", When::After(1), 50 * US),
+        node("controller", When::After(2), controller_us * US),
+    ]
+}
+
+fn check(nodes: &[Node], latencies: &[(usize, usize, u64)]) -> Admission {
+    admit(&graph(nodes, 100 * US, latencies), &Overheads::default(), RtLimit::KERNEL_DEFAULT)
+}
+
+fn errors(admission: &Admission) -> Vec<&str> {
+    admission.refusals().map(|problem| problem.message.as_str()).collect()
+}
+
+fn warnings(admission: &Admission) -> Vec<&str> {
+    let warnings = admission.problems.iter().filter(|problem| problem.severity == Severity::Warning);
+    warnings.map(|problem| problem.message.as_str()).collect()
+}
+
+#[test]
+fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
+    let admission = check(&reach(300), &[(0, 3, 600 * US)]);
+    assert_eq!(admission.verdict, Verdict::Holds, "{:?}", admission.problems);
+    assert_eq!(
+        admission.cores[0].arithmetic,
+        "core 1: 0.100 (physics spinning) + 0.403 (physics) + 0.059 (encoder) + 0.059 (policy) + 0.309 (controller) \
+         = 0.930 <= 0.95"
+    );
+    let responses: Vec<_> = admission.tasks.iter().map(|task| task.response_ns.unwrap() / US).collect();
+    assert_eq!(responses, [403, 462, 521, 830]);
+    assert_eq!(
+        admission.tasks[3].arithmetic,
+        "403 us (physics) + 59 us (encoder) + 59 us (policy) + 309 us (controller) = 830 us <= 1 ms"
+    );
+    let latency = &admission.latencies[0];
+    assert_eq!(latency.bound_ns, Some(427 * US));
+    assert_eq!(latency.path, ["physics", "encoder", "policy", "controller"]);
+    assert_eq!(
+        latency.arithmetic,
+        "59 us (encoder) + 59 us (policy) + 309 us (controller) = 427 us <= 600 us"
+    );
+}
+
+#[test]
+fn an_overloaded_core_is_refused_with_the_sum() {
+    let admission = check(&reach(600), &[]);
+    assert!(admission.refuses());
+    assert_eq!(errors(&admission), ["core 1 is asked for more time than it has"]);
+    assert_eq!(
+        admission.problems[0].arithmetic.as_deref(),
+        Some(
+            "core 1: 0.100 (physics spinning) + 0.403 (physics) + 0.059 (encoder) + 0.059 (policy) + 0.609 \
+             (controller) = 1.230 > 0.95"
+        )
+    );
+    assert!(
+        admission.tasks.iter().all(|task| task.verdict == Verdict::Exceeds && task.response_ns.is_none())
+    );
+}
+
+#[test]
+fn what_the_kernel_would_throttle_is_refused_and_the_reason_named() {
+    let admission = check(&reach(325), &[]);
+    assert_eq!(
+        errors(&admission),
+        ["core 1 is asked for more time than the kernel lets real-time components have"]
+    );
+    assert!(admission.cores[0].arithmetic.ends_with("= 0.955 > 0.95"), "{}", admission.cores[0].arithmetic);
+    let without = admit(&graph(&reach(325), 100 * US, &[]), &Overheads::default(), RtLimit::NONE);
+    assert_eq!(without.verdict, Verdict::Holds);
+}
+
+#[test]
+fn a_long_step_is_refused_though_its_mean_load_is_small() {
+    // 1.2 s in every 4 s: a third of the core, but more than 950 ms in one second
+    let admission = check(&[node("planner", every(4_000_000), 1_200_000 * US)], &[]);
+    assert_eq!(errors(&admission), ["the kernel may stop the real-time components of core 1 (throttling)"]);
+    assert_eq!(
+        admission.problems[0].arithmetic.as_deref(),
+        Some("core 1, in one period of 1 s: 1 s (`planner`) > 950 ms")
+    );
+}
+
+#[test]
+fn a_slow_task_that_is_too_urgent_makes_a_fast_one_late() {
+    let nodes = [
+        node("control", KHZ, 200 * US).priority(50),
+        node("planner", every(100_000), 5_000 * US).priority(60),
+    ];
+    let admission = check(&nodes, &[]);
+    assert_eq!(errors(&admission), ["component `control` may not be through when its next release comes"]);
+    let arithmetic = admission.problems[0].arithmetic.as_deref().unwrap();
+    assert!(arithmetic.starts_with("control: 203 us (control) + 5.103 ms (planner)"), "{arithmetic}");
+    assert!(arithmetic.contains("> 1 ms"), "{arithmetic}");
+    // the other way round both hold
+    let rate_monotonic = [nodes[0].clone().priority(60), nodes[1].clone().priority(50)];
+    assert_eq!(check(&rate_monotonic, &[]).verdict, Verdict::Holds);
+}
+
+#[test]
+fn a_late_wake_is_hidden_by_spinning_before_the_release() {
+    let spinning = check(&[node("a", KHZ, 100 * US)], &[]);
+    assert_eq!(spinning.tasks[0].response_ns, Some(103 * US));
+    let sleeping =
+        admit(&graph(&[node("a", KHZ, 100 * US)], 0, &[]), &Overheads::default(), RtLimit::KERNEL_DEFAULT);
+    assert_eq!(sleeping.tasks[0].response_ns, Some(143 * US));
+    assert_eq!(sleeping.tasks[0].arithmetic, "103 us (a) + 40 us (released late) = 143 us <= 1 ms");
+}
+
+#[test]
+fn another_core_is_reached_through_its_wake_up() {
+    let nodes = [
+        node("sensor", KHZ, 100 * US),
+        node("filter", When::After(0), 50 * US).core(2),
+        node("control", When::After(1), 50 * US).core(2),
+    ];
+    let admission = check(&nodes, &[(0, 2, 200 * US)]);
+    // 30 us to the other core, 53 us of the filter there, 59 us of the controller behind it
+    assert_eq!(admission.latencies[0].bound_ns, Some(142 * US), "{}", admission.latencies[0].arithmetic);
+    assert_eq!(
+        admission.latencies[0].arithmetic,
+        "30 us (to core 2) + 53 us (filter) + 59 us (control) = 142 us <= 200 us"
+    );
+    assert_eq!(admission.tasks[2].response_ns, Some(112 * US));
+    assert_eq!(admission.tasks[2].chain_ns, Some((103 + 30 + 112) * US));
+    assert_eq!(admission.tasks[2].released_with, "filter");
+}
+
+#[test]
+fn a_reader_on_the_clock_adds_the_time_until_it_reads() {
+    let phased = |phase: u64| {
+        let control = node("control", When::Every(1_000 * US, phase * US), 100 * US).core(2).reading(0);
+        check(&[node("sensor", KHZ, 200 * US), control], &[(0, 1, 2_000 * US)]).latencies[0].clone()
+    };
+    // released together, it reads what was made a period ago
+    assert_eq!(phased(0).bound_ns, Some(1_103 * US));
+    // released just after the sensor is through, it reads what has just been made
+    assert_eq!(phased(210).bound_ns, Some(313 * US));
+    assert_eq!(
+        phased(210).arithmetic,
+        "210 us (from the release of `sensor` until `control` reads topic/sensor) + 103 us (to the end of `control`) \
+         = 313 us <= 2 ms"
+    );
+    // released just before that, it waits for most of a period
+    assert_eq!(phased(200).bound_ns, Some(1_303 * US));
+}
+
+#[test]
+fn a_reader_that_may_leave_the_clock_may_just_miss_the_data() {
+    let mut control = node("control", When::Every(1_000 * US, 210 * US), 100 * US).core(2).reading(0);
+    control.on_overrun = OnOverrun::Rephase;
+    let admission = check(&[node("sensor", KHZ, 200 * US), control], &[(0, 1, 2_000 * US)]);
+    assert_eq!(admission.latencies[0].bound_ns, Some(1_306 * US));
+}
+
+#[test]
+fn a_latency_budget_that_is_too_short_is_refused() {
+    let admission = check(&reach(300), &[(0, 3, 400 * US)]);
+    assert_eq!(admission.latencies[0].verdict, Verdict::Exceeds);
+    assert_eq!(
+        errors(&admission),
+        ["data may take longer from `topic/physics` to `topic/controller` than its latency budget"]
+    );
+}
+
+#[test]
+fn components_without_a_budget_are_named_and_not_refused() {
+    let mut nodes = reach(50);
+    nodes[2] = nodes[2].clone().no_budget();
+    nodes.push(node("watch", every(100_000), 10 * US).priority(10));
+    nodes.push(node("fast", every(500), 10 * US).priority(90));
+    let admission = check(&nodes, &[(0, 3, 600 * US)]);
+    assert_eq!(admission.verdict, Verdict::NotProvable);
+    assert!(errors(&admission).is_empty());
+    assert_eq!(
+        warnings(&admission),
+        ["component `policy` has no budget: what rests on that cannot be proved"]
+    );
+    let verdicts: Vec<_> = admission.tasks.iter().map(|task| task.verdict).collect();
+    // all that shares its priority, and all below, but not what is more urgent
+    let unknown = Verdict::NotProvable;
+    assert_eq!(verdicts, [unknown, unknown, unknown, unknown, unknown, Verdict::Holds]);
+    assert_eq!(admission.latencies[0].verdict, Verdict::NotProvable);
+}
+
+#[test]
+fn what_cannot_hold_even_without_the_unknown_is_refused() {
+    let mut nodes = reach(900);
+    nodes[1] = nodes[1].clone().no_budget();
+    assert!(check(&nodes, &[]).refuses());
+}
+
+#[test]
+fn components_that_are_not_real_time_promise_nothing() {
+    let nodes = [
+        node("physics", KHZ, 100 * US),
+        node("logger", When::After(0), 900 * US).not_realtime(),
+        node("view", every(20_000), 900 * US).not_realtime(),
+    ];
+    let admission = check(&nodes, &[]);
+    assert_eq!(admission.verdict, Verdict::Holds);
+    assert_eq!(admission.tasks[1].verdict, Verdict::BestEffort);
+    assert!(admission.problems.is_empty(), "{:?}", admission.problems);
+    // but a latency through them cannot be proved
+    let admission = check(&nodes, &[(0, 1, 600 * US)]);
+    assert_eq!(admission.verdict, Verdict::NotProvable);
+    assert_eq!(warnings(&admission), ["the latency from `topic/physics` to `topic/logger` cannot be proved"]);
+}
+
+#[test]
+fn real_time_behind_what_is_not_is_not_provable() {
+    let nodes = [node("view", KHZ, 100 * US).not_realtime(), node("control", When::After(0), 100 * US)];
+    let admission = check(&nodes, &[]);
+    assert_eq!(admission.verdict, Verdict::NotProvable);
+    assert_eq!(
+        warnings(&admission),
+        [
+            "component `control` is triggered by one that is not real-time: what rests on that cannot be proved"
+        ]
+    );
+}
+
+#[test]
+fn phases_keep_components_of_one_core_out_of_each_others_way() {
+    let at = |phase: u64| {
+        let nodes = [node("a", KHZ, 300 * US), node("b", When::Every(1_000 * US, phase * US), 300 * US)];
+        check(&nodes, &[]).tasks.iter().map(|task| task.response_ns.unwrap() / US).collect::<Vec<_>>()
+    };
+    assert_eq!(at(500), [303, 303]);
+    // spinning, too, wants the core: `b` begins 100 us before its release
+    assert_eq!(at(0), [706, 706]);
+}
+
+#[test]
+fn in_lockstep_nothing_has_a_deadline() {
+    let mut plan = graph(&reach(900), 100 * US, &[(0, 3, 1)]);
+    plan.clock = ClockKind::Lockstep;
+    let admission = admit(&plan, &Overheads::default(), RtLimit::KERNEL_DEFAULT);
+    assert_eq!(admission.verdict, Verdict::BestEffort);
+    assert!(!admission.refuses() && admission.problems.is_empty());
+}

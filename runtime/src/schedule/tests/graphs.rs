@@ -1,0 +1,152 @@
+//! Graphs made by hand.
+
+use std::path::PathBuf;
+
+use crate::component::TopicPattern;
+use crate::plan::{
+    Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
+    PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,
+    TopicPlan,
+};
+use crate::state::{JointState, StateBuffer as _};
+
+/// When a component steps.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum When {
+    /// Every period, after a phase, ns.
+    Every(u64, u64),
+    /// When the component of this index publishes.
+    After(usize),
+}
+
+/// One component.
+#[derive(Debug, Clone)]
+pub(super) struct Node {
+    pub name: String,
+    pub when: When,
+    pub budget_ns: Option<u64>,
+    pub core: Option<usize>,
+    pub class: SchedulingClass,
+    pub on_overrun: OnOverrun,
+    /// The component whose topic a time-triggered one reads and takes the source time of.
+    pub reads: Option<usize>,
+}
+
+/// A real-time component on core 1 at priority 80; times in ns.
+pub(super) fn node(name: &str, when: When, budget_ns: u64) -> Node {
+    Node {
+        name: name.to_string(),
+        when,
+        budget_ns: Some(budget_ns),
+        core: Some(1),
+        class: SchedulingClass::Fifo(80),
+        on_overrun: OnOverrun::Skip,
+        reads: None,
+    }
+}
+
+impl Node {
+    pub(super) fn priority(mut self, priority: u8) -> Self {
+        self.class = SchedulingClass::Fifo(priority);
+        self
+    }
+
+    pub(super) fn core(mut self, core: usize) -> Self {
+        self.core = Some(core);
+        self
+    }
+
+    pub(super) fn not_realtime(mut self) -> Self {
+        (self.class, self.core) = (SchedulingClass::Normal, None);
+        self
+    }
+
+    pub(super) fn no_budget(mut self) -> Self {
+        self.budget_ns = None;
+        self
+    }
+
+    pub(super) fn reading(mut self, writer: usize) -> Self {
+        self.reads = Some(writer);
+        self
+    }
+}
+
+/// A graph in which every component writes the topic of its own index. Latency budgets go from topic to topic.
+pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
+    let head = |mut index: usize| loop {
+        match nodes[index].when {
+            When::Every(period, _) => return period,
+            When::After(writer) => index = writer,
+        }
+    };
+    let port = |topic: usize| PortPlan {
+        port: format!("port{topic}"),
+        topic: Some(topic),
+        pattern: TopicPattern::State,
+        layout: JointState::layout(),
+    };
+    let components = nodes.iter().enumerate().map(|(index, node)| {
+        let (activation, input) = match node.when {
+            When::Every(period_ns, phase_ns) => (Activation::Periodic { period_ns, phase_ns }, node.reads),
+            When::After(topic) => {
+                (Activation::Triggered { topic, input: 0, period_ns: head(index) }, Some(topic))
+            }
+        };
+        ComponentPlan {
+            name: node.name.clone(),
+            program: Program::Builtin { kind: "test".to_string() },
+            activation,
+            budget_ns: node.budget_ns,
+            core: node.core,
+            class: node.class,
+            inputs: input.map(port).into_iter().collect(),
+            outputs: vec![port(index)],
+            cause: input.map(|_| 0),
+            parameters: Vec::new(),
+            config: serde_json::Value::Null,
+            robot: None,
+            actuator: false,
+            seed: 0,
+            on_overrun: node.on_overrun,
+            on_error: OnError::Fail,
+            on_failure: OnFailure::SafeStop,
+            restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
+            order: index,
+        }
+    });
+    let topics = (0..nodes.len()).map(|topic| {
+        let triggers = |index: &usize| matches!(nodes[*index].when, When::After(writer) if writer == topic);
+        let triggers: Vec<usize> = (0..nodes.len()).filter(triggers).collect();
+        TopicPlan {
+            name: format!("topic/{}", nodes[topic].name),
+            pattern: TopicPattern::State,
+            layout: JointState::layout(),
+            writer: topic,
+            readers: triggers.clone(),
+            triggers,
+        }
+    });
+    Plan {
+        name: "made".to_string(),
+        file: PathBuf::from("made.toml"),
+        clock: ClockKind::Realtime,
+        duration_ns: None,
+        seed: 0,
+        components: components.collect(),
+        topics: topics.collect(),
+        latencies: latencies
+            .iter()
+            .map(|(from, to, max_ns)| LatencyPlan {
+                from: *from,
+                to: *to,
+                max_ns: *max_ns,
+                on_miss: OnMiss::Warn,
+                component: *to,
+                output: 0,
+            })
+            .collect(),
+        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, spin_ns },
+        safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
+    }
+}

@@ -1,0 +1,8 @@
+//! Scheduling against published examples, theorems, and a simulation that shares no code with the analysis.
+
+mod admission;
+mod graphs;
+mod published;
+mod simulated;
+mod stepwise;
+mod timelines;

@@ -1,0 +1,136 @@
+//! Task sets whose response times were published, and theorems on when rate-monotonic priorities suffice.
+
+use proptest::prelude::*;
+
+use crate::schedule::response::on_core;
+use crate::schedule::window::Demand;
+
+/// A task with cost and period; the priority falls from the first to the last.
+fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {
+    let demand = |(index, (cost, period)): (usize, &(i64, i64))| Demand {
+        priority: u8::try_from(99 - index).unwrap(),
+        period: *period,
+        offset: None,
+        jitter: Some(0),
+        queue: 0,
+        stages: vec![*cost],
+        orderly: false,
+    };
+    set.iter().enumerate().map(demand).collect()
+}
+
+fn responses(mut tasks: Vec<Demand>) -> Vec<Option<i64>> {
+    let bounds = on_core(&mut tasks);
+    bounds.into_iter().map(|stages| Some(stages?[0].finish.total)).collect()
+}
+
+fn of(set: &[(i64, i64)]) -> Vec<Option<i64>> {
+    responses(tasks(set))
+}
+
+#[test]
+fn burns_and_wellings_three_tasks_of_a_nearly_full_core() {
+    // Real-Time Systems and Programming Languages, response time analysis: R = 3, 6, 20
+    assert_eq!(of(&[(3, 7), (3, 12), (5, 20)]), [Some(3), Some(6), Some(20)]);
+}
+
+#[test]
+fn burns_and_wellings_three_harmonic_tasks_of_a_full_core() {
+    // The same book: utilisation 1, beyond what the utilisation test admits, yet R = 5, 15, 80
+    assert_eq!(of(&[(5, 20), (10, 40), (40, 80)]), [Some(5), Some(15), Some(80)]);
+}
+
+#[test]
+fn buttazzo_four_tasks_by_deadline() {
+    // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 goes 5, 6, 7, 9, 10
+    assert_eq!(of(&[(1, 4), (1, 5), (2, 6), (1, 11)])[3], Some(10));
+}
+
+#[test]
+fn lehoczky_two_tasks_whose_worst_job_is_not_the_first() {
+    // Fixed priority scheduling of periodic task sets with arbitrary deadlines, 1990: the jobs of the second task take
+    // 114, 102, 116, 104, 118, 106 and 94
+    assert_eq!(of(&[(26, 70), (62, 100)]), [Some(26), Some(118)]);
+}
+
+#[test]
+fn a_task_beyond_a_full_core_has_no_bound_and_those_above_it_keep_theirs() {
+    assert_eq!(of(&[(3, 6), (2, 8), (6, 20)]), [Some(3), Some(5), None]);
+}
+
+#[test]
+fn equals_that_share_a_period_wait_for_all_others() {
+    let mut equals = tasks(&[(3, 20), (5, 20), (7, 20)]);
+    equals.iter_mut().for_each(|task| task.priority = 50);
+    assert_eq!(responses(equals), [Some(15); 3]);
+}
+
+#[test]
+fn a_fast_task_waits_for_a_slow_one_of_its_own_priority_but_not_below_it() {
+    let mut equals = tasks(&[(1, 10), (6, 100)]);
+    equals[1].priority = equals[0].priority;
+    assert_eq!(responses(equals), [Some(7), Some(7)]);
+    assert_eq!(of(&[(1, 10), (6, 100)]), [Some(1), Some(7)]);
+}
+
+#[test]
+fn phases_that_keep_tasks_apart_take_them_out_of_each_others_way() {
+    let mut apart = tasks(&[(4, 10), (4, 10)]);
+    assert_eq!(responses(apart.clone()), [Some(4), Some(8)]);
+    (apart[0].offset, apart[1].offset) = (Some(0), Some(5));
+    assert_eq!(responses(apart.clone()), [Some(4), Some(4)]);
+    // unless one of them may come late
+    apart[0].jitter = Some(2);
+    apart[0].queue = 2;
+    assert_eq!(responses(apart.clone()), [Some(6), Some(5)]);
+    // periods without a common grid meet sooner or later
+    (apart[0].period, apart[0].jitter, apart[0].queue) = (9, Some(0), 0);
+    assert_eq!(responses(apart)[1], Some(8));
+}
+
+/// Periods with shares of the core that satisfy `fits`, rate-monotonic.
+fn rate_monotonic() -> impl Strategy<Value = Vec<(i64, i64)>> {
+    proptest::collection::vec((1_000i64..1_000_000, 0.01f64..1.0), 1..9).prop_map(|mut set| {
+        set.sort_by_key(|(period, _)| *period);
+        // scaled until the product of (share + 1) is 2
+        let product = |scale: f64| set.iter().map(|(_, share)| share * scale + 1.0).product::<f64>();
+        let (mut low, mut high) = (0.0, 1.0);
+        while product(high) < 2.0 {
+            high *= 2.0;
+        }
+        for _ in 0..60 {
+            let middle = (low + high) / 2.0;
+            if product(middle) <= 2.0 { low = middle } else { high = middle }
+        }
+        set.iter().map(|(period, share)| ((*period as f64 * share * low) as i64, *period)).collect()
+    })
+}
+
+proptest! {
+    /// E. Bini, G. Buttazzo, *A hyperbolic bound for the rate monotonic algorithm*, 2001; it contains the bound of Liu
+    /// and Layland.
+    #[test]
+    fn whatever_keeps_the_hyperbolic_bound_is_in_time(set in rate_monotonic()) {
+        for (response, (_, period)) in of(&set).into_iter().zip(&set) {
+            prop_assert!(response.is_some_and(|response| response <= *period), "{response:?} of {set:?}");
+        }
+    }
+
+    /// Cost, jitter and equals only ever make it worse.
+    #[test]
+    fn more_to_do_is_never_done_sooner(
+        set in proptest::collection::vec((1i64..6, 10i64..60), 2..5),
+        changed in 0usize..5,
+        jitter in 0i64..20,
+    ) {
+        let before = responses(tasks(&set));
+        let mut worse = tasks(&set);
+        let changed = changed % set.len();
+        worse[changed].stages[0] += 1;
+        worse[changed].jitter = Some(jitter);
+        worse[changed].queue = jitter;
+        for (before, after) in before.into_iter().zip(responses(worse)) {
+            prop_assert!(after.is_none_or(|after| before.is_some_and(|before| before <= after)));
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! A machine played through unit by unit of time, with steps, wake-ups and publications that vary at random within what
+//! the graph and the overheads allow.
+
+use std::collections::HashMap;
+
+use super::graphs::{Node, When};
+use crate::plan::{OnOverrun, SchedulingClass};
+use crate::schedule::Overheads;
+
+/// What varies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Chance {
+    /// Every step takes its budget and publishes at its end; nobody is woken late.
+    None,
+    /// Steps take up to their budgets and publish at their ends; wake-ups take up to their limits.
+    Times,
+    /// As `Times`, and steps publish at any time before their ends.
+    TimesAndPublications,
+}
+
+/// The longest times seen, by component.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Seen {
+    /// From the release of its task.
+    pub response: Vec<i64>,
+    /// From the release at the head of its chain.
+    pub chain: Vec<i64>,
+    /// From the source time of its data to its publication, by the component at which the data came into being.
+    pub latency: HashMap<(usize, usize), i64>,
+    /// Share of time in which the core was busy, by core.
+    pub busy: HashMap<usize, f64>,
+}
+
+/// Where data and a release come from.
+#[derive(Debug, Clone, Copy)]
+struct Token {
+    /// Release of the task.
+    task: i64,
+    /// Release at the head of the chain.
+    chain: i64,
+    /// When the data came into being, and with whom.
+    source: Option<(i64, usize)>,
+}
+
+#[derive(Debug, Clone)]
+struct Running {
+    order: u64,
+    token: Token,
+    /// Units spun until.
+    spin_until: i64,
+    started: bool,
+    left: i64,
+    publish_when_left: i64,
+    published: bool,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Thread {
+    job: Option<Running>,
+    again: Option<Token>,
+    /// Time-triggered: the next release, and when it joins the queue.
+    next: Option<(i64, i64)>,
+    /// Triggers under way: time of arrival.
+    coming: Vec<(i64, Token)>,
+    newest: Option<(i64, usize)>,
+}
+
+/// The machine.
+pub(super) struct Machine<'g> {
+    nodes: &'g [Node],
+    overheads: Overheads,
+    spin: i64,
+    chance: Chance,
+    random: u64,
+    threads: Vec<Thread>,
+    counter: u64,
+    now: i64,
+    seen: Seen,
+}
+
+impl<'g> Machine<'g> {
+    pub(super) fn new(
+        nodes: &'g [Node],
+        spin_ns: u64,
+        overheads: Overheads,
+        chance: Chance,
+        seed: u64,
+    ) -> Self {
+        let count = nodes.len();
+        Self {
+            nodes,
+            overheads,
+            spin: spin_ns as i64,
+            chance,
+            random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1,
+            threads: vec![Thread::default(); count],
+            counter: 0,
+            now: 0,
+            seen: Seen { response: vec![0; count], chain: vec![0; count], ..Seen::default() },
+        }
+    }
+
+    /// From 0 to `most`, often one of the two ends.
+    fn up_to(&mut self, most: i64) -> i64 {
+        if self.chance == Chance::None || most <= 0 {
+            return 0;
+        }
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        match (self.random >> 40) % 4 {
+            0 => 0,
+            1 => most,
+            _ => ((self.random >> 20) % (most as u64 + 1)) as i64,
+        }
+    }
+
+    fn cost(&self, index: usize) -> i64 {
+        let mut cost = self.nodes[index].budget_ns.unwrap() + self.overheads.worker_ns;
+        if let When::After(writer) = self.nodes[index].when
+            && self.nodes[writer].core == self.nodes[index].core
+        {
+            cost += self.overheads.hop_same_core_ns;
+        }
+        cost as i64
+    }
+
+    fn priority(&self, index: usize) -> u8 {
+        match self.nodes[index].class {
+            SchedulingClass::Fifo(priority) => priority,
+            _ => panic!("only real-time components are simulated"),
+        }
+    }
+
+    pub(super) fn run(mut self, length: i64) -> Seen {
+        for index in 0..self.nodes.len() {
+            if let When::Every(_, phase) = self.nodes[index].when {
+                self.await_release(index, self.spin + phase as i64);
+            }
+        }
+        let mut cores: Vec<usize> = self.nodes.iter().filter_map(|node| node.core).collect();
+        cores.sort_unstable();
+        cores.dedup();
+        let mut busy = vec![0; cores.len()];
+        while self.now < length {
+            self.arrivals();
+            for (core, busy) in cores.iter().zip(&mut busy) {
+                *busy += i64::from(self.unit(*core));
+            }
+            self.now += 1;
+        }
+        for (core, busy) in cores.into_iter().zip(busy) {
+            self.seen.busy.insert(core, busy as f64 / length as f64);
+        }
+        self.seen
+    }
+
+    fn await_release(&mut self, index: usize, release: i64) {
+        let asleep_until = release - self.spin;
+        // who is behind its time goes to the end of the queue at once
+        let joins = if self.now < asleep_until {
+            asleep_until + self.up_to(self.overheads.wake_ns as i64)
+        } else {
+            self.now
+        };
+        self.threads[index].next = Some((release, joins));
+    }
+
+    fn arrivals(&mut self) {
+        for index in 0..self.nodes.len() {
+            if let Some((release, joins)) = self.threads[index].next
+                && joins <= self.now
+            {
+                self.threads[index].next = None;
+                let token = Token { task: release, chain: release, source: None };
+                self.start(index, token, release, None);
+            }
+            let due: Vec<(i64, Token)> =
+                self.threads[index].coming.iter().copied().filter(|(at, _)| *at <= self.now).collect();
+            self.threads[index].coming.retain(|(at, _)| *at > self.now);
+            for (at, mut token) in due {
+                let When::After(writer) = self.nodes[index].when else { unreachable!() };
+                let one_task = self.nodes[writer].core == self.nodes[index].core
+                    && self.priority(writer) == self.priority(index);
+                if !one_task {
+                    token.task = at;
+                }
+                if self.threads[index].job.is_some() {
+                    self.threads[index].again = Some(token);
+                } else {
+                    self.start(index, token, self.now, None);
+                }
+            }
+        }
+    }
+
+    fn start(&mut self, index: usize, token: Token, spin_until: i64, order: Option<u64>) {
+        self.counter += 1;
+        let most = self.cost(index);
+        let cost = if self.chance == Chance::None { most } else { 1 + self.up_to(most - 1) };
+        let publish_when_left =
+            if self.chance == Chance::TimesAndPublications { self.up_to(cost - 1) } else { 0 };
+        self.threads[index].job = Some(Running {
+            order: order.unwrap_or(self.counter),
+            token,
+            spin_until,
+            started: false,
+            left: cost,
+            publish_when_left,
+            published: false,
+        });
+    }
+
+    /// One unit of time on a core; whether it was used.
+    fn unit(&mut self, core: usize) -> bool {
+        let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
+        let first = ready
+            .filter_map(|index| {
+                let order = self.threads[index].job.as_ref()?.order;
+                Some((core::cmp::Reverse(self.priority(index)), order, index))
+            })
+            .min();
+        let Some((_, _, index)) = first else { return false };
+        let reads = match self.nodes[index].when {
+            When::After(writer) => self.threads[writer].newest,
+            When::Every(..) => self.nodes[index].reads.and_then(|writer| self.threads[writer].newest),
+        };
+        let now = self.now;
+        let job = self.threads[index].job.as_mut().unwrap();
+        if now < job.spin_until {
+            return true;
+        }
+        if !job.started {
+            job.started = true;
+            job.token.source = reads;
+        }
+        job.left -= 1;
+        let (left, token) = (job.left, job.token);
+        if left <= job.publish_when_left && !job.published {
+            job.published = true;
+            self.publish(index, token);
+        }
+        if left == 0 {
+            self.finish(index, token);
+        }
+        true
+    }
+
+    /// Publishes at the end of the current unit.
+    fn publish(&mut self, index: usize, mut token: Token) {
+        let time = self.now + 1;
+        let has_cause = self.nodes[index].reads.is_some() || matches!(self.nodes[index].when, When::After(_));
+        if !has_cause {
+            token.source = Some((time, index));
+        }
+        if let Some((source, origin)) = token.source {
+            let longest = self.seen.latency.entry((origin, index)).or_default();
+            *longest = (*longest).max(time - source);
+        }
+        self.threads[index].newest = token.source;
+        for reader in 0..self.nodes.len() {
+            if !matches!(self.nodes[reader].when, When::After(writer) if writer == index) {
+                continue;
+            }
+            let delay = if self.nodes[reader].core == self.nodes[index].core {
+                0
+            } else if self.chance == Chance::None {
+                self.overheads.hop_cross_core_ns as i64
+            } else {
+                self.up_to(self.overheads.hop_cross_core_ns as i64)
+            };
+            self.threads[reader].coming.push((time + delay, token));
+        }
+    }
+
+    fn finish(&mut self, index: usize, token: Token) {
+        let end = self.now + 1;
+        self.seen.response[index] = self.seen.response[index].max(end - token.task);
+        self.seen.chain[index] = self.seen.chain[index].max(end - token.chain);
+        let order = self.threads[index].job.take().map(|job| job.order);
+        match self.nodes[index].when {
+            When::Every(period, _) => {
+                let period = period as i64;
+                let next = token.task + period;
+                let next = if end <= next || self.nodes[index].on_overrun == OnOverrun::CatchUp {
+                    next
+                } else if self.nodes[index].on_overrun == OnOverrun::Rephase {
+                    end + period
+                } else {
+                    next + (end - next + period - 1) / period * period
+                };
+                self.now += 1;
+                self.await_release(index, next);
+                self.now -= 1;
+            }
+            When::After(_) => {
+                if let Some(token) = self.threads[index].again.take() {
+                    self.start(index, token, end, order);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! One hyperperiod, drawn up as it runs when every component uses up its budget and nothing else disturbs.
+//!
+//! This is one of many ways in which the graph can run, and not the worst for every component; what [`admit`](super::admit)
+//! says holds for all of them.
+
+mod simulation;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::tasks::StaticPlan;
+use super::{Activity, Overheads, words};
+use crate::plan::Plan;
+use simulation::Simulation;
+
+/// What runs when, on every core with real-time components.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Timeline {
+    /// Its length, ns.
+    pub length_ns: u64,
+    /// After this time everything repeats, ns; `None` if that is longer than can be counted.
+    pub hyperperiod_ns: Option<u64>,
+    /// The cores, ascending.
+    pub cores: Vec<CoreTimeline>,
+    /// What is left out, and what was assumed.
+    pub notes: Vec<String>,
+}
+
+/// What runs when on one core.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct CoreTimeline {
+    /// The core.
+    pub core: usize,
+    /// Its components, the most urgent first.
+    pub lanes: Vec<Lane>,
+}
+
+/// What one component does.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Lane {
+    /// Name of the component.
+    pub component: String,
+    /// Its priority.
+    pub priority: u8,
+    /// Its releases, ns from the start: by the clock, or by what triggers it.
+    pub releases_ns: Vec<u64>,
+    /// When it has the core, in order.
+    pub segments: Vec<Segment>,
+    /// Ends of steps that came after the next release, ns.
+    pub late_ns: Vec<u64>,
+}
+
+/// A time in which a component has the core.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Segment {
+    /// From, ns.
+    pub start_ns: u64,
+    /// To, ns.
+    pub end_ns: u64,
+    /// What it does.
+    pub activity: Activity,
+}
+
+impl CoreTimeline {
+    /// Time in which real-time components leave the core to others, ns.
+    pub fn idle_ns(&self, length_ns: u64) -> u64 {
+        let busy: u64 = self
+            .lanes
+            .iter()
+            .flat_map(|lane| &lane.segments)
+            .map(|segment| segment.end_ns - segment.start_ns)
+            .sum();
+        length_ns.saturating_sub(busy)
+    }
+}
+
+/// Draws up one hyperperiod of a graph, but no more than `longest_ns` of it.
+pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
+    let tasks = StaticPlan::of(plan, overheads);
+    let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));
+    let wanted = hyperperiod_ns.unwrap_or(u64::MAX).min(longest_ns).min(i64::MAX as u64 / 4);
+    let (length_ns, mut lanes) = Simulation::new(plan, &tasks, overheads).run(wanted as i64);
+    let cores = tasks
+        .cores()
+        .into_iter()
+        .map(|core| {
+            let mut members: Vec<usize> = (0..plan.components.len())
+                .filter(|index| {
+                    tasks.places[*index].is_some_and(|place| tasks.tasks[place.task].core == core)
+                })
+                .collect();
+            let priority = |index: &usize| tasks.places[*index].map(|place| tasks.tasks[place.task].priority);
+            members.sort_by_key(|index| (core::cmp::Reverse(priority(index)), plan.components[*index].order));
+            let lanes = members.iter().map(|index| core::mem::take(&mut lanes[*index])).collect();
+            CoreTimeline { core, lanes }
+        })
+        .collect();
+    let notes = notes(plan, &tasks, hyperperiod_ns, length_ns);
+    Timeline { length_ns, hyperperiod_ns, cores, notes }
+}
+
+fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns: u64) -> Vec<String> {
+    let mut notes = Vec::new();
+    match hyperperiod_ns {
+        None => notes.push(format!(
+            "only the first {}: the periods have no common multiple of a usable length",
+            words::time(length_ns)
+        )),
+        Some(whole) if whole > length_ns => notes.push(format!(
+            "only the first {} of a hyperperiod of {}",
+            words::time(length_ns),
+            words::time(whole)
+        )),
+        Some(_) => {}
+    }
+    let all = 0..plan.components.len();
+    let guessed: Vec<usize> = all
+        .clone()
+        .filter(|index| tasks.places[*index].is_some() && plan.components[*index].budget_ns.is_none())
+        .collect();
+    if !guessed.is_empty() {
+        notes.push(format!(
+            "without a budget, drawn as if their steps took no time: {}",
+            words::names(plan, &guessed)
+        ));
+    }
+    let left_out: Vec<usize> = all.filter(|index| tasks.places[*index].is_none()).collect();
+    if !left_out.is_empty() {
+        notes.push(format!("not real-time, not drawn: {}", words::names(plan, &left_out)));
+    }
+    notes
+}
+
+/// The least common multiple of all periods.
+fn hyperperiod(periods_ns: impl Iterator<Item = u64>) -> Option<u64> {
+    periods_ns
+        .map(|period| i64::try_from(period).ok())
+        .try_fold(1, |lcm, period| super::phases::least_common_multiple(lcm, period?))
+        .and_then(|lcm| u64::try_from(lcm).ok())
+}

@@ -1,0 +1,292 @@
+//! Fixed-priority scheduling, first come first served among equals, played through event by event.
+
+use core::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::{Activity, Lane, Segment};
+use crate::plan::{Activation, OnOverrun, Plan};
+use crate::schedule::Overheads;
+use crate::schedule::tasks::{Place, StaticPlan};
+
+/// More segments than this are not drawn.
+const MOST_SEGMENTS: usize = 20_000;
+
+/// What will happen at a known time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Event {
+    /// A time-triggered component begins to wait for its release.
+    Wait { component: usize, release: i64 },
+    /// A component is triggered.
+    Trigger { component: usize },
+    /// A step of a component that is not drawn ends.
+    End { component: usize, release: i64 },
+}
+
+/// A step that waits for the core, or has it.
+#[derive(Debug, Clone, Copy)]
+struct Job {
+    /// Place in the queue of its priority.
+    order: u64,
+    /// When it was due.
+    release: i64,
+    /// Spins until then.
+    spin_until: i64,
+    /// What is left of the step.
+    left: i64,
+}
+
+/// One component.
+#[derive(Debug)]
+struct Thread {
+    /// Core and priority; without contention if `None`.
+    place: Option<(usize, u8)>,
+    cost: i64,
+    job: Option<Job>,
+    /// Triggered again while its step was not over.
+    again: Option<i64>,
+}
+
+/// All of a graph, at one moment.
+#[derive(Debug)]
+pub(super) struct Simulation<'p> {
+    plan: &'p Plan,
+    overheads: &'p Overheads,
+    spin: i64,
+    threads: Vec<Thread>,
+    lanes: Vec<Lane>,
+    events: BinaryHeap<Reverse<(i64, u64, Event)>>,
+    cores: Vec<usize>,
+    now: i64,
+    counter: u64,
+    segments: usize,
+}
+
+impl<'p> Simulation<'p> {
+    /// A graph before its start.
+    pub(super) fn new(plan: &'p Plan, tasks: &StaticPlan, overheads: &'p Overheads) -> Self {
+        let threads: Vec<Thread> = plan
+            .components
+            .iter()
+            .zip(&tasks.places)
+            .enumerate()
+            .map(|(index, (component, place))| match place {
+                Some(Place { task, stage }) => {
+                    let task = &tasks.tasks[*task];
+                    let step = task.stages[*stage].steps.iter().find(|step| step.component == index);
+                    let cost = step.map_or(0, |step| step.cost_ns()) as i64;
+                    Thread { place: Some((task.core, task.priority)), cost, job: None, again: None }
+                }
+                None => {
+                    let cost = component.budget_ns.unwrap_or(0) as i64;
+                    Thread { place: None, cost, job: None, again: None }
+                }
+            })
+            .collect();
+        let lanes = plan
+            .components
+            .iter()
+            .zip(&threads)
+            .map(|(component, thread)| Lane {
+                component: component.name.clone(),
+                priority: thread.place.map_or(0, |(_, priority)| priority),
+                ..Lane::default()
+            })
+            .collect();
+        Self {
+            plan,
+            overheads,
+            spin: plan.scheduling.spin_ns as i64,
+            threads,
+            lanes,
+            events: BinaryHeap::new(),
+            cores: tasks.cores(),
+            now: 0,
+            counter: 0,
+            segments: 0,
+        }
+    }
+
+    /// Plays it through from 0 to `length`, having run for a while before. The time reached, and by component what it
+    /// did.
+    pub(super) fn run(mut self, length: i64) -> (u64, Vec<Lane>) {
+        let slowest = self.plan.components.iter().map(|c| c.period_ns() as i64).max().unwrap_or(0);
+        self.now = -slowest.min(length);
+        for (index, component) in self.plan.components.iter().enumerate() {
+            if let Activation::Periodic { period_ns, phase_ns } = component.activation {
+                let (period, phase) = (period_ns as i64, phase_ns as i64);
+                let since = (self.now + self.spin.min(period) - phase).rem_euclid(period);
+                let release = self.now + self.spin.min(period) + (period - since) % period;
+                self.wait(index, release);
+            }
+        }
+        while self.now < length && self.segments < MOST_SEGMENTS {
+            self.deliver();
+            let running = self.running();
+            let next = self.next(&running).min(length);
+            for index in running.into_iter().flatten() {
+                self.advance(index, next);
+            }
+            self.now = next;
+            self.complete();
+        }
+        (self.now.max(0) as u64, self.lanes)
+    }
+
+    fn order(&mut self) -> u64 {
+        self.counter += 1;
+        self.counter
+    }
+
+    fn at(&mut self, time: i64, event: Event) {
+        let order = self.order();
+        self.events.push(Reverse((time, order, event)));
+    }
+
+    /// A time-triggered component waits for its next release: asleep, then spinning.
+    fn wait(&mut self, component: usize, release: i64) {
+        let period = self.plan.components[component].period_ns() as i64;
+        let time = self.now.max(release - self.spin.min(period));
+        self.at(time, Event::Wait { component, release });
+    }
+
+    /// Handles all events up to now.
+    fn deliver(&mut self) {
+        while let Some(Reverse((time, _, event))) = self.events.peek().copied()
+            && time <= self.now
+        {
+            self.events.pop();
+            match event {
+                Event::Wait { component, release } => {
+                    if release >= 0 {
+                        self.lanes[component].releases_ns.push(release as u64);
+                    }
+                    self.queue(component, release, release);
+                }
+                Event::Trigger { component } => {
+                    if self.now >= 0 {
+                        self.lanes[component].releases_ns.push(self.now as u64);
+                    }
+                    if self.threads[component].job.is_some() {
+                        self.threads[component].again = Some(self.now);
+                    } else {
+                        self.queue(component, self.now, self.now);
+                    }
+                }
+                Event::End { component, release } => self.end(component, release),
+            }
+        }
+    }
+
+    /// A step goes to the end of the queue of its priority.
+    fn queue(&mut self, component: usize, release: i64, spin_until: i64) {
+        let order = self.order();
+        let thread = &mut self.threads[component];
+        thread.job = Some(Job { order, release, spin_until, left: thread.cost });
+        if thread.place.is_none() {
+            let end = self.now.max(spin_until) + thread.cost;
+            self.at(end, Event::End { component, release });
+        }
+    }
+
+    /// Who has each core.
+    fn running(&self) -> Vec<Option<usize>> {
+        let on = |core: usize| {
+            let waiting = self.threads.iter().enumerate().filter_map(|(index, thread)| {
+                let (_, priority) = thread.place.filter(|(at, _)| *at == core)?;
+                Some((Reverse(priority), thread.job?.order, index))
+            });
+            waiting.min().map(|(_, _, index)| index)
+        };
+        self.cores.iter().map(|core| on(*core)).collect()
+    }
+
+    /// When something happens next.
+    fn next(&self, running: &[Option<usize>]) -> i64 {
+        let events = self.events.peek().map(|Reverse((time, _, _))| *time);
+        let ends = running.iter().flatten().filter_map(|index| {
+            let job = self.threads[*index].job?;
+            Some(if job.spin_until > self.now { job.spin_until } else { self.now + job.left })
+        });
+        ends.chain(events).min().unwrap_or(i64::MAX).max(self.now)
+    }
+
+    /// A component has the core until `next`.
+    fn advance(&mut self, index: usize, next: i64) {
+        let Some(job) = &mut self.threads[index].job else { return };
+        let spinning = job.spin_until > self.now;
+        if !spinning {
+            job.left -= next - self.now;
+        }
+        let (start, end) = (self.now.max(0) as u64, next.max(0) as u64);
+        if end <= start {
+            return;
+        }
+        let activity = if spinning { Activity::Spin } else { Activity::Step };
+        let segments = &mut self.lanes[index].segments;
+        match segments.last_mut() {
+            Some(last) if last.end_ns == start && last.activity == activity => last.end_ns = end,
+            _ => {
+                segments.push(Segment { start_ns: start, end_ns: end, activity });
+                self.segments += 1;
+            }
+        }
+    }
+
+    /// Ends the steps that are through.
+    fn complete(&mut self) {
+        for core in self.running().into_iter().flatten() {
+            if let Some(job) =
+                self.threads[core].job.filter(|job| job.left == 0 && job.spin_until <= self.now)
+            {
+                self.end(core, job.release);
+            }
+        }
+    }
+
+    fn end(&mut self, index: usize, release: i64) {
+        let component = &self.plan.components[index];
+        let period = component.period_ns() as i64;
+        if self.now > release + period && self.now >= 0 {
+            self.lanes[index].late_ns.push(self.now as u64);
+        }
+        let job = self.threads[index].job.take();
+        for topic in component.outputs.iter().filter_map(|port| port.topic) {
+            for reader in &self.plan.topics[topic].triggers {
+                self.trigger(index, *reader);
+            }
+        }
+        match component.activation {
+            Activation::Periodic { .. } => {
+                let next = after(release, self.now, period, component.on_overrun);
+                self.wait(index, next);
+            }
+            Activation::Triggered { .. } => {
+                if let Some(release) = self.threads[index].again.take() {
+                    // who need not wait does not go to the end of the queue
+                    self.queue(index, release, self.now);
+                    if let (Some(next), Some(job)) = (&mut self.threads[index].job, job) {
+                        next.order = job.order;
+                    }
+                }
+            }
+        }
+    }
+
+    fn trigger(&mut self, writer: usize, reader: usize) {
+        let core = |index: usize| self.threads[index].place.map(|(core, _)| core);
+        let same = core(writer).is_some() && core(writer) == core(reader);
+        let delay = if same { 0 } else { self.overheads.hop_cross_core_ns as i64 };
+        self.at(self.now + delay, Event::Trigger { component: reader });
+    }
+}
+
+/// The release after one whose step ended at `end`.
+fn after(release: i64, end: i64, period: i64, policy: OnOverrun) -> i64 {
+    let next = release + period;
+    match policy {
+        _ if end <= next => next,
+        OnOverrun::CatchUp => next,
+        OnOverrun::Rephase => end + period,
+        _ => next + (end - next + period - 1) / period * period,
+    }
+}
