@@ -12,7 +12,10 @@ use crate::style;
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
     let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled).set_header(header);
+    table
+        .load_style(presets::NOTHING)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(header);
     table
 }
 
@@ -55,7 +58,18 @@ pub(crate) fn summary(report: &Report) -> String {
     text.push_str("\n\n");
     let realtime = report.clock == ClockKind::Realtime;
     let mut components = if realtime {
-        table(["component", "steps", "Hz", "late us p50/p99/p99.9/max", "step us p50/p99/p99.9/max", "missed", "skipped", "restarts", "allocs", "faults"])
+        table([
+            "component",
+            "steps",
+            "Hz",
+            "late us p50/p99/p99.9/max",
+            "step us p50/p99/p99.9/max",
+            "missed",
+            "skipped",
+            "restarts",
+            "allocs",
+            "faults",
+        ])
     } else {
         table(["component", "steps", "step us p50/p99/p99.9/max", "restarts", "allocs", "faults"])
     };

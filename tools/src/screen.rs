@@ -33,7 +33,9 @@ impl Screen {
             let _ = self.terminal.draw(|frame| draw(frame, status));
         } else if let Some(line) = line(event) {
             let plain = anstream::adapter::strip_str(&line).to_string();
-            let _ = self.terminal.insert_before(1, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
+            let _ = self
+                .terminal
+                .insert_before(1, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
         }
     }
 }
@@ -47,7 +49,8 @@ impl Drop for Screen {
 
 fn draw(frame: &mut Frame<'_>, status: &Status) {
     let rows = status.components.iter().map(|component| {
-        let style = if misses(component) > 0 { Style::new().fg(ratatui::style::Color::Yellow) } else { Style::new() };
+        let style =
+            if misses(component) > 0 { Style::new().fg(ratatui::style::Color::Yellow) } else { Style::new() };
         Row::new(cells(component)).style(style)
     });
     let header = ["component", "phase", "steps", "Hz", "late p99 us", "step p99 us", "missed", "restarts"];
@@ -73,7 +76,11 @@ fn misses(component: &ComponentStatus) -> u64 {
 }
 
 fn cells(component: &ComponentStatus) -> [String; 8] {
-    let phase = if component.safe { "safe state".to_string() } else { format!("{:?}", component.phase).to_lowercase() };
+    let phase = if component.safe {
+        "safe state".to_string()
+    } else {
+        format!("{:?}", component.phase).to_lowercase()
+    };
     [
         component.name.clone(),
         phase,
@@ -100,7 +107,9 @@ impl Plain {
 
     pub(crate) fn show(&mut self, event: &Event<'_>) {
         let text = match event {
-            Event::Status(status) if status.elapsed_ns >= self.next_ns && status.elapsed_ns < u64::MAX / 2 => {
+            Event::Status(status)
+                if status.elapsed_ns >= self.next_ns && status.elapsed_ns < u64::MAX / 2 =>
+            {
                 self.next_ns = (status.elapsed_ns / 1_000_000_000 + 1) * 1_000_000_000;
                 status_line(status)
             }

@@ -52,7 +52,9 @@ impl Draw {
             Format::Svg => draw::svg(&checked.plan, None),
         };
         match self.output {
-            Some(path) => std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?,
+            Some(path) => {
+                std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?
+            }
             None => print!("{text}"),
         }
         Ok(ExitCode::SUCCESS)

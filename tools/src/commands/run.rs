@@ -64,7 +64,8 @@ impl Run {
         let options = Options { hosting, program };
         let plan = checked.plan;
         let lockstep = plan.clock == ClockKind::Lockstep;
-        let live = !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
+        let live =
+            !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let report = if live {
             let mut screen = Screen::new(&plan)?;
             launcher::run(plan, &registry, &options, &mut |event| screen.show(&event))?
