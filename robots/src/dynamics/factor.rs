@@ -98,12 +98,32 @@ impl MassFactor {
         }
     }
 
-    /// Solves `M X = B` in place, column by column.
-    pub fn solve_columns(&self, b: &mut DMatrix<f64>) {
+    /// Solves `X M = B` in place, for any number of rows. M is symmetric: the transposed of `M X' = B'`.
+    pub fn solve_right(&self, b: &mut DMatrix<f64>) {
         let n = self.above.len();
-        assert_eq!(b.nrows(), n, "rows of the right-hand sides");
-        for column in b.as_mut_slice().chunks_exact_mut(n) {
-            self.solve(column);
+        assert_eq!(b.ncols(), n, "columns of the right-hand side");
+        let rows = b.nrows();
+        let (l, b) = (self.factor.as_slice(), b.as_mut_slice());
+        // Whole columns at a time: they are contiguous.
+        for k in (0..n).rev() {
+            let (left, right) = b.split_at_mut(k * rows);
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                subtract(&mut left[i * rows..][..rows], &right[..rows], l[k * n + i]);
+            }
+        }
+        for k in 0..n {
+            let inverse = 1.0 / l[k * n + k];
+            b[k * rows..][..rows].iter_mut().for_each(|entry| *entry *= inverse);
+        }
+        for k in 0..n {
+            let (left, right) = b.split_at_mut(k * rows);
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                subtract(&mut right[..rows], &left[i * rows..][..rows], l[k * n + i]);
+            }
         }
     }
 
@@ -112,6 +132,14 @@ impl MassFactor {
         let n = self.above.len();
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
         out.fill_with_identity();
-        self.solve_columns(out);
+        self.solve_right(out);
+    }
+}
+
+/// `target -= scale * source`
+#[inline(always)]
+fn subtract(target: &mut [f64], source: &[f64], scale: f64) {
+    for (target, source) in target.iter_mut().zip(source) {
+        *target -= scale * source;
     }
 }

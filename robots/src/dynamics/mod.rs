@@ -7,6 +7,7 @@
 mod aba;
 mod base_sweep;
 mod crba;
+mod derivatives;
 mod external;
 mod factor;
 mod forward;
@@ -18,6 +19,7 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::model::program::Positions;
 
+pub use derivatives::Derivatives;
 pub use external::Wrench;
 pub use factor::{MassFactor, SingularMassMatrix};
 pub use momentum::Momentum;
@@ -34,6 +36,7 @@ pub struct Dynamics {
     /// Recursions in base coordinates, likewise.
     composite: Vec<base_sweep::Composite>,
     articulated: Vec<aba::Articulated>,
+    varied: Vec<derivatives::Varied>,
     mass: DMatrix<f64>,
     factor: MassFactor,
     zero: Vec<f64>,
@@ -48,6 +51,7 @@ impl Dynamics {
             positions: Positions::new(model.bodies().len()),
             local: vec![rnea::Local::START; slots],
             composite: vec![base_sweep::Composite::START; slots],
+            varied: vec![derivatives::Varied::START; slots],
             articulated: vec![aba::Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),

@@ -1,0 +1,296 @@
+//! Analytical derivatives of inverse and forward dynamics.
+//!
+//! The formulas of Singh, Russell and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics Using Spatial
+//! Vector Algebra" (RA-L 2022), in base coordinates. Their Coriolis matrix `B` of a body turns a motion `w` into
+//! `sum m J' (w_angular x velocity)` over its points, so that twelve numbers hold it, for composites too: the linear
+//! momentum, and the moment's part as a 3 x 3 matrix.
+
+use nalgebra::{DMatrix, Vector3};
+
+use super::{Dynamics, SingularMassMatrix};
+use crate::Model;
+use crate::algebra::{M3, RigidInertia, S3, Spatial, V3};
+use crate::model::program::Program;
+
+/// Derivatives of a vector of efforts or accelerations, each nv x nv.
+///
+/// Those by `q` are by a motion along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per `dt`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Derivatives {
+    /// By the configuration.
+    pub q: DMatrix<f64>,
+    /// By the velocity.
+    pub v: DMatrix<f64>,
+    /// By the accelerations (inverse dynamics: `M`) or efforts (forward dynamics: `M^-1`).
+    pub input: DMatrix<f64>,
+}
+
+impl Derivatives {
+    /// Room for the derivatives of `model`.
+    pub fn new(model: &Model) -> Self {
+        let zeros = DMatrix::zeros(model.nv(), model.nv());
+        Self { q: zeros.clone(), v: zeros.clone(), input: zeros }
+    }
+}
+
+/// The Coriolis matrix of a body or composite, for motions in base coordinates.
+#[derive(Clone, Copy, Debug)]
+struct Coriolis {
+    /// Linear momentum.
+    momentum: V3,
+    /// `w -> sum m r x (w x velocity)`
+    moment: M3,
+}
+
+impl Coriolis {
+    const ZERO: Self = Self { momentum: V3::ZERO, moment: M3::ZERO };
+
+    #[inline(always)]
+    fn of(inertia: &RigidInertia, velocity: Spatial) -> Self {
+        let (u, w) = (velocity.linear, velocity.angular);
+        // sum m r r'
+        let i = &inertia.rotational;
+        let half = 0.5 * (i.xx + i.yy + i.zz);
+        let spread =
+            S3 { xx: half - i.xx, yy: half - i.yy, zz: half - i.zz, xy: -i.xy, xz: -i.xz, yz: -i.yz };
+        // sum m r velocity', the velocity of a point being u + w x r
+        let arms = M3::outer(inertia.moment, u) - spread.columns() * M3::skew(w);
+        let trace = arms.trace();
+        let turned = arms.transpose();
+        Self {
+            momentum: u * inertia.mass + w.cross(inertia.moment),
+            moment: M3 {
+                x: V3::new(trace, 0.0, 0.0) - turned.x,
+                y: V3::new(0.0, trace, 0.0) - turned.y,
+                z: V3::new(0.0, 0.0, trace) - turned.z,
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        self.momentum += other.momentum;
+        self.moment += other.moment;
+    }
+
+    #[inline(always)]
+    fn twice(&self, motion: Spatial) -> Spatial {
+        Spatial { linear: motion.angular.cross(self.momentum), angular: self.moment * motion.angular } * 2.0
+    }
+
+    /// The angular part of `2 B' motion`; the linear part is zero.
+    #[inline(always)]
+    fn twice_transposed(&self, motion: Spatial) -> V3 {
+        (self.momentum.cross(motion.linear) + self.moment.tr_mul(motion.angular)) * 2.0
+    }
+}
+
+/// What the recursion keeps for one body beside its composite inertia.
+#[derive(Clone, Debug)]
+pub(super) struct Varied {
+    velocity: Spatial,
+    acceleration: Spatial,
+    /// Rate of the joint's motion with the parent, and the rate of that.
+    first: Spatial,
+    second: Spatial,
+    coriolis: Coriolis,
+    /// Wrench on the body and all it carries.
+    wrench: Spatial,
+}
+
+impl Varied {
+    pub(super) const START: Self = Self {
+        velocity: Spatial::ZERO,
+        acceleration: Spatial::ZERO,
+        first: Spatial::ZERO,
+        second: Spatial::ZERO,
+        coriolis: Coriolis::ZERO,
+        wrench: Spatial::ZERO,
+    };
+}
+
+impl Dynamics {
+    /// Derivatives of [`rnea`](Self::rnea): of `tau` by `q`, `v` and `a`.
+    #[expect(clippy::too_many_arguments, reason = "the arguments of rnea")]
+    pub fn rnea_derivatives(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        gravity: Vector3<f64>,
+        out: &mut Derivatives,
+    ) {
+        let n = model.nv();
+        assert!(v.len() == n && a.len() == n, "length of v and a");
+        assert!(
+            out.q.nrows() == n && out.v.nrows() == n && out.input.nrows() == n,
+            "size of the derivatives"
+        );
+        self.place(model, q);
+        let program = model.program();
+        self.sweep(program);
+        self.vary(program, q, (v, a), gravity);
+        for matrix in [&mut out.q, &mut out.v, &mut out.input] {
+            matrix.fill(0.0);
+        }
+        for index in (0..program.nodes.len()).rev() {
+            self.differentiate(program, index, out);
+            let parent = program.nodes[index].parent;
+            let (outer, inner) = self.composite.split_at_mut(index + 1);
+            outer[parent].inertia += inner[0].inertia;
+            let (outer, inner) = self.varied.split_at_mut(index + 1);
+            outer[parent].coriolis.add(&inner[0].coriolis);
+            outer[parent].wrench += inner[0].wrench;
+        }
+        if program.floating {
+            self.differentiate_base(out);
+        }
+    }
+
+    /// Derivatives of [`forward`](Self::forward): of `a` by `q`, `v` and `tau`. Gives `a` too.
+    ///
+    /// # Errors
+    ///
+    /// [`SingularMassMatrix`]; what is written is then unspecified.
+    #[expect(clippy::too_many_arguments, reason = "the arguments of forward")]
+    pub fn forward_derivatives(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        v: &[f64],
+        tau: &[f64],
+        gravity: Vector3<f64>,
+        a_out: &mut [f64],
+        out: &mut Derivatives,
+    ) -> Result<(), SingularMassMatrix> {
+        // a(q) with tau(q, v, a) = const: da = -M^-1 dtau.
+        self.forward(model, q, v, tau, gravity, a_out)?;
+        self.rnea_derivatives(model, q, v, a_out, gravity, out);
+        self.factor.factor(&out.input)?;
+        for matrix in [&mut out.q, &mut out.v] {
+            matrix.transpose_mut();
+            self.factor.solve_right(matrix);
+            matrix.neg_mut();
+            matrix.transpose_mut();
+        }
+        self.factor.inverse(&mut out.input);
+        Ok(())
+    }
+
+    /// Outward: velocities, accelerations and what varies with them.
+    #[inline(always)]
+    fn vary(&mut self, program: &Program, q: &[f64], (v, a): (&[f64], &[f64]), gravity: Vector3<f64>) {
+        let up = Spatial::new(program.base_pose(q).0.tr_mul(-V3::from(gravity)), V3::ZERO);
+        let base = &mut self.varied[0];
+        *base = Varied { acceleration: up, second: up, ..Varied::START };
+        if program.floating {
+            base.velocity = Spatial::from_slice(v);
+            base.acceleration += Spatial::from_slice(a);
+            base.coriolis = Coriolis::of(&program.base, base.velocity);
+            base.wrench = program.base.apply(base.acceleration)
+                + base.velocity.cross_wrench(program.base.apply(base.velocity));
+        }
+        for (index, node) in program.nodes.iter().enumerate() {
+            let (outer, inner) = self.varied.split_at_mut(index + 1);
+            let (parent, varied) = (&outer[node.parent], &mut inner[0]);
+            let body = &self.composite[index + 1];
+            let first = parent.velocity.cross_motion(body.joint);
+            let second = parent.acceleration.cross_motion(body.joint) + parent.velocity.cross_motion(first);
+            let (rate, rate_of_rate) = (node.multiplier * v[node.column], node.multiplier * a[node.column]);
+            let velocity = parent.velocity + body.joint * rate;
+            let acceleration = parent.acceleration + body.joint * rate_of_rate + first * rate;
+            let inertia = &body.inertia;
+            *varied = Varied {
+                velocity,
+                acceleration,
+                first,
+                second,
+                coriolis: Coriolis::of(inertia, velocity),
+                wrench: inertia.apply(acceleration) + velocity.cross_wrench(inertia.apply(velocity)),
+            };
+        }
+    }
+
+    /// Entries that join the joint of body `index` with itself and those that carry it.
+    #[inline(always)]
+    fn differentiate(&self, program: &Program, index: usize, out: &mut Derivatives) {
+        let node = &program.nodes[index];
+        let (body, varied) = (&self.composite[index + 1], &self.varied[index + 1]);
+        let joint = body.joint * node.multiplier;
+        let n = program.above.len();
+        let (by_q, by_v, by_a) = (out.q.as_mut_slice(), out.v.as_mut_slice(), out.input.as_mut_slice());
+        // A joint's own motion does not change along itself: its rate is that with the parent, and counts twice.
+        let first = varied.first * node.multiplier;
+        let weight = body.inertia.apply(joint);
+        let spin = varied.coriolis.twice_transposed(joint);
+        let change_q = varied.coriolis.twice(first)
+            + body.inertia.apply(varied.second * node.multiplier)
+            + joint.cross_wrench(varied.wrench);
+        let change_v = varied.coriolis.twice(joint) + body.inertia.apply(first * 2.0);
+        let column = node.column;
+        by_q[column * n + column] += joint.dot(change_q);
+        by_v[column * n + column] += joint.dot(change_v);
+        by_a[column * n + column] += joint.dot(weight);
+        let mut ancestor = node.parent;
+        while ancestor != 0 {
+            let above = &program.nodes[ancestor - 1];
+            let (other, motion) = (&self.varied[ancestor], self.composite[ancestor].joint * above.multiplier);
+            let (theirs, mine) = (above.column * n + column, column * n + above.column);
+            by_q[mine] += motion.dot(change_q);
+            by_v[mine] += motion.dot(change_v);
+            let first = other.first * above.multiplier;
+            by_q[theirs] += spin.dot(first.angular) + weight.dot(other.second * above.multiplier);
+            by_v[theirs] += spin.dot(motion.angular) + weight.dot(first) * 2.0;
+            let mass = weight.dot(motion);
+            by_a[mine] += mass;
+            by_a[theirs] += mass;
+            ancestor = above.parent;
+        }
+        if program.floating {
+            for (row, ((q, v), a)) in
+                change_q.array().into_iter().zip(change_v.array()).zip(weight.array()).enumerate()
+            {
+                by_q[column * n + row] += q;
+                by_v[column * n + row] += v;
+                by_a[column * n + row] += a;
+                by_a[row * n + column] += a;
+            }
+            // By the base's own motions: unit vectors, turning with the base's velocity.
+            let base = &self.varied[0];
+            let by_turn = weight.linear.cross(base.second.linear);
+            let rates = transposed_cross(base.velocity, weight);
+            for (k, entry) in by_turn.array().into_iter().enumerate() {
+                by_q[(k + 3) * n + column] += entry;
+            }
+            let spins = Spatial::new(V3::ZERO, spin) + rates;
+            for (k, entry) in spins.array().into_iter().enumerate() {
+                by_v[k * n + column] += entry;
+            }
+        }
+    }
+
+    fn differentiate_base(&self, out: &mut Derivatives) {
+        let (inertia, base) = (&self.composite[0].inertia, &self.varied[0]);
+        for column in 0..6 {
+            let mut unit = [0.0; 6];
+            unit[column] = 1.0;
+            let unit = Spatial::from_slice(&unit);
+            let change_q = inertia.apply(base.second.cross_motion(unit));
+            let change_v = base.coriolis.twice(unit) + inertia.apply(base.velocity.cross_motion(unit));
+            let weight = inertia.apply(unit);
+            for row in 0..6 {
+                out.q[(row, column)] = change_q.array()[row];
+                out.v[(row, column)] = change_v.array()[row];
+                out.input[(row, column)] = weight.array()[row];
+            }
+        }
+    }
+}
+
+/// The vector with `result . x == wrench . (v x x)` for every motion `x`.
+#[inline(always)]
+fn transposed_cross(v: Spatial, wrench: Spatial) -> Spatial {
+    // (v x)' = -(v x*)
+    -v.cross_wrench(wrench)
+}
