@@ -14,8 +14,7 @@ const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 #[test]
 fn each_component_killed_in_turn_is_restarted_and_the_robot_still_reaches_its_goals() {
     let _machine = machine();
-    let restart: Vec<String> =
-        COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
+    let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
     let mut arguments = vec!["--for", "12 s"];
     restart.iter().for_each(|setting| arguments.extend(["--set", setting]));
     let run = Run::start(&panda_reach(), &arguments);
@@ -132,7 +131,10 @@ fn a_panic_an_error_a_nan_and_an_exit_are_told_with_the_components_name_and_tick
         let ended = run(&graph, &["--for", "20 s"]);
         assert_eq!(ended.code, Some(4), "{fault}: {}", ended.stderr);
         let Exit::SafeStop { reason } = &ended.report().exit else { panic!("{:?}", ended.report().exit) };
-        assert!(reason.contains("`faulty` failed at tick 200") && reason.contains(words), "{fault}: {reason}");
+        assert!(
+            reason.contains("`faulty` failed at tick 200") && reason.contains(words),
+            "{fault}: {reason}"
+        );
     }
 }
 
@@ -187,7 +189,8 @@ fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
 #[test]
 fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoured() {
     let _machine = machine();
-    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "on_overrun = \"safe_stop\"\npriority = 1");
+    let (_folder, graph) =
+        faulty("{ fault = \"stall\", at = 200 }", "on_overrun = \"safe_stop\"\npriority = 1");
     let ended = run(&graph, &["--for", "20 s"]);
     assert_eq!(ended.code, Some(4), "{}", ended.stderr);
     let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");

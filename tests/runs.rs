@@ -52,6 +52,44 @@ fn in_steady_state_no_built_in_component_allocates_or_faults() {
 }
 
 #[test]
+fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step() {
+    let _machine = machine();
+    if Command::new("strace").arg("--version").output().is_err() {
+        eprintln!("skipped: strace is not installed");
+        return;
+    }
+    let run = Run::start(&panda_reach(), &["--for", "8 s"]);
+    for component in ["physics", "encoder", "policy", "controller"] {
+        let counts = tempfile::NamedTempFile::new().expect("a file");
+        let traced = Command::new("timeout")
+            .args(["--signal=INT", "1", "strace", "-c", "-o"])
+            .arg(counts.path())
+            .args(["-p", &run.pid_of(component).to_string()])
+            .output()
+            .expect("strace starts");
+        let table = std::fs::read_to_string(counts.path()).expect("strace counts");
+        // Rows between the two rulers; the last word of each is the call's name.
+        let ruler = |row: &&str| row.starts_with("------");
+        let calls: Vec<&str> = table
+            .lines()
+            .skip_while(|row| !ruler(row))
+            .skip(1)
+            .take_while(|row| !ruler(row))
+            .filter_map(|row| row.split_whitespace().last())
+            .collect();
+        if table.is_empty() {
+            eprintln!("skipped: strace may not trace here: {}", String::from_utf8_lossy(&traced.stderr));
+            continue;
+        }
+        assert!(!calls.is_empty(), "{table}");
+        let wait_or_wake =
+            |call: &&str| ["futex", "clock_nanosleep", "sched_yield", "restart_syscall"].contains(call);
+        assert!(calls.iter().all(wait_or_wake), "{component}: {table}");
+    }
+    drop(run);
+}
+
+#[test]
 fn two_lockstep_runs_publish_the_same_to_the_last_bit_and_another_seed_does_not() {
     let _machine = machine();
     let once = run(&panda_reach(), &["--clock", "lockstep"]);
@@ -142,7 +180,8 @@ fn tools_look_at_a_running_graph_without_disturbing_it() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "4 s"]);
     let tool = |arguments: &[&str]| {
-        let output = Command::new(MOTORIUM).args(arguments).current_dir(workspace()).output().expect("it starts");
+        let output =
+            Command::new(MOTORIUM).args(arguments).current_dir(workspace()).output().expect("it starts");
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8_lossy(&output.stdout).into_owned()
     };

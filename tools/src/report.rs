@@ -148,20 +148,22 @@ fn missed_steps(report: &Report, text: &mut String) {
     }
 }
 
-/// A JSON value as one readable line.
-fn plain(value: &serde_json::Value) -> String {
-    match value {
-        serde_json::Value::Object(map) => {
-            map.iter().map(|(key, value)| format!("{key} {}", plain(value))).collect::<Vec<_>>().join(", ")
-        }
-        serde_json::Value::Array(items) => {
-            format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(", "))
-        }
-        serde_json::Value::Number(number) => match number.as_f64() {
-            Some(x) if !number.is_i64() && !number.is_u64() => format!("{x:.3e}"),
-            _ => number.to_string(),
-        },
-        serde_json::Value::String(text) => text.clone(),
-        other => other.to_string(),
-    }
+/// A component's result as one line: its plain values; lists and what is nested are for `--json`.
+fn plain(result: &serde_json::Value) -> String {
+    let Some(values) = result.as_object() else { return result.to_string() };
+    let parts: Vec<String> = values
+        .iter()
+        .filter_map(|(name, value)| {
+            let value = match value {
+                serde_json::Value::Number(number) if number.is_f64() => {
+                    format!("{:.3e}", number.as_f64().unwrap_or(f64::NAN))
+                }
+                serde_json::Value::String(text) => text.clone(),
+                serde_json::Value::Number(_) | serde_json::Value::Bool(_) => value.to_string(),
+                _ => return None,
+            };
+            Some(format!("{name} {value}"))
+        })
+        .collect();
+    parts.join(", ")
 }
