@@ -62,7 +62,7 @@ impl Output {
 
     pub(super) fn width(&self) -> f64 {
         let small = self.budgets.iter().chain(&self.measured).chain([&self.carried]);
-        small.map(|line| width(line, SMALL)).fold(width(&self.name, TOPIC), f64::max) + 16.0
+        small.map(|line| width(line, SMALL)).fold(width(&self.name, TOPIC), f64::max) + 12.0
     }
 }
 
@@ -154,11 +154,11 @@ pub(super) fn card(
 
 fn output(plan: &Plan, topic: usize, measured: Option<&Measured>) -> Output {
     let budgets = plan.latencies.iter().enumerate().filter(|(_, latency)| latency.to == topic);
-    let budgets = budgets.map(|(index, latency)| {
-        let words = words::latency(latency, plan);
+    let budgets = budgets.flat_map(|(index, latency)| {
+        let [limit, since] = words::latency(latency, plan);
         match measured.and_then(|measured| Measured::of(&measured.latencies, index)) {
-            Some(seen) => format!("{words}: {seen}"),
-            None => words,
+            Some(seen) => [format!("{limit}: {seen}"), since],
+            None => [limit, since],
         }
     });
     Output {

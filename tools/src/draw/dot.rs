@@ -46,7 +46,7 @@ pub(crate) fn dot(plan: &Plan) -> String {
 fn label(plan: &Plan, topic: usize) -> String {
     let mut lines = vec![escape(&plan.topics[topic].name), escape(&words::carried(&plan.topics[topic]))];
     let latencies = plan.latencies.iter().filter(|latency| latency.to == topic);
-    lines.extend(latencies.map(|latency| escape(&words::latency(latency, plan))));
+    lines.extend(latencies.map(|latency| escape(&words::latency(latency, plan).join(" "))));
     lines.join("<br/>")
 }
 

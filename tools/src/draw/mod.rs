@@ -26,7 +26,6 @@ pub(crate) use svg::svg;
 /// What was measured while the graph ran, in words, for a picture of a living run. Indices are those of the plan; what
 /// is left out or shorter than the plan is not drawn.
 #[derive(Debug, Clone, Default)]
-#[cfg_attr(not(test), expect(dead_code, reason = "pictures of living runs are drawn by tests only so far"))]
 pub(crate) struct Measured {
     /// By component: such as `999.9 Hz`.
     pub(crate) rates: Vec<Option<String>>,

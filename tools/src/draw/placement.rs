@@ -13,7 +13,7 @@ const GAP: f64 = 30.0;
 /// Between wires that run side by side.
 const LANE: f64 = 11.0;
 /// Where wires bend from one column to the next.
-const BEND: f64 = 56.0;
+const BEND: f64 = 42.0;
 const MARGIN: f64 = 28.0;
 /// Size of type of the title.
 const TITLE: f64 = 18.0;
@@ -227,7 +227,7 @@ fn columns(cards: &mut [Card], wires: &[Wire], layers: &Layers) -> Vec<Column> {
         let start = named + lanes(|wire| wire.writer, column) + 6.0;
         let stop = start + BEND;
         columns.push(Column { x, named, bend: (start, stop) });
-        x = stop + lanes(|wire| wire.reader, column + 1) + 16.0;
+        x = stop + lanes(|wire| wire.reader, column + 1) + 14.0;
     }
     columns
 }

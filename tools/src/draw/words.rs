@@ -60,12 +60,12 @@ pub(super) fn facts(component: &ComponentPlan, plan: &Plan) -> Vec<String> {
     }
     if component.actuator {
         let safe_state = match plan.safety.safe_state {
-            SafeState::Hold => "holds",
-            SafeState::Damp => "damps",
-            SafeState::ZeroTorque => "lets go",
-            SafeState::Brake => "brakes",
+            SafeState::Hold => "hold",
+            SafeState::Damp => "damp",
+            SafeState::ZeroTorque => "zero torque",
+            SafeState::Brake => "brake",
         };
-        facts.push(format!("{safe_state} if no command for {}", time(plan.safety.stale_after_ns)));
+        facts.push(format!("stale after {}: {safe_state}", time(plan.safety.stale_after_ns)));
     }
     facts
 }
@@ -79,13 +79,13 @@ pub(super) fn carried(topic: &TopicPlan) -> String {
     }
 }
 
-/// A latency budget, written at the topic where it ends.
-pub(super) fn latency(latency: &LatencyPlan, plan: &Plan) -> String {
+/// A latency budget, written at the topic where it ends: its limit, and where it begins.
+pub(super) fn latency(latency: &LatencyPlan, plan: &Plan) -> [String; 2] {
     let miss = match latency.on_miss {
         OnMiss::Warn => "",
         OnMiss::SafeStop => ", else stop",
     };
-    format!("≤ {} since {}{miss}", time(latency.max_ns), plan.topics[latency.from].name)
+    [format!("≤ {}{miss}", time(latency.max_ns)), format!("since {}", plan.topics[latency.from].name)]
 }
 
 /// One line about the whole graph.
