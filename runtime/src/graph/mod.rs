@@ -2,11 +2,11 @@
 //!
 //! [`load`] turns a graph file into a [`Plan`], or into all that is wrong with it. On the way:
 //!
-//! * [`source`], [`overrides`]: the texts, and `--set` in place of values of the file;
-//! * [`read`], [`values`], [`units`], [`model`]: from TOML to typed tables, key by key;
-//! * [`resolve`]: names looked up, wires and times checked, defaults filled in;
-//! * [`diagnostic`], [`render`]: what is wrong, where, and what to do about it;
-//! * [`mod@schema`]: the JSON Schema, from the same tables.
+//! * `source`, `overrides`: the texts, and `--set` in place of values of the file;
+//! * `read`, `values`, `units`, `model`: from TOML to typed tables, key by key;
+//! * `resolve`: names looked up, wires and times checked, defaults filled in;
+//! * `diagnostic`, `render`: what is wrong, where, and what to do about it;
+//! * `schema`: the JSON Schema, from the same tables.
 
 mod defaults;
 mod diagnostic;
