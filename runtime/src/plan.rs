@@ -87,7 +87,7 @@ pub struct SafetyPlan {
     pub stale_after_ns: u64,
     /// What is applied instead.
     pub safe_state: SafeState,
-    /// How long actuators stay in the safe state before they are stopped, after a failure.
+    /// How long actuators stay in the safe state before they are stopped, at every end of a run.
     pub settle_ns: u64,
 }
 

@@ -18,6 +18,7 @@ pub(crate) fn registry() -> Registry {
     )
 }
 
-fn check_robot(urdf: &str, base: &Path) -> Result<(), ConfigError> {
-    motorium_robots::load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+fn check_robot(urdf: &str, base: &Path) -> Result<Vec<String>, ConfigError> {
+    let loaded = motorium_robots::load(urdf, base).map_err(|error| ConfigError::new(error.to_string()))?;
+    Ok(loaded.warnings.iter().map(ToString::to_string).collect())
 }

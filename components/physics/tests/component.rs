@@ -75,7 +75,9 @@ impl Component for Driver {
 
 fn registry() -> Registry {
     let check = |urdf: &str, base: &Path| {
-        motorium_robots::load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+        motorium_robots::load(urdf, base)
+            .map(|_| Vec::new())
+            .map_err(|error| ConfigError::new(error.to_string()))
     };
     Registry::new(RobotSource { check }, [Kind::of::<RapierPhysics>(), Kind::of::<Driver>()])
 }

@@ -113,7 +113,7 @@ fn home() -> (Isometry3<f64>, Vec<f64>) {
 
 fn run(wiring: &str, config: &str) -> (Report, Vec<Seen>) {
     let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(()) },
+        RobotSource { check: |_, _| Ok(Vec::new()) },
         [Kind::of::<Home>(), Kind::of::<DmpPolicy>(), Kind::of::<Recorder>()],
     );
     let graph = format!(

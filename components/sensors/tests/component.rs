@@ -88,7 +88,7 @@ impl Component for Recorder {
 
 fn registry() -> Registry {
     Registry::new(
-        RobotSource { check: |_, _| Ok(()) },
+        RobotSource { check: |_, _| Ok(Vec::new()) },
         [Kind::of::<Truth>(), Kind::of::<JointEncoder>(), Kind::of::<Recorder>()],
     )
 }

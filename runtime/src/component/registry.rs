@@ -86,8 +86,8 @@ fn declare<C: Component>(
 }
 
 /// Checks that the model of a robot exists and can be loaded: `urdf` as the graph file says, and the folder of that
-/// file. The error says why not and what to try.
-pub type RobotCheck = fn(&str, &Path) -> Result<(), ConfigError>;
+/// file. Returns what is doubtful about it, in words; the error says why it cannot be used and what to try.
+pub type RobotCheck = fn(&str, &Path) -> Result<Vec<String>, ConfigError>;
 
 /// What a program knows about robots; the runtime itself knows none.
 #[derive(Debug, Clone, Copy)]

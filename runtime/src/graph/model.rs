@@ -289,7 +289,7 @@ pub(super) struct SafetyTable {
     /// What is applied instead.
     #[schemars(extend("default" = defaults::SAFE_STATE))]
     pub safe_state: Option<At<SafeState>>,
-    /// After a failure: how long the actuators stay in the safe state before they are stopped.
+    /// How long the actuators stay in the safe state before they are stopped, at every end of a run.
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
 }

@@ -17,7 +17,7 @@ use super::source::{Source, Span};
 /// One value of the command line in place of that of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Where it goes, dotted: `clock`, `duration`, `controller.config.gain`, `latency.0.max`. The name of a component
+    /// Where it goes, dotted: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a component
     /// may stand for `component.NAME`.
     pub path: String,
     /// The value as TOML; what is not TOML is taken as text, so that `clock=lockstep` needs no quotes.
@@ -26,7 +26,7 @@ pub struct Override {
 
 /// An argument that is no override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.gain=2`")]
+#[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);
 
 impl core::str::FromStr for Override {
@@ -122,7 +122,7 @@ fn read_path<'i>(
             report
                 .error(format!("`{}` has an empty part", setting.path))
                 .at(&span, "expected a key here")
-                .advise("write it as in `controller.config.gain`");
+                .advise("write it as in `controller.config.damping`");
             return None;
         }
         path.push(Spanned::new(span, Cow::Borrowed(step)));

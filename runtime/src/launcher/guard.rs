@@ -80,7 +80,8 @@ fn describe_safety(plan: &Plan, region: &Region, noticed: u64) -> String {
         if !component.actuator {
             continue;
         }
-        let state = format!("{:?}", plan.safety.safe_state).to_lowercase();
+        let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
+        let state = state.as_str().unwrap_or_default();
         words.push(if block.safe.load(Relaxed) != 0 && block.phase() != Phase::Faulted {
             let after = block.safe_since_ns.load(Relaxed) as i64 - noticed as i64;
             format!("`{}` in its safe state ({state}) {:.1} ms after", component.name, after as f64 * 1e-6)

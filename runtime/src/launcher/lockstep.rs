@@ -57,6 +57,10 @@ impl Launch<'_> {
             if now >= next_status {
                 next_status = now + 50_000_000;
                 self.relay_output(observe);
+                self.look_after_guard(observe);
+                for (index, care) in care.iter_mut().enumerate() {
+                    self.tell_tolerated(index, care, observe);
+                }
                 observe(Event::Status(&self.status()));
             }
         }

@@ -27,6 +27,7 @@ pub(super) struct Care {
     /// When it ended, if it is on its way up again.
     down_since_ns: Option<u64>,
     gone: bool,
+    tolerated: u64,
 }
 
 impl Care {
@@ -105,6 +106,7 @@ impl Launch<'_> {
         if care.gone {
             return None;
         }
+        self.tell_tolerated(index, care, observe);
         let now = monotonic_ns();
         let component = &self.plan.components[index];
         let block = &self.region.components()[index];
@@ -150,19 +152,34 @@ impl Launch<'_> {
             };
         }
         care.gone = true;
-        if !failed || self.plan.components[index].on_failure == OnFailure::Ignore {
-            if failed {
-                let consequence = "the graph goes on without it";
-                observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
-            }
+        // Nobody asked it to end: a component that went in good order is missing all the same.
+        let reason = if failed { reason } else { "it ended while the graph runs".to_string() };
+        if self.plan.components[index].on_failure == OnFailure::Ignore {
+            let consequence = "the graph goes on without it";
+            observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
             return Some(Verdict::Ignored);
         }
         observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "safe stop" });
         Some(Verdict::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
     }
 
+    /// Tells of the first error that a component returned and its policy tolerates.
+    pub(super) fn tell_tolerated(&self, index: usize, care: &mut Care, observe: &mut dyn FnMut(Event<'_>)) {
+        let block = &self.region.components()[index];
+        let errors = block.errors.load(Relaxed);
+        if errors > 0 && care.tolerated == 0 {
+            care.tolerated = errors;
+            if let Some((tick, reason)) = block.failure() {
+                let component = &self.plan.components[index].name;
+                let consequence = "tolerated, as the graph says; later ones are only counted";
+                observe(Event::Failed { component, tick, reason: &reason, consequence });
+            }
+            block.forget_failure();
+        }
+    }
+
     /// A guard that was killed is replaced: there must always be one.
-    fn look_after_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+    pub(super) fn look_after_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let Some(guard) = &mut self.guard else { return };
         let Some(how) = guard.ended().map(str::to_string) else { return };
         let consequence = match self.start_guard() {

@@ -142,9 +142,9 @@ pub struct ComponentBlock {
     pub tick_time_ns: AtomicU64,
     /// Steps done, through restarts.
     pub steps: AtomicU64,
-    /// When the first step began and the last one ended, on the run's clock, ns.
+    /// When the first step began, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
-    /// When the last step ended, on the run's clock, ns.
+    /// When the last step began, on the run's clock, ns.
     pub last_step_ns: AtomicU64,
     late_wake: AtomicU64,
     long_step: AtomicU64,
@@ -167,7 +167,7 @@ pub struct ComponentBlock {
     pub safe: AtomicU32,
     /// When it last entered the safe state, on `CLOCK_MONOTONIC`, ns.
     pub safe_since_ns: AtomicU64,
-    /// Page faults in steps, after the warm-up.
+    /// Page faults of the stepping thread, after the warm-up.
     pub page_faults: AtomicU64,
     /// `SCHED_FIFO` priority read back, 0 for none.
     pub fifo_priority: AtomicU32,

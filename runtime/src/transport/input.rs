@@ -1,6 +1,7 @@
 //! The reading side of a topic.
 
 use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
@@ -9,6 +10,7 @@ use iceoryx2::sample::Sample;
 
 use super::topic::{open, refused};
 use super::{Connect, PortError, Shared};
+use crate::component::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
@@ -24,6 +26,8 @@ pub struct Input<T: StateBuffer> {
     last_origin: (u32, u32),
     last_sequence: u64,
     lost: u64,
+    /// Index of the topic if it is a stream: what is lost of it counts.
+    stream: Option<usize>,
 }
 
 /// A sample, borrowed from shared memory.
@@ -63,21 +67,24 @@ impl<T: StateBuffer> Input<T> {
             last_origin: (0, 0),
             last_sequence: 0,
             lost: 0,
+            stream: None,
         }
     }
 
     pub(crate) fn open(
         node: &Node<Shared>,
-        topic: &TopicPlan,
+        topic: (usize, &TopicPlan),
         port: &str,
         is_cause: bool,
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
+        let (index, topic) = topic;
+        let stream = matches!(topic.pattern, TopicPattern::Stream { .. }).then_some(index);
         let subscriber = open::<T>(node, topic, port)?
             .subscriber_builder()
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, ..Self::unwired(context) })
+        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, stream, ..Self::unwired(context) })
     }
 
     /// What must be connected before the first step.
@@ -137,7 +144,13 @@ impl<T: StateBuffer> Input<T> {
             return false;
         }
         if origin == self.last_origin {
-            self.lost += stamp.sequence - self.last_sequence - 1;
+            let lost = stamp.sequence - self.last_sequence - 1;
+            self.lost += lost;
+            if lost > 0
+                && let Some(topic) = self.stream
+            {
+                self.context.region().topics()[topic].dropped.fetch_add(lost, Relaxed);
+            }
         }
         (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
         true

@@ -94,7 +94,7 @@ impl Bench {
     }
 
     fn input<T: StateBuffer>(&self) -> Input<T> {
-        Input::open(&self.node, self.topic(), "input", false, self.context(1)).unwrap()
+        Input::open(&self.node, (0, self.topic()), "input", false, self.context(1)).unwrap()
     }
 
     fn output<T: StateBuffer>(&self) -> Output<T> {
@@ -165,6 +165,7 @@ fn a_stream_gives_every_sample_in_order_and_counts_what_it_lost() {
     (3..13).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
     assert_eq!(read(&mut input), [9.0, 10.0, 11.0, 12.0]);
     assert_eq!(input.lost(), 6);
+    assert_eq!(bench.region.topics()[0].dropped.load(std::sync::atomic::Ordering::Relaxed), 6);
 }
 
 #[test]
@@ -255,7 +256,8 @@ mod swapped {
 #[test]
 fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let opened = Input::<swapped::Wrench>::open(&bench.node, bench.topic(), "input", false, bench.context(1));
+    let opened =
+        Input::<swapped::Wrench>::open(&bench.node, (0, bench.topic()), "input", false, bench.context(1));
     let text = opened.unwrap_err().to_string();
     assert!(text.contains("0  torque: [f64; 3]") && text.contains("0  force: [f64; 3]"), "{text}");
     assert!(text.contains("this program") && text.contains("the topic"), "{text}");

@@ -23,7 +23,7 @@ pub(super) fn run<C: Component>(stepper: &mut Stepper<C>) -> Result<(), Failure>
         }
         seen = given;
         let time_ns = block.tick_time_ns.load(Acquire);
-        let timing = Timing { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX };
+        let timing = Timing { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX, behind: false };
         let began = monotonic_ns();
         stepper.step(timing)?;
         let block = stepper.context().block();

@@ -22,11 +22,14 @@ pub(super) fn run_periodic<C: Component>(
     let origin = stepper.context().start_ns() + phase_ns;
     // A component that joins later needs the time to get there.
     let mut grid = Grid::new(origin, period_ns, monotonic_ns());
+    let mut last_end = 0;
     loop {
         let Some(wake_ns) = wait_until(stepper, grid.release_ns(), spin_ns) else { return Ok(()) };
-        let timing = Timing { release_ns: grid.release_ns(), wake_ns, deadline_ns: grid.deadline_ns() };
+        let (release_ns, deadline_ns) = (grid.release_ns(), grid.deadline_ns());
+        let timing = Timing { release_ns, wake_ns, deadline_ns, behind: last_end > release_ns };
         let end = stepper.step(timing)?;
         stepper.account(timing, end);
+        last_end = end;
         let next = grid.advance(end, stepper.on_overrun());
         if next.skipped > 0 {
             add(&stepper.context().block().skipped, next.skipped);
@@ -66,6 +69,7 @@ pub(super) fn run_triggered<C: Component>(
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
     let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
+    let mut last_end = 0;
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
         let _ = listener.blocking_wait(|_| {});
@@ -86,8 +90,10 @@ pub(super) fn run_triggered<C: Component>(
             add(&stepper.context().block().skipped, skipped);
         }
         seen = published;
-        let timing = Timing { release_ns, wake_ns, deadline_ns: release_ns + period_ns };
+        let behind = last_end > release_ns;
+        let timing = Timing { release_ns, wake_ns, deadline_ns: release_ns + period_ns, behind };
         let end = stepper.step(timing)?;
+        last_end = end;
         stepper.account(timing, end);
     }
 }

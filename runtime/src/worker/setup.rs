@@ -95,7 +95,7 @@ impl Setup {
         same_type::<T>(plan)?;
         let Some(topic) = plan.topic else { return Ok(Input::unwired(self.context.clone())) };
         let is_cause = component.cause == Some(index);
-        let topic = &self.plan.topics[topic];
+        let topic = (topic, &self.plan.topics[topic]);
         let input = Input::<T>::open(&self.node, topic, port, is_cause, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)

@@ -45,6 +45,8 @@ pub(super) struct Timing {
     pub(super) release_ns: u64,
     pub(super) wake_ns: u64,
     pub(super) deadline_ns: u64,
+    /// The step before ended after this one's release.
+    pub(super) behind: bool,
 }
 
 impl<C: Component> Stepper<C> {
@@ -147,8 +149,8 @@ impl<C: Component> Stepper<C> {
             add(&block.over_budget, 1);
         }
         if end_ns > timing.deadline_ns {
-            // The step is to blame only if it would have been late even when woken in time.
-            let in_time = timing.release_ns + execution <= timing.deadline_ns;
+            // The step (or the one before) is to blame if this would have been late even when woken in time.
+            let in_time = timing.release_ns + execution <= timing.deadline_ns && !timing.behind;
             block.miss(if in_time { MissCause::LateWake } else { MissCause::LongStep });
             if self.plan.on_overrun == OnOverrun::SafeStop {
                 self.context.region().header().order(Command::SafeStop);

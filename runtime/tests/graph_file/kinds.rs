@@ -28,9 +28,9 @@ pub(crate) fn registry() -> Registry {
     )
 }
 
-fn check(urdf: &str, folder: &Path) -> Result<(), ConfigError> {
+fn check(urdf: &str, folder: &Path) -> Result<Vec<String>, ConfigError> {
     if matches!(urdf, "panda" | "ur5") {
-        return Ok(());
+        return Ok(Vec::new());
     }
     if !folder.join(urdf).exists() {
         return Err(

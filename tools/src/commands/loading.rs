@@ -18,7 +18,7 @@ pub(crate) struct GraphArgs {
     /// The graph file
     #[arg(default_value = DEFAULT_GRAPH)]
     pub(crate) graph: PathBuf,
-    /// Set a value of the graph file, such as `controller.config.gain=2`; may be repeated
+    /// Set a value of the graph file, such as `controller.config.damping=1e-4`; may be repeated
     #[arg(long = "set", value_name = "COMPONENT.KEY=VALUE")]
     pub(crate) set: Vec<Override>,
 }

@@ -224,7 +224,7 @@ impl Component for Targets {
 
 pub(crate) fn registry() -> Registry {
     let check = |urdf: &str, base: &Path| {
-        load(urdf, base).map(|_| ()).map_err(|error| ConfigError::new(error.to_string()))
+        load(urdf, base).map(|_| Vec::new()).map_err(|error| ConfigError::new(error.to_string()))
     };
     Registry::new(
         RobotSource { check },

@@ -66,17 +66,17 @@ pub(super) trait Words {
 
 impl Words for JointState {
     fn words(&self, values: &mut Values) {
-        values.add("q", self.position(), "rad");
-        values.add("v", self.velocity(), "rad/s");
-        values.add("tau", self.effort(), "N m");
+        values.add("q", self.position(), "");
+        values.add("v", self.velocity(), "");
+        values.add("tau", self.effort(), "");
     }
 }
 
 impl Words for JointCommand {
     fn words(&self, values: &mut Values) {
-        values.add("q", self.position(), "rad");
-        values.add("v", self.velocity(), "rad/s");
-        values.add("tau", self.effort(), "N m");
+        values.add("q", self.position(), "");
+        values.add("v", self.velocity(), "");
+        values.add("tau", self.effort(), "");
     }
 }
 
@@ -148,7 +148,7 @@ mod tests {
         state.words(&mut line.values);
         assert_eq!(
             line.display(2).to_string(),
-            "    1.500 s  joint_state:  q [0.50 -1.25] rad  v [0.00 0.00] rad/s  tau [0.00 0.00] N m"
+            "    1.500 s  joint_state:  q [0.50 -1.25]  v [0.00 0.00]  tau [0.00 0.00]"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! `log.console`: prints the newest samples of topics as lines.
+//! `log.console`: prints the newest samples of topics as lines, on standard error.
 //!
 //! The step only copies numbers into a ring; a thread beside it puts them into words. So a terminal that is slow,
 //! or a full pipe, never holds up the graph: lines are dropped and counted instead.
@@ -119,7 +119,9 @@ impl Component for ConsoleLog {
         let inputs = open_ports(setup)?;
         if inputs.is_empty() {
             let advice = "subscribe = { joint_state = \"TOPIC\" }, or another of its inputs";
-            return Err(ConfigureError::failed(format!("nothing to print: none of its inputs is wired; add {advice}")));
+            return Err(ConfigureError::failed(format!(
+                "nothing to print: none of its inputs is wired; add {advice}"
+            )));
         }
         let (ring, lines) = RingBuffer::new(config.backlog);
         let finished = Arc::new(AtomicBool::new(false));
@@ -162,7 +164,7 @@ impl Component for ConsoleLog {
 fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
     loop {
         let last_round = finished.load(Relaxed);
-        let mut out = std::io::stdout().lock();
+        let mut out = std::io::stderr().lock();
         while let Ok(line) = lines.pop() {
             // Nobody may be listening any more; the graph does not care.
             let _ = writeln!(out, "{}", line.display(digits));

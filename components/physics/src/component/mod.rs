@@ -186,6 +186,11 @@ fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
 /// Loads the robot and sets up the simulation.
 fn build(config: &RapierConfig, robot: &RobotReference) -> Result<(Rapier, Loaded), ConfigError> {
     let loaded = load(&robot.urdf, &robot.base).map_err(|error| ConfigError::new(error.to_string()))?;
+    if loaded.model.base().floating {
+        let message =
+            format!("robot `{}` has a floating base, and this engine needs a fixed one", robot.name);
+        return Err(ConfigError::new(message).advise("fix its base to the world in its URDF"));
+    }
     let joints = loaded.model.nv();
     if joints == 0 || joints > MAX_JOINTS {
         let message = format!("robot `{}` has {joints} joints, expected 1 to {MAX_JOINTS}", robot.name);

@@ -8,6 +8,9 @@ use crate::{JointCommand, Rapier, Simulator};
 /// Damping of the brake \[Nms/rad or Ns/m\]: whatever the speed, the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
 
+/// A joint slower than this stands \[rad/s or m/s\].
+const STANDS: f64 = 1e-3;
+
 /// Knows the safe states and which one is in force.
 pub(super) struct SafeStates {
     /// Gains where the last command had none, per joint: those of the robot's profile.
@@ -23,6 +26,17 @@ impl SafeStates {
             None => model.effort_limit().iter().map(|limit| default_gains(*limit)).collect(),
         };
         Self { gains, in_force: None, gravity: vec![0.0; model.nv()] }
+    }
+
+    /// Of a braked robot, holds each joint where it has come to stand.
+    fn hold_what_stands(&self, simulation: &mut Rapier) {
+        for (i, (kp, kd)) in self.gains.iter().copied().enumerate() {
+            let (position, velocity) = (simulation.positions()[i], simulation.velocities()[i]);
+            let command = &mut simulation.commands_mut()[i];
+            if command.kp == 0.0 && velocity.abs() < STANDS {
+                *command = JointCommand { effort: self.gravity[i], ..JointCommand::hold(position, kp, kd) };
+            }
+        }
     }
 
     /// A command was applied.
@@ -41,6 +55,9 @@ impl SafeStates {
         // A command that cannot be followed leaves a safe state as it is.
         let state = state.or(self.in_force).unwrap_or(SafeState::Hold);
         if self.in_force == Some(state) {
+            if state == SafeState::Brake {
+                self.hold_what_stands(simulation);
+            }
             return;
         }
         self.in_force = Some(state);

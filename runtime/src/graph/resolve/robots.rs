@@ -33,7 +33,11 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         });
         let reference = urdf.and_then(|urdf| {
             let model = urdf.get()?;
-            if let Err(error) = (context.registry.robots().check)(model, context.folder) {
+            let checked = (context.registry.robots().check)(model, context.folder);
+            for doubt in checked.iter().flatten() {
+                report.warning(format!("robot `{name}`: {doubt}")).at(&urdf.span, "this model");
+            }
+            if let Err(error) = checked {
                 let diagnostic = report
                     .error(format!("robot `{name}`: {}", error.message))
                     .at(&urdf.span, "this model cannot be used");

@@ -10,7 +10,7 @@ use crate::graph::read::{At, good_or};
 use crate::graph::source::Span;
 use crate::graph::units::TimeSpan;
 use crate::graph::values::TopicName;
-use crate::plan::Activation;
+use crate::plan::{Activation, OnOverrun};
 
 /// When each component steps.
 #[derive(Debug)]
@@ -131,9 +131,25 @@ fn start(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut 
                     .and(&trigger.key, "it steps when this is published")
                     .advise("leave `phase` out");
             }
+            without_grid(draft, trigger, report);
             find_trigger(component, draft, trigger, wiring, report)
         }
     }
+}
+
+/// Overrun policies that speak of a grid of releases, which a triggered component has not.
+fn without_grid(draft: &Draft<'_, '_>, trigger: &At<TopicName>, report: &mut Report) {
+    let Some(policy) = &draft.table.on_overrun else { return };
+    let name = match policy.get() {
+        Some(OnOverrun::CatchUp) => "catch_up",
+        Some(OnOverrun::Rephase) => "rephase",
+        _ => return,
+    };
+    report
+        .error(format!("component `{}` has no releases to {name}", draft.name))
+        .at(&policy.span, "has no meaning for a triggered component")
+        .and(&trigger.key, "it steps when this is published, and what comes while it steps is one wake-up")
+        .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
 }
 
 fn find_trigger(
