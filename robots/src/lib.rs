@@ -39,7 +39,10 @@ mod spatial;
 mod urdf;
 
 pub use catalogue::{Entry, catalogue};
-pub use dynamics::{Derivatives, Dynamics, MassFactor, Momentum, SingularMassMatrix, Wrench};
+pub use dynamics::{
+    ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
+    PARAMETERS, SingularMassMatrix, Wrench,
+};
 pub use kinematics::{CentreOfMass, Kinematics};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
 pub use model::{

@@ -107,8 +107,11 @@ impl Dynamics {
             let (outer, inner) = self.articulated.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
-            let r = parent.rotation * rotation;
-            let p = parent.position + parent.rotation * translation;
+            let (r, p) = match node.parent {
+                // The base is where the coordinates are.
+                0 => (rotation, translation),
+                _ => (parent.rotation * rotation, parent.position + parent.rotation * translation),
+            };
             let joint = joint_motion(node, r.z, p);
             let own = joint * v[node.column];
             let velocity = parent.velocity + own;

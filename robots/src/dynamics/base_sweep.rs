@@ -39,8 +39,11 @@ impl Dynamics {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
-            let r = parent.rotation * rotation;
-            let p = parent.position + parent.rotation * translation;
+            let (r, p) = match node.parent {
+                // The base is where the coordinates are.
+                0 => (rotation, translation),
+                _ => (parent.rotation * rotation, parent.position + parent.rotation * translation),
+            };
             body.rotation = r;
             body.position = p;
             body.joint = joint_motion(node, r.z, p);

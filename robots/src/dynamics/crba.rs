@@ -12,7 +12,14 @@ impl Dynamics {
     pub fn crba(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         out.fill(0.0);
         self.crba_upper(model, q, out);
-        out.fill_lower_triangle_with_upper_triangle();
+        let n = model.nv();
+        let out = out.as_mut_slice();
+        // Column by column: what is written lies together.
+        for column in 1..n {
+            for row in 0..column {
+                out[row * n + column] = out[column * n + row];
+            }
+        }
     }
 
     /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
@@ -22,8 +29,15 @@ impl Dynamics {
         assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
         self.place(model, q);
         let program = model.program();
-        self.sweep(program);
         let out = out.as_mut_slice();
+        if program.short_limbs && !program.coupled {
+            self.mass_in_place(program, out, n);
+            if program.floating {
+                self.base_block(out, n);
+            }
+            return;
+        }
+        self.sweep(program);
         if program.coupled {
             self.coupled_mass(program, out, n);
             return;

@@ -131,8 +131,45 @@ impl MassFactor {
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
         let n = self.above.len();
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
-        out.fill_with_identity();
-        self.solve_right(out);
+        out.fill(0.0);
+        let (l, out) = (self.factor.as_slice(), out.as_mut_slice());
+        // M^-1 = L^-1 D^-1 L^-T by columns from the left: of column k the rows from k on are enough, the rest is
+        // M^-1 = L^-1 D^-1 L^-T, column by column.
+        for k in 0..n {
+            let (left, right) = out.split_at_mut(k * n);
+            let column = &mut right[..n];
+            // L^-T e_k lives on k and those who carry it.
+            column[k] = 1.0;
+            let mut i = k;
+            loop {
+                let value = column[i];
+                let entries = &l[i * n..][..n];
+                let mut j = i;
+                while self.above[j] != j {
+                    j = self.above[j];
+                    column[j] -= entries[j] * value;
+                }
+                column[i] = value / entries[i];
+                if self.above[i] == i {
+                    break;
+                }
+                i = self.above[i];
+            }
+            // Rows left of the diagonal are known from the columns before.
+            for i in 0..k {
+                column[i] = left[i * n + k];
+            }
+            for i in k..n {
+                let entries = &l[i * n..][..n];
+                let mut value = column[i];
+                let mut j = i;
+                while self.above[j] != j {
+                    j = self.above[j];
+                    value -= entries[j] * column[j];
+                }
+                column[i] = value;
+            }
+        }
     }
 }
 

@@ -6,12 +6,15 @@
 
 mod aba;
 mod base_sweep;
+mod contact;
 mod crba;
+mod crba_local;
 mod derivatives;
 mod external;
 mod factor;
 mod forward;
 mod momentum;
+mod regressor;
 mod rnea;
 
 use nalgebra::DMatrix;
@@ -19,10 +22,12 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::model::program::Positions;
 
+pub use contact::{ConstrainedDynamics, ConstrainedError, Constraint};
 pub use derivatives::Derivatives;
 pub use external::Wrench;
 pub use factor::{MassFactor, SingularMassMatrix};
 pub use momentum::Momentum;
+pub use regressor::PARAMETERS;
 
 /// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
@@ -36,6 +41,7 @@ pub struct Dynamics {
     /// Recursions in base coordinates, likewise.
     composite: Vec<base_sweep::Composite>,
     articulated: Vec<aba::Articulated>,
+    hanging: Vec<crba_local::Hanging>,
     varied: Vec<derivatives::Varied>,
     mass: DMatrix<f64>,
     factor: MassFactor,
@@ -52,6 +58,7 @@ impl Dynamics {
             local: vec![rnea::Local::START; slots],
             composite: vec![base_sweep::Composite::START; slots],
             varied: vec![derivatives::Varied::START; slots],
+            hanging: vec![crba_local::Hanging::START; slots],
             articulated: vec![aba::Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),

@@ -35,6 +35,17 @@ impl Local {
         swing: M3::ZERO,
         wrench: Spatial::ZERO,
     };
+
+    /// Classical acceleration of the origin against gravity, angular velocity and acceleration.
+    pub(super) fn motion(&self) -> (V3, V3, V3) {
+        (self.acceleration, self.angular, self.angular_rate)
+    }
+
+    /// A wrench on this body about the parent's origin, in its axes.
+    pub(super) fn to_parent(&self, wrench: Spatial) -> Spatial {
+        let force = self.rotation * wrench.linear;
+        Spatial { linear: force, angular: self.rotation * wrench.angular + self.translation.cross(force) }
+    }
 }
 
 impl Dynamics {
@@ -86,6 +97,15 @@ impl Dynamics {
             }
         }
         self.inward(program, tau_out);
+    }
+
+    /// Leaves the motions of all bodies in their slots.
+    pub(super) fn motions(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64], gravity: Vector3<f64>) {
+        assert!(v.len() == model.nv() && a.len() == model.nv(), "length of v and a");
+        self.place(model, q);
+        let program = model.program();
+        self.start(program, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(program, v, a);
     }
 
     /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its axes.

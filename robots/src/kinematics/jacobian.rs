@@ -43,8 +43,8 @@ impl Kinematics {
         }
     }
 
-    /// Places the bodies that carry `frame` at `q` (nq), no others, and gives the Jacobian of `frame` as
-    /// [`jacobian`](Self::jacobian) does. Faster than a whole update where one frame is all that is asked for.
+    /// The Jacobian of `frame` at `q` (nq) as [`jacobian`](Self::jacobian) gives it after an update, but at the cost of
+    /// the bodies that carry `frame` alone. What the last update said of any frame may no longer hold.
     pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -53,8 +53,61 @@ impl Kinematics {
         reference: Reference,
         out: &mut Matrix<f64, R, C, S>,
     ) {
-        self.place_carriers(model, q, frame);
-        self.jacobian(model, frame, reference, out);
+        if reference == Reference::Local {
+            self.local_jacobian(model, q, frame, out);
+        } else {
+            self.place_carriers(model, q, frame);
+            self.jacobian(model, frame, reference, out);
+        }
+    }
+
+    /// From the frame down to the base, in the frame's own axes: nothing has to be placed in the world.
+    fn local_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        frame: FrameId,
+        out: &mut Matrix<f64, R, C, S>,
+    ) {
+        self.check(model, q);
+        assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
+        out.fill(0.0);
+        let program = model.program();
+        let mount = &program.mounts[frame.index()];
+        if mount.slot == Program::WORLD {
+            return;
+        }
+        let chain = mount.slot.checked_sub(1).map_or(&[][..], |body| program.chain(body));
+        self.positions.update_chain(&program.nodes, chain, q);
+        // The frame in the axes and about the origin of the body it has come down to.
+        let (mut rotation, mut position) = (mount.rotation, mount.position);
+        for (place, &slot) in chain.iter().enumerate().rev() {
+            let node = &program.nodes[slot - 1];
+            // z and z x position, in the frame's axes
+            let axis = V3::new(rotation.x.z, rotation.y.z, rotation.z.z) * node.multiplier;
+            let entries = if node.prismatic {
+                (axis, V3::ZERO)
+            } else {
+                let swing = V3::new(-position.y, position.x, 0.0) * node.multiplier;
+                (rotation.tr_mul(swing), axis)
+            };
+            write(out, node.column, &None, entries, 1.0);
+            if place > 0 || program.floating {
+                let (r, p) = node.pose(self.positions.get(place));
+                rotation = r * rotation;
+                position = p + r * position;
+            }
+        }
+        if program.floating {
+            for column in 0..3 {
+                let mut axis = [0.0; 3];
+                axis[column] = 1.0;
+                let axis = V3::from_slice(&axis);
+                let turn = rotation.tr_mul(axis);
+                write(out, column, &None, (turn, V3::ZERO), 1.0);
+                write(out, column + 3, &None, (rotation.tr_mul(axis.cross(position)), turn), 1.0);
+            }
+        }
     }
 
     /// Places the bodies that carry `frame` at `q` (nq): its [`pose`](Self::pose) and [`jacobian`](Self::jacobian) are

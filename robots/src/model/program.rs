@@ -49,6 +49,9 @@ pub(crate) struct Program {
     pub(crate) floating: bool,
     /// Some joint follows another: columns of `v` belong to several joints.
     pub(crate) coupled: bool,
+    /// Steps from the joints down to the base are so few that composites are cheaper in the bodies' own frames than in
+    /// base coordinates.
+    pub(crate) short_limbs: bool,
     /// For every column of `v` the next one towards the base, itself at the root: the sparsity of the mass matrix.
     pub(crate) above: Vec<usize>,
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
@@ -111,7 +114,12 @@ impl Program {
             })
             .collect();
         let coupled = nv - v_start != bodies.len();
+        // Multiplications and additions: carrying a wrench a step down, against placing a body and its joint in base
+        // coordinates, applying its inertia, and the products with the joints below.
+        let steps: usize = starts.windows(2).map(|range| range[1] - range[0] - usize::from(!floating)).sum();
+        let short_limbs = 42 * steps < 126 * nodes.len() + 11 * steps;
         Self {
+            short_limbs,
             above: columns_above(&nodes, floating, coupled, nv),
             align: align.into_iter().map(M3::from).collect(),
             mounts,
