@@ -42,7 +42,7 @@ pub(super) fn load(plan: &Plan, tasks: &StaticPlan, core: usize, limit: &RtLimit
             format!("{sign}{:.digits$} ({}{spins})", term.share, term.component)
         })
         .collect();
-    let sum = words::comparison(&parts, format!("{share:.digits$}"), holds, &format!("{limit}"));
+    let arithmetic = words::comparison(&parts, format!("{share:.digits$}"), holds, &format!("{limit}"));
     CoreLoad {
         core,
         share,
@@ -53,7 +53,7 @@ pub(super) fn load(plan: &Plan, tasks: &StaticPlan, core: usize, limit: &RtLimit
             (true, true) => Verdict::Holds,
         },
         terms,
-        arithmetic: format!("core {core}: {sum}"),
+        arithmetic,
     }
 }
 

@@ -36,7 +36,7 @@ fn overload(admission: &Admission) -> Vec<Problem> {
             };
             error(
                 message,
-                Some(core.arithmetic.clone()),
+                Some(format!("core {}: {}", core.core, core.arithmetic)),
                 "lower rates or budgets, spin for less time, or move components to another core",
             )
         })

@@ -1,23 +1,53 @@
 //! `motorium check`: checks a graph file without starting anything.
 
+mod admission;
+mod components;
+
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium::plan::{Activation, Plan, SchedulingClass};
+use anyhow::Context as _;
+use motorium::graph::units::TimeSpan;
+use motorium::plan::{ClockKind, Plan};
+use motorium::schedule::{Admission, Overheads, RtLimit, Timeline, admit, timeline};
+
+pub(crate) use admission::problems;
 
 use super::loading::GraphArgs;
-use crate::report::table;
-use crate::{registry, style};
+use crate::{draw, exit, registry, style};
 
-/// Check a graph file without starting anything.
+/// No more than this of a hyperperiod is drawn unless more is asked for.
+const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
+
+/// Check a graph file without starting anything: wiring, types, and whether its times can hold.
 ///
-/// Example: motorium check graphs/panda-reach.toml --json
+/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the cores it is given.
+///
+/// Example: motorium check graphs/panda-reach.toml --timeline svg --output timeline.svg
 #[derive(Debug, clap::Args)]
 pub(crate) struct Check {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Print the checked plan, or what is wrong, as JSON
+    /// Draw who has which core when, over one hyperperiod; text if not given
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    timeline: Option<Format>,
+    /// Draw no more than this of it [default: 1 s]
+    #[arg(long, value_name = "TIME")]
+    span: Option<TimeSpan>,
+    /// Where to write the timeline; standard output if not given
+    #[arg(long, short, requires = "timeline")]
+    output: Option<PathBuf>,
+    /// Print the checked plan and what its times come to, or what is wrong, as JSON; the timeline, too, with --timeline or --span
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// Bars in a terminal
+    Text,
+    /// A picture
+    Svg,
 }
 
 impl Check {
@@ -26,56 +56,73 @@ impl Check {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
+        let plan = &checked.plan;
+        let overheads = Overheads::default();
+        let admission = admit(plan, &overheads, RtLimit::detect());
+        let span = self.span.unwrap_or(LONGEST);
+        let drawn = (plan.clock == ClockKind::Realtime).then(|| timeline(plan, &overheads, span.ns));
+        let to_file = self.write(plan, drawn.as_ref())?;
         if self.json {
             let diagnostics: Vec<_> = checked.warnings.iter().map(|warning| warning.report()).collect();
-            let output = serde_json::json!({ "valid": true, "diagnostics": diagnostics, "plan": checked.plan });
-            println!("{}", serde_json::to_string_pretty(&output)?);
+            let mut answer = serde_json::json!({
+                "valid": !admission.refuses(),
+                "diagnostics": diagnostics,
+                "plan": plan,
+                "admission": admission,
+            });
+            if self.timeline.is_some() || self.span.is_some() {
+                answer["timeline"] = serde_json::to_value(&drawn)?;
+            }
+            println!("{}", serde_json::to_string_pretty(&answer)?);
         } else {
-            anstream::print!("{}", describe(&checked.plan));
+            self.print(plan, &admission, drawn.as_ref().filter(|_| !to_file));
         }
-        Ok(ExitCode::SUCCESS)
+        Ok(if admission.refuses() { exit::invalid() } else { ExitCode::SUCCESS })
+    }
+
+    /// Writes the timeline where it is wanted; whether that was a file.
+    fn write(&self, plan: &Plan, drawn: Option<&Timeline>) -> anyhow::Result<bool> {
+        let (Some(format), Some(path)) = (self.timeline, &self.output) else { return Ok(false) };
+        let drawn = drawn.context("a graph in lockstep has no timeline: nothing in it has a deadline")?;
+        std::fs::write(path, self::draw(format, plan, drawn))
+            .with_context(|| format!("writing {}", path.display()))?;
+        Ok(true)
+    }
+
+    fn print(&self, plan: &Plan, admission: &Admission, drawn: Option<&Timeline>) {
+        let mut text = components::describe(plan);
+        text += &admission::describe(admission);
+        let picture = self.timeline == Some(Format::Svg);
+        match drawn {
+            // a picture on standard output is there alone
+            Some(drawn) if picture => {
+                print!("{}", self::draw(Format::Svg, plan, drawn));
+                anstream::eprint!("{text}");
+            }
+            Some(drawn) => {
+                let drawn = self::draw(Format::Text, plan, drawn);
+                let gap = if drawn.is_empty() { "" } else { "\n" };
+                anstream::print!("{text}{gap}{drawn}");
+            }
+            None => anstream::print!("{text}"),
+        }
+        anstream::eprint!("{}", problems(admission));
+        let file = plan.file.display();
+        if admission.refuses() {
+            let count = admission.refusals().count();
+            let errors = if count == 1 { "error" } else { "errors" };
+            anstream::eprintln!("{count} {errors}: {file} cannot hold its times");
+        } else if drawn.is_some() && picture {
+            anstream::eprintln!("{} {file} is a graph that can run", style::good("ok:"));
+        } else {
+            anstream::println!("{} {file} is a graph that can run", style::good("ok:"));
+        }
     }
 }
 
-fn describe(plan: &Plan) -> String {
-    let mut components = table(["component", "kind", "steps", "budget", "core", "class", "reads", "writes"]);
-    for component in &plan.components {
-        let kind = match &component.program {
-            motorium::plan::Program::Builtin { kind } => kind.clone(),
-            motorium::plan::Program::Exec { path } => path.display().to_string(),
-        };
-        let steps = match &component.activation {
-            Activation::Periodic { period_ns, .. } => format!("at {} Hz", 1e9 / *period_ns as f64),
-            Activation::Triggered { topic, .. } => format!("on {}", plan.topics[*topic].name),
-        };
-        let class = match component.class {
-            SchedulingClass::Fifo(priority) => format!("FIFO {priority}"),
-            SchedulingClass::Normal => "normal".to_string(),
-        };
-        let names = |ports: &[motorium::plan::PortPlan]| {
-            let wired: Vec<_> =
-                ports.iter().filter_map(|port| Some(plan.topics[port.topic?].name.as_str())).collect();
-            wired.join("\n")
-        };
-        components.add_row([
-            component.name.clone(),
-            kind,
-            steps,
-            component.budget_ns.map_or_else(|| "-".to_string(), |ns| format!("{} us", ns as f64 * 1e-3)),
-            component.core.map_or_else(|| "shared".to_string(), |core| core.to_string()),
-            class,
-            names(&component.inputs),
-            names(&component.outputs),
-        ]);
+fn draw(format: Format, plan: &Plan, drawn: &Timeline) -> String {
+    match format {
+        Format::Text => draw::timeline_text(drawn),
+        Format::Svg => draw::timeline_svg(&plan.name, drawn),
     }
-    let mut text = format!("{}\n", components.trim_fmt());
-    for latency in &plan.latencies {
-        text += &format!(
-            "latency {} -> {}: at most {} us\n",
-            plan.topics[latency.from].name,
-            plan.topics[latency.to].name,
-            latency.max_ns as f64 * 1e-3
-        );
-    }
-    text + &format!("{} {} is a graph that can run\n", style::good("ok:"), plan.file.display())
 }

@@ -3,7 +3,8 @@
 //! * [`words`]: what is written on components and topics, the same in every format;
 //! * [`wires`]: the edges of the graph, and those that carry a latency budget;
 //! * [`layers`], [`card`], [`placement`]: columns from left to right, boxes, then places;
-//! * [`mod@svg`], [`style`]: the picture.
+//! * [`mod@svg`], [`style`]: the picture;
+//! * [`timeline`], [`mod@timeline_text`], [`mod@timeline_svg`]: what runs when.
 
 mod card;
 mod dot;
@@ -13,6 +14,9 @@ mod placement;
 mod style;
 mod svg;
 mod text;
+mod timeline;
+mod timeline_svg;
+mod timeline_text;
 mod wires;
 mod words;
 
@@ -22,6 +26,8 @@ mod tests;
 pub(crate) use dot::dot;
 pub(crate) use mermaid::mermaid;
 pub(crate) use svg::svg;
+pub(crate) use timeline_svg::timeline_svg;
+pub(crate) use timeline_text::timeline_text;
 
 /// What was measured while the graph ran, in words, for a picture of a living run. Indices are those of the plan; what
 /// is left out or shorter than the plan is not drawn.

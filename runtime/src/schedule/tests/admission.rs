@@ -41,7 +41,7 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
     assert_eq!(admission.verdict, Verdict::Holds, "{:?}", admission.problems);
     assert_eq!(
         admission.cores[0].arithmetic,
-        "core 1: 0.100 (physics spinning) + 0.403 (physics) + 0.059 (encoder) + 0.059 (policy) + 0.309 (controller) \
+        "0.100 (physics spinning) + 0.403 (physics) + 0.059 (encoder) + 0.059 (policy) + 0.309 (controller) \
          = 0.930 <= 0.95"
     );
     let responses: Vec<_> = admission.tasks.iter().map(|task| task.response_ns.unwrap() / US).collect();

@@ -62,13 +62,24 @@ fn the_other_core_begins_after_its_wake_up() {
 
 #[test]
 fn a_late_step_is_marked() {
+    // the first job of the second ends after 114 (J. Lehoczky 1990)
     let nodes = [
-        node("fast", When::Every(20, 0), 12).priority(90),
-        node("slow", When::Every(40, 0), 20).priority(50),
+        node("fast", When::Every(70, 0), 26).priority(90),
+        node("slow", When::Every(100, 0), 62).priority(50),
     ];
     let drawn = of(&nodes, 0, MS);
     assert!(drawn.cores[0].lanes[0].late_ns.is_empty());
-    assert!(!drawn.cores[0].lanes[1].late_ns.is_empty());
+    assert!(drawn.cores[0].lanes[1].late_ns.contains(&114), "{:?}", drawn.cores[0].lanes[1].late_ns);
+    assert!(drawn.notes.is_empty());
+}
+
+#[test]
+fn a_core_that_cannot_keep_up_is_drawn_and_named() {
+    let nodes =
+        [node("a", When::Every(20, 0), 12).priority(90), node("b", When::Every(20, 0), 12).priority(50)];
+    let drawn = of(&nodes, 0, MS);
+    assert_eq!(drawn.cores[0].idle_ns(drawn.length_ns), 0);
+    assert_eq!(drawn.notes, ["core 1 cannot keep up: it falls further behind than is drawn"]);
 }
 
 #[test]

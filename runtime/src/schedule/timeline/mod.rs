@@ -113,6 +113,13 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
         )),
         Some(_) => {}
     }
+    for core in tasks.cores() {
+        let here = tasks.on_core(core).into_iter().map(|task| &tasks.tasks[task]);
+        let load: f64 = here.map(|task| task.cost_ns() as f64 / task.period_ns as f64).sum();
+        if load > 1.0 + 1e-9 {
+            notes.push(format!("core {core} cannot keep up: it falls further behind than is drawn"));
+        }
+    }
     let all = 0..plan.components.len();
     let guessed: Vec<usize> = all
         .clone()

@@ -110,7 +110,8 @@ impl<'p> Simulation<'p> {
     /// did.
     pub(super) fn run(mut self, length: i64) -> (u64, Vec<Lane>) {
         let slowest = self.plan.components.iter().map(|c| c.period_ns() as i64).max().unwrap_or(0);
-        self.now = -slowest.min(length);
+        // all have been released at least twice by then
+        self.now = -(2 * slowest).min(2 * length) - self.spin.min(slowest);
         for (index, component) in self.plan.components.iter().enumerate() {
             if let Activation::Periodic { period_ns, phase_ns } = component.activation {
                 let (period, phase) = (period_ns as i64, phase_ns as i64);
