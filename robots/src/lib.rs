@@ -1,13 +1,18 @@
 //! Robot models for motorium: URDF, kinematics and dynamics, without any runtime.
 //!
-//! [`load`] turns a catalogue name, a folder or a URDF file into a [`Model`]. [`Kinematics`] and [`Dynamics`] are
-//! preallocated workspaces over it: after `new` they never allocate.
+//! [`load`] turns a catalogue name, a folder or a URDF file into a [`Model`]. [`Kinematics`], [`Dynamics`], [`ConstrainedDynamics`]
+//! and [`InverseKinematics`] are preallocated workspaces over it: after `new` they never allocate.
 //!
 //! # Conventions
 //!
-//! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link.
-//! - `q`, `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before
-//!   children, siblings in the order of the URDF file. A continuous joint is one unbounded angle, so `nq == nv`.
+//! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link, unless the base floats.
+//! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before children,
+//!   siblings in the order of the URDF file; a planar joint counts as two slides and a turn. A continuous joint is one
+//!   unbounded angle. On a fixed base `nq == nv`.
+//! - On a floating base `q` begins with the base's position in the world and its orientation, a quaternion x y z w; `v`
+//!   with the velocity of the base's origin and its angular velocity, both in the base's axes; `a` with the derivative of
+//!   those six numbers (the spatial acceleration, not the classical one); `tau` with a wrench at the base's origin in its
+//!   axes. That is Pinocchio's convention; [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert what differs.
 //! - A mimic joint stands at `multiplier * q[of] + offset`; its motion, forces and inertia fold into the column of the
 //!   joint it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
@@ -30,6 +35,7 @@ mod algebra;
 mod catalogue;
 mod configuration;
 mod dynamics;
+mod inverse_kinematics;
 mod kinematics;
 mod load;
 mod model;
@@ -43,6 +49,7 @@ pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
 };
+pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
 pub use model::{

@@ -7,7 +7,10 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 
-use motorium_robots::{Dynamics, Kinematics, Reference, load};
+use motorium_robots::{
+    BaseMode, ConstrainedDynamics, Constraint, Derivatives, Dynamics, IkOptions, InverseKinematics,
+    Kinematics, LoadOptions, MimicMode, Reference, load, load_with,
+};
 use nalgebra::{DMatrix, Matrix6xX, Vector3};
 
 thread_local! {
@@ -72,6 +75,57 @@ fn kinematics_and_dynamics_do_not_allocate_after_construction() {
         let tau = &v;
         dynamics.forward(&model, &q, &v, tau, gravity, &mut out).unwrap();
         checksum += out[0] + mass[(0, 0)];
+    });
+    assert_eq!(count, 0);
+    assert!(checksum.is_finite() && checksum != 0.0);
+}
+
+#[test]
+fn nothing_allocates_on_a_floating_base_either() {
+    let options =
+        LoadOptions { base: BaseMode::Floating, mimic: MimicMode::Independent, ..LoadOptions::default() };
+    let model = load_with("panda", Path::new("."), &options).unwrap().model;
+    let n = model.nv();
+    let hand = model.frame("panda_hand_tcp").unwrap();
+    let (mut kinematics, mut dynamics) = (Kinematics::new(&model), Dynamics::new(&model));
+    let (mut constrained, mut ik) = (ConstrainedDynamics::new(&model, 6), InverseKinematics::new(&model));
+    let (mut q, v, a) = (model.neutral(), vec![0.5; n], vec![1.0; n]);
+    model.integrate(&q.clone(), &v, &mut q);
+    let (mut next, mut between) = (q.clone(), q.clone());
+    let (mut out, mut lambda) = (vec![0.0; n], vec![0.0; 6]);
+    let (mut jacobian, mut rows, mut scratch) =
+        (Matrix6xX::zeros(n), DMatrix::zeros(6, n), Matrix6xX::zeros(n));
+    let (mut mass, mut regressor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, model.parameter_count()));
+    let mut com = nalgebra::Matrix3xX::zeros(n);
+    let mut derivatives = Derivatives::new(&model);
+    let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let mut checksum = 0.0;
+    let count = calls(|| {
+        kinematics.update_with_acceleration(&model, &q, &v, &a);
+        kinematics.jacobian(&model, hand, Reference::LocalWorldAligned, &mut rows);
+        kinematics.relative_jacobian(&model, hand, hand, &mut scratch, &mut jacobian);
+        kinematics.jacobian_at(&model, &q, hand, Reference::Local, &mut jacobian);
+        kinematics.com_jacobian(&model, &mut com);
+        checksum += kinematics.acceleration_in(&model, hand, Reference::World).linear.x;
+        checksum += kinematics.centre_of_mass(&model).position.x;
+        dynamics.forward(&model, &q, &v, &a, gravity, &mut out).unwrap();
+        dynamics.inverse_mass(&model, &q, &mut mass).unwrap();
+        dynamics.centroidal_map(&model, &q, &mut jacobian);
+        checksum +=
+            dynamics.momentum_rate(&model, &q, &v, &a).linear.x + dynamics.kinetic_energy(&model, &q, &v);
+        checksum +=
+            dynamics.momentum(&model, &q, &v).linear.x + dynamics.potential_energy(&model, &q, gravity);
+        dynamics.rnea_derivatives(&model, &q, &v, &a, gravity, &mut derivatives);
+        dynamics.forward_derivatives(&model, &q, &v, &a, gravity, &mut out, &mut derivatives).unwrap();
+        dynamics.regressor(&model, &q, &v, &a, gravity, &mut regressor);
+        let constraint = Constraint { jacobian: &rows, drift: &[0.1; 6], damping: 1e-9 };
+        constrained.forward(&model, &q, &v, &a, gravity, constraint, &mut out, &mut lambda).unwrap();
+        model.integrate(&q, &v, &mut next);
+        model.difference(&q, &next, &mut out);
+        model.interpolate(&q, &next, 0.3, &mut between);
+        let target = kinematics.pose(&model, hand);
+        ik.solve(&model, hand, &target, &IkOptions::default(), &mut next).unwrap();
+        checksum += out[0] + mass[(0, 0)] + regressor[(0, 0)] + derivatives.q[(0, 7)];
     });
     assert_eq!(count, 0);
     assert!(checksum.is_finite() && checksum != 0.0);

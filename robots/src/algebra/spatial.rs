@@ -221,7 +221,7 @@ impl ArticulatedInertia {
             for k in 0..j {
                 l[j][j] -= l[j][k] * l[j][k];
             }
-            if !(l[j][j] > scale * 1e-14) {
+            if l[j][j].is_nan() || l[j][j] <= scale * 1e-14 {
                 return None;
             }
             l[j][j] = l[j][j].sqrt();

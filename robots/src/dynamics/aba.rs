@@ -137,7 +137,7 @@ impl Dynamics {
             let yielding = body.inertia.apply(body.joint);
             let d = body.joint.dot(yielding);
             // Cancellation leaves rounding noise where an exact result would be zero.
-            if !(d > 1e-14 * magnitude(body.joint, yielding)) {
+            if d.is_nan() || d <= 1e-14 * magnitude(body.joint, yielding) {
                 return Err(SingularMassMatrix { index: node.column });
             }
             let inverse = 1.0 / d;

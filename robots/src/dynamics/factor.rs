@@ -43,7 +43,7 @@ impl MassFactor {
         for k in (0..n).rev() {
             // Columns right of k are done; what they took from column k is in it.
             let pivot = m[k * n + k];
-            if !(pivot > mass[(k, k)] * 1e-14) {
+            if pivot.is_nan() || pivot <= mass[(k, k)] * 1e-14 {
                 return Err(SingularMassMatrix { index: k });
             }
             let inverse = 1.0 / pivot;
@@ -131,43 +131,33 @@ impl MassFactor {
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
         let n = self.above.len();
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
-        out.fill(0.0);
+        out.fill_with_identity();
         let (l, out) = (self.factor.as_slice(), out.as_mut_slice());
-        // M^-1 = L^-1 D^-1 L^-T by columns from the left: of column k the rows from k on are enough, the rest is
-        // M^-1 = L^-1 D^-1 L^-T, column by column.
+        // As in `solve_right`, from the diagonal of each column down: above it the first pass leaves zeros, and the
+        // second what symmetry gives anyway.
+        for k in (0..n).rev() {
+            let (left, right) = out.split_at_mut(k * n);
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                subtract(&mut left[i * n..][k..n], &right[k..n], l[k * n + i]);
+            }
+        }
+        for k in 0..n {
+            let inverse = 1.0 / l[k * n + k];
+            out[k * n..][k..n].iter_mut().for_each(|entry| *entry *= inverse);
+        }
         for k in 0..n {
             let (left, right) = out.split_at_mut(k * n);
-            let column = &mut right[..n];
-            // L^-T e_k lives on k and those who carry it.
-            column[k] = 1.0;
             let mut i = k;
-            loop {
-                let value = column[i];
-                let entries = &l[i * n..][..n];
-                let mut j = i;
-                while self.above[j] != j {
-                    j = self.above[j];
-                    column[j] -= entries[j] * value;
-                }
-                column[i] = value / entries[i];
-                if self.above[i] == i {
-                    break;
-                }
+            while self.above[i] != i {
                 i = self.above[i];
+                subtract(&mut right[k..n], &left[i * n..][k..n], l[k * n + i]);
             }
-            // Rows left of the diagonal are known from the columns before.
-            for i in 0..k {
-                column[i] = left[i * n + k];
-            }
-            for i in k..n {
-                let entries = &l[i * n..][..n];
-                let mut value = column[i];
-                let mut j = i;
-                while self.above[j] != j {
-                    j = self.above[j];
-                    value -= entries[j] * column[j];
-                }
-                column[i] = value;
+        }
+        for column in 1..n {
+            for row in 0..column {
+                out[column * n + row] = out[row * n + column];
             }
         }
     }

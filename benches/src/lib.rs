@@ -1,0 +1,1 @@
+//! Measurements of motorium against floors and peers: `cargo bench -p motorium-benches`.

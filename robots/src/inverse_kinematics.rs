@@ -1,0 +1,279 @@
+//! Inverse kinematics as a library call: the configuration that puts a frame somewhere.
+//!
+//! Damped least squares (Wampler 1986; the damping follows the error, in the spirit of Sugihara 2011) on the configuration manifold,
+//! inside the joint limits, from several starting points, with what freedom is left drawn towards the posture it starts from.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
+
+use crate::{FrameId, Kinematics, Model, Reference};
+
+/// Their square roots are independent over the rationals.
+const PRIMES: [f64; 16] =
+    [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
+
+/// How to search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IkOptions {
+    /// Largest distance from the target \[m\].
+    pub position_tolerance: f64,
+    /// Largest angle from the target \[rad\]; infinite when only the position matters.
+    pub rotation_tolerance: f64,
+    /// Steps from each starting point.
+    pub iterations: usize,
+    /// Starting points: the one given, then configurations spread over the limits.
+    pub seeds: usize,
+    /// How strongly the posture handed in draws in the null space, per step from it: 0 (not at all) to 1.
+    pub posture: f64,
+}
+
+impl Default for IkOptions {
+    /// A tenth of a micrometre and a microradian, 100 steps from each of 32 starting points, a tenth of the way to the
+    /// posture a step.
+    fn default() -> Self {
+        Self { position_tolerance: 1e-7, rotation_tolerance: 1e-6, iterations: 100, seeds: 32, posture: 0.1 }
+    }
+}
+
+/// A configuration that does it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IkSolution {
+    /// Distance left \[m\].
+    pub position_error: f64,
+    /// Angle left \[rad\].
+    pub rotation_error: f64,
+    /// The starting point that led there, counted from 0.
+    pub seed: usize,
+    /// Steps from there.
+    pub iterations: usize,
+}
+
+/// Why no configuration was found. The best one stands in `q` all the same.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "no configuration puts \"{frame}\" there within tolerance after {seeds} starting points; the best is \
+     {position_error:.1e} m and {rotation_error:.1e} rad away{}",
+    explanation(.at_limits, *.singular)
+)]
+pub struct IkFailure {
+    /// The frame.
+    pub frame: String,
+    /// Starting points tried.
+    pub seeds: usize,
+    /// Distance of the best configuration \[m\].
+    pub position_error: f64,
+    /// Its angle from the target \[rad\].
+    pub rotation_error: f64,
+    /// Joints that stand at a limit there.
+    pub at_limits: Vec<String>,
+    /// The arm is stretched or folded there: no joint motion reduces the error any further.
+    pub singular: bool,
+}
+
+fn explanation(at_limits: &[String], singular: bool) -> String {
+    match (at_limits, singular) {
+        ([], false) => ", still moving: try more iterations".to_owned(),
+        ([], true) => ", in a singular configuration: the target is likely out of reach".to_owned(),
+        (joints, _) => format!(", with {} at a limit", joints.join(", ")),
+    }
+}
+
+/// Workspace for the inverse kinematics of one [`Model`] on a fixed or floating base. Nothing allocates after
+/// [`new`](Self::new), failures apart.
+#[derive(Clone, Debug)]
+pub struct InverseKinematics {
+    kinematics: Kinematics,
+    jacobian: DMatrix<f64>,
+    outcome: DMatrix<f64>,
+    step: DVector<f64>,
+    pull: DVector<f64>,
+    wanted: DVector<f64>,
+    trial: DVector<f64>,
+    next: DVector<f64>,
+    best: DVector<f64>,
+}
+
+impl InverseKinematics {
+    /// A workspace for `model`.
+    pub fn new(model: &Model) -> Self {
+        let (nq, nv) = (model.nq(), model.nv());
+        Self {
+            kinematics: Kinematics::new(model),
+            jacobian: DMatrix::zeros(6, nv),
+            outcome: DMatrix::zeros(6, nv),
+            step: DVector::zeros(nv),
+            pull: DVector::zeros(nv),
+            wanted: DVector::zeros(nv),
+            trial: DVector::zeros(nq),
+            next: DVector::zeros(nq),
+            best: DVector::zeros(nq),
+        }
+    }
+
+    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also the posture
+    /// that freedom left over is drawn towards. All joints stay within their limits.
+    ///
+    /// # Errors
+    ///
+    /// [`IkFailure`]; `q` is then the best configuration met.
+    pub fn solve(
+        &mut self,
+        model: &Model,
+        frame: FrameId,
+        target: &Isometry3<f64>,
+        options: &IkOptions,
+        q: &mut [f64],
+    ) -> Result<IkSolution, IkFailure> {
+        assert_eq!(q.len(), model.nq(), "length of q");
+        let mut least = f64::INFINITY;
+        for seed in 0..options.seeds.max(1) {
+            self.start(model, q, seed);
+            for iterations in 0..=options.iterations {
+                let error = self.error(model, frame, target, options);
+                let (position_error, rotation_error) = sizes(&error);
+                if error.norm() < least {
+                    least = error.norm();
+                    self.best.copy_from(&self.trial);
+                }
+                let turned = rotation_error <= options.rotation_tolerance;
+                if position_error <= options.position_tolerance && turned {
+                    q.copy_from_slice(self.trial.as_slice());
+                    return Ok(IkSolution { position_error, rotation_error, seed, iterations });
+                }
+                // The posture has its say first; the target has the last word. Other starting points are there to
+                // end up elsewhere.
+                let posture = (seed == 0 && 2 * iterations < options.iterations).then_some(&*q);
+                self.advance(model, frame, &error, posture, options);
+            }
+        }
+        let failure = self.failure(model, frame, target, options);
+        q.copy_from_slice(self.best.as_slice());
+        Err(failure)
+    }
+
+    /// The starting point `seed`: the one given, then points of a low-discrepancy sequence over the limits.
+    fn start(&mut self, model: &Model, q: &[f64], seed: usize) {
+        self.trial.copy_from_slice(q);
+        let offset = model.nq() - model.joint_count();
+        for index in 0..model.joint_count() {
+            let (lower, upper) = (model.lower()[index], model.upper()[index]);
+            let entry = &mut self.trial[offset + index];
+            if seed > 0 {
+                let low = if lower.is_finite() { lower } else { *entry - std::f64::consts::PI };
+                let high = if upper.is_finite() { upper } else { *entry + std::f64::consts::PI };
+                // Multiples of independent irrationals, one for each joint (Weyl 1916).
+                let share = (seed as f64 * PRIMES[index % PRIMES.len()].sqrt() + index as f64 * 0.37).fract();
+                *entry = low + share * (high - low);
+            }
+            *entry = entry.clamp(lower, upper);
+        }
+    }
+
+    /// What is missing at `trial`: the motion of the frame, in world axes, that would do. The angular part is zero where
+    /// it does not matter.
+    fn error(
+        &mut self,
+        model: &Model,
+        frame: FrameId,
+        target: &Isometry3<f64>,
+        options: &IkOptions,
+    ) -> Vector6<f64> {
+        self.kinematics.place_carriers(model, self.trial.as_slice(), frame);
+        let pose = self.kinematics.pose(model, frame);
+        let linear = target.translation.vector - pose.translation.vector;
+        let angular = if options.rotation_tolerance.is_finite() {
+            (target.rotation * pose.rotation.inverse()).scaled_axis()
+        } else {
+            Vector3::zeros()
+        };
+        Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+    }
+
+    /// One damped step; joints that would leave their range stop at its end.
+    fn advance(
+        &mut self,
+        model: &Model,
+        frame: FrameId,
+        error: &Vector6<f64>,
+        posture: Option<&[f64]>,
+        options: &IkOptions,
+    ) {
+        self.kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut self.jacobian);
+        if !options.rotation_tolerance.is_finite() {
+            self.jacobian.rows_mut(3, 3).fill(0.0);
+        }
+        let offset = model.nv() - model.joint_count();
+        // A joint at its limit that the error pushes outwards takes no part.
+        self.wanted.gemv_tr(1.0, &self.jacobian, error, 0.0);
+        for index in 0..model.joint_count() {
+            let at = model.joints_of_q(self.trial.as_slice())[index];
+            let push = self.wanted[offset + index];
+            if at <= model.lower()[index] && push < 0.0 || at >= model.upper()[index] && push > 0.0 {
+                self.jacobian.column_mut(offset + index).fill(0.0);
+            }
+        }
+        self.pull.fill(0.0);
+        if let Some(posture) = posture {
+            model.difference(self.trial.as_slice(), posture, self.pull.as_mut_slice());
+            self.pull *= options.posture;
+        }
+        // step = pull + J' (J J' + damping)^-1 (error - J pull)
+        // In proportion to the error: enough to settle where a target is out of reach, quadratic where it is not.
+        let damping = 0.5 * error.norm() + 1e-12;
+        let mut gram = nalgebra::Matrix6::zeros();
+        for i in 0..6 {
+            for j in 0..6 {
+                gram[(i, j)] = self.jacobian.row(i).dot(&self.jacobian.row(j));
+            }
+            gram[(i, i)] += damping;
+        }
+        let mut missing = *error;
+        missing.gemv(-1.0, &self.jacobian, &self.pull, 1.0);
+        let Some(factor) = gram.cholesky() else { return };
+        factor.solve_mut(&mut missing);
+        self.step.copy_from(&self.pull);
+        self.step.gemv_tr(1.0, &self.jacobian, &missing, 1.0);
+        let longest = self.step.amax();
+        if longest > 0.5 {
+            self.step *= 0.5 / longest;
+        }
+        model.integrate(self.trial.as_slice(), self.step.as_slice(), self.next.as_mut_slice());
+        let offset = model.nq() - model.joint_count();
+        for index in 0..model.joint_count() {
+            let entry = &mut self.next[offset + index];
+            *entry = entry.clamp(model.lower()[index], model.upper()[index]);
+        }
+        self.trial.copy_from(&self.next);
+    }
+
+    fn failure(
+        &mut self,
+        model: &Model,
+        frame: FrameId,
+        target: &Isometry3<f64>,
+        options: &IkOptions,
+    ) -> IkFailure {
+        self.trial.copy_from(&self.best);
+        let error = self.error(model, frame, target, options);
+        let (position_error, rotation_error) = sizes(&error);
+        self.kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut self.outcome);
+        let slope = self.outcome.tr_mul(&error).norm();
+        let joints = model.joints_of_q(self.trial.as_slice());
+        let at_limits = (0..model.joint_count())
+            .filter(|&index| joints[index] <= model.lower()[index] || joints[index] >= model.upper()[index])
+            .map(|index| model.joint_names()[index].clone())
+            .collect();
+        IkFailure {
+            frame: model.frames()[frame.index()].name.clone(),
+            seeds: options.seeds.max(1),
+            position_error,
+            rotation_error,
+            at_limits,
+            singular: slope < 1e-2 * error.norm() * self.outcome.norm(),
+        }
+    }
+}
+
+/// Distance and angle.
+fn sizes(error: &Vector6<f64>) -> (f64, f64) {
+    (error.fixed_rows::<3>(0).norm(), error.fixed_rows::<3>(3).norm())
+}
