@@ -7,7 +7,9 @@ use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{self, Event, Exit, Hosting, Options};
 use motorium::plan::ClockKind;
+use motorium::schedule::{self, Overheads, RtLimit};
 
+use super::check::problems;
 use super::loading::GraphArgs;
 use crate::screen::{Plain, Screen};
 use crate::{exit, registry, report, style};
@@ -28,6 +30,9 @@ pub(crate) struct Run {
     /// Host all components in this process instead of one each
     #[arg(long)]
     in_process: bool,
+    /// Run even if the budgets of the graph cannot hold
+    #[arg(long)]
+    force: bool,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -59,6 +64,12 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
+        let admission = schedule::admit(&checked.plan, &Overheads::default(), RtLimit::detect());
+        if checked.plan.clock == ClockKind::Realtime && admission.refuses() && !self.force {
+            anstream::eprint!("{}", problems(&admission));
+            anstream::eprintln!("nothing was started; `--force` runs it all the same");
+            return Ok(exit::invalid());
+        }
         let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
         let program = std::env::current_exe().context("finding this program's own file")?;
         let options = Options { hosting, program };
