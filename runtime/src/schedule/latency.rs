@@ -157,7 +157,11 @@ fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
 /// From the end of the first stage of a task to the end of another.
 fn rest(analysis: &Analysis<'_>, place: Place) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
-    let queued = analysis.responses.bounds[place.task].as_ref()?.first()?.finish.total;
+    let bounds = analysis.responses.bounds[place.task].as_ref()?;
+    if bounds.iter().any(|bound| bound.finish.total > demands[index].period) {
+        return None;
+    }
+    let queued = bounds.first()?.finish.total;
     after_first_stage(&demands, index, queued)?.get(place.stage).cloned()
 }
 

@@ -38,11 +38,9 @@ pub(super) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
     let mut bounds = vec![None; demands.len()];
     for round in 0.. {
         for core in &cores {
-            let mut tasks: Vec<Demand> = core.iter().map(|task| demands[*task].clone()).collect();
-            let found = on_core(&mut tasks);
-            for (bound, (index, task)) in found.into_iter().zip(core.iter().zip(tasks)) {
-                bounds[*index] = bound;
-                demands[*index] = task;
+            let tasks = core.iter().map(|task| demands[*task].clone()).collect();
+            for (task, found) in core.iter().zip(on_core(tasks)) {
+                bounds[*task] = found;
             }
         }
         let mut changed = false;
@@ -66,20 +64,16 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     let mut stages: Vec<i64> = task.stages.iter().map(|stage| stage.cost_ns() as i64).collect();
     stages[0] += task.spin_ns() as i64;
     let period = task.period_ns as i64;
-    let (offset, queue) = match task.release {
+    // that of a triggered task grows with what is found
+    let (offset, jitter, queue) = match task.release {
         // It wants the core from the moment it begins to spin; being woken late shortens the spinning.
         Release::Timer { phase_ns, spin_ns, fixed } => {
             let offset = (phase_ns as i64 - spin_ns as i64).rem_euclid(period);
-            (fixed.then_some(offset), overheads.wake_ns as i64)
+            (fixed.then_some(offset), late_wake(spin_ns, overheads), overheads.wake_ns as i64)
         }
-        Release::Trigger { .. } => (offset(task, plan), 0),
+        Release::Trigger { delay_ns, .. } => (offset(task, plan), delay_ns as i64, delay_ns as i64),
     };
-    let jitter = match task.release {
-        Release::Timer { spin_ns, .. } => overheads.wake_ns.saturating_sub(spin_ns) as i64,
-        Release::Trigger { delay_ns, .. } => delay_ns as i64,
-    };
-    let (jitter, queue) = (Some(jitter), queue.max(jitter));
-    Demand { priority: task.priority, period, offset, jitter, queue, stages, orderly: false }
+    Demand { priority: task.priority, period, offset, jitter: Some(jitter), queue, stages, orderly: false }
 }
 
 /// Offset of a triggered task: that of the releases at the head of its chain.
@@ -90,6 +84,11 @@ fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     }
 }
 
+/// How late a component may be woken for its release, in spite of spinning.
+fn late_wake(spin_ns: u64, overheads: &Overheads) -> i64 {
+    overheads.wake_ns.saturating_sub(spin_ns) as i64
+}
+
 /// How late a task may be released after it is due: a triggered one is due as the head of its chain is released.
 fn jitter(
     task: &Task,
@@ -98,7 +97,7 @@ fn jitter(
     overheads: &Overheads,
 ) -> Option<i64> {
     match task.release {
-        Release::Timer { spin_ns, .. } => Some(overheads.wake_ns.saturating_sub(spin_ns) as i64),
+        Release::Timer { spin_ns, .. } => Some(late_wake(spin_ns, overheads)),
         Release::Trigger { by, delay_ns } => {
             let Some(place) = plan.places[by] else {
                 // Not real-time: taken to be in time. What follows from that is told apart as not provable.
@@ -110,17 +109,14 @@ fn jitter(
     }
 }
 
-/// Bounds of the tasks of one core. On the way it finds out which tasks keep the order of their releases.
-pub(super) fn on_core(tasks: &mut [Demand]) -> Vec<Option<Vec<Bound>>> {
-    for task in tasks.iter_mut() {
-        task.orderly = false;
-    }
+/// Bounds of the tasks of one core. On the way it finds out which of them always go to the end of the queue.
+pub(super) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
     loop {
-        let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(tasks, index)).collect();
+        let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(&tasks, index)).collect();
         let mut changed = false;
         for (task, bounds) in tasks.iter_mut().zip(&bounds) {
-            let ends = |bounds: &Vec<Bound>| bounds.iter().map(|bound| bound.finish.total).max();
-            let orderly = bounds.as_ref().and_then(ends).is_some_and(|finish| finish <= task.period);
+            let in_time = |bounds: &Vec<Bound>| bounds.iter().all(|bound| bound.finish.total <= task.period);
+            let orderly = bounds.as_ref().is_some_and(in_time);
             changed |= orderly && !task.orderly;
             task.orderly |= orderly;
         }

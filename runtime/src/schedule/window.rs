@@ -1,17 +1,21 @@
-//! Response times on one core under fixed priorities, first come first served among equals (`SCHED_FIFO`).
+//! Response times on one core under fixed priorities.
 //!
 //! The response time of a job is found from the *busy window* it falls into: a time in which the core is never without
 //! work of its priority or above. Whatever finishes in the window was released in it, so that
 //!
 //! ```text
-//! finish = own work + sum over higher priorities of (releases before finish) * cost
-//!                   + sum over equals of (releases up to the time at which the job joined the queue) * cost
+//! finish = own work + sum over others of the same or higher priority of (releases before finish) * cost
 //! ```
 //!
 //! whose smallest solution is found by iteration (M. Joseph, P. Pandya, *Finding response times in a real-time system*,
-//! 1986). A job may be the first of its task in the window or a later one, for deadlines beyond the period (J. Lehoczky
-//! 1990); releases may come late by a jitter (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings 1993); among
-//! equals, the job may join the queue at any time that makes a difference (L. George, N. Rivierre, M. Spuri 1996).
+//! 1986). A job may be the first of its task in the window or a later one, for response times beyond the period
+//! (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings
+//! 1993).
+//!
+//! Equals wait in one queue, first come first served, and do not interrupt each other. With phases that are not known
+//! they count like the more urgent, which is right for any order in that queue, and costs nothing: as long as all of one
+//! priority finish within their periods, at most one job of each runs before a job that waits with it. With known phases
+//! only those count that joined the queue no later.
 //!
 //! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due before.
 
@@ -30,8 +34,7 @@ pub(super) struct Demand {
     pub queue: i64,
     /// Cost of each stage.
     pub stages: Vec<i64>,
-    /// Whether every job is known to finish before the next one is due, so that jobs join the queue in the order of
-    /// their releases.
+    /// Whether every job is known to finish before the next one is due, so that each goes to the end of the queue.
     pub orderly: bool,
 }
 
@@ -55,7 +58,7 @@ pub(super) struct Sum {
     pub elapsed: i64,
 }
 
-/// More jobs, or candidates, than this in one window are not followed.
+/// More jobs than this in one window are not followed.
 const MOST: usize = 100_000;
 
 /// Where the window opens.
@@ -94,52 +97,32 @@ impl Demand {
         self.jitter.unwrap_or(0)
     }
 
-    /// Releases in the window before `until`; with `closed`, also those at that time.
-    pub(super) fn releases(&self, opening: Opening, until: i64, closed: bool) -> i64 {
-        let count = |from: i64| {
-            let length = until - from;
-            match closed {
-                true => floor_div(length, self.period) + 1,
-                false => ceil_div(length, self.period),
-            }
-        };
-        match (opening, self.offset) {
+    /// Releases in the window before `until`.
+    fn releases(&self, opening: Opening, until: i64) -> i64 {
+        let first = match (opening, self.offset) {
+            _ if until <= opening.time() => return 0,
             (Opening::At(time), Some(offset)) => {
-                let first = ceil_div(time - self.late() - offset, self.period);
-                count(offset + first * self.period).max(0)
+                offset + ceil_div(time - self.late() - offset, self.period) * self.period
             }
-            _ if until < opening.time() || (until == opening.time() && !closed) => 0,
-            _ => count(opening.time() - self.late()).max(0),
-        }
+            _ => opening.time() - self.late(),
+        };
+        ceil_div(until - first, self.period).max(0)
     }
 }
 
-/// The tasks of a core that can hold up one of them, told apart by how they do.
+/// A task, and those of its core that can hold it up: of its own priority or above.
 #[derive(Debug)]
 pub(super) struct Level<'a> {
-    pub tasks: &'a [Demand],
-    pub index: usize,
-    /// Interrupt it.
-    pub higher: Vec<usize>,
-    /// Wait in one queue with it.
-    pub equal: Vec<usize>,
+    tasks: &'a [Demand],
+    index: usize,
+    others: Vec<usize>,
 }
 
 impl<'a> Level<'a> {
     /// What can hold up a task; `None` if there is no bound to that.
     pub(super) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
-        let own = &tasks[index];
-        let others = |test: &dyn Fn(&Demand) -> bool| -> Vec<usize> {
-            (0..tasks.len()).filter(|other| *other != index && test(&tasks[*other])).collect()
-        };
-        let overtakes = |other: &Demand| other.priority == own.priority && !other.orderly;
-        let level = Self {
-            tasks,
-            index,
-            // who does not come back to the queue in order can be anywhere in it: as if it could interrupt
-            higher: others(&|other| other.priority > own.priority || overtakes(other)),
-            equal: others(&|other| other.priority == own.priority && other.orderly),
-        };
+        let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
+        let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
         let utilisation: f64 = level.all().map(|task| task.cost() as f64 / task.period as f64).sum();
         let bounded = level.all().all(|task| task.jitter.is_some());
         (bounded && utilisation <= 1.0 + 1e-12).then_some(level)
@@ -151,60 +134,60 @@ impl<'a> Level<'a> {
 
     /// The task and all that can hold it up.
     pub(super) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
-        let others = self.higher.iter().chain(&self.equal);
-        others.chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
+        self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
     }
 
     /// Length of the longest busy window.
     pub(super) fn longest(&self) -> Option<i64> {
-        let work = |until: i64| -> i64 {
-            self.all().map(|task| task.releases(Opening::Worst, until, false) * task.cost()).sum()
-        };
-        let length = settle(1, work)?;
+        let length = settle(1, |until| {
+            self.all().map(|task| task.releases(Opening::Worst, until) * task.cost()).sum()
+        })?;
         let shortest = self.all().map(|task| task.period).min()?;
         (length / shortest < MOST as i64).then_some(length)
+    }
+
+    /// Jobs of all tasks of the core: of those that can hold up the own one as `count` says, of others none.
+    fn jobs(&self, own: i64, count: impl Fn(&Demand) -> i64) -> Vec<i64> {
+        let mut jobs = vec![0; self.tasks.len()];
+        for other in &self.others {
+            jobs[*other] = count(&self.tasks[*other]);
+        }
+        jobs[self.index] = own;
+        jobs
+    }
+
+    fn work(&self, count: impl Fn(&Demand) -> i64) -> i64 {
+        self.others.iter().map(|other| &self.tasks[*other]).map(|other| count(other) * other.cost()).sum()
     }
 
     /// When the stages of a job end that is due at `due`, in a window in which `before` jobs of its own task run first.
     /// By stage: the time, and the jobs that ran before it, by task.
     pub(super) fn run(&self, opening: Opening, due: i64, before: i64) -> Option<Vec<(i64, Vec<i64>)>> {
         let own = self.own();
-        let cost = |task: &usize| self.tasks[*task].cost();
         let start = opening.time();
-        let mut joins = (due + own.queue).max(start);
+        let mut joins = due + own.queue;
         let mut work = 0;
         let mut ends = Vec::with_capacity(own.stages.len());
-        for (stage, stage_cost) in own.stages.iter().enumerate() {
-            work += stage_cost;
-            // The next job's first stages may run between the stages of this one.
-            let following = |until: i64| match stage {
+        for (stage, cost) in own.stages.iter().enumerate() {
+            work += cost;
+            // the first stages of later jobs may run between the stages of this one, if it is not through before them
+            let later = |until: i64| match stage {
                 0 => 0,
-                _ if own.orderly => floor_div(until - due, own.period).max(0),
                 _ => (ceil_div(until - due, own.period) - 1).max(0),
             };
-            let ahead: i64 = self
-                .equal
-                .iter()
-                .map(|task| self.tasks[*task].releases(opening, joins, true) * cost(task))
-                .sum();
-            let own_jobs = |until: i64| before + following(if own.orderly { joins } else { until });
+            let count = |other: &Demand, until: i64| {
+                let waits = other.priority == own.priority && other.orderly;
+                match opening {
+                    Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
+                    _ => other.releases(opening, until),
+                }
+            };
             let end = settle(start + 1, |until| {
-                let above: i64 = self
-                    .higher
-                    .iter()
-                    .map(|task| self.tasks[*task].releases(opening, until, false) * cost(task))
-                    .sum();
-                start + work + ahead + above + own_jobs(until) * own.cost()
+                let others = self.work(|other| count(other, until));
+                start + work + others + (before + later(until)) * own.cost()
             })?;
-            let mut jobs = vec![0; self.tasks.len()];
-            for task in &self.higher {
-                jobs[*task] = self.tasks[*task].releases(opening, end.max(start + 1), false);
-            }
-            for task in &self.equal {
-                jobs[*task] = self.tasks[*task].releases(opening, joins, true);
-            }
-            jobs[self.index] = own_jobs(end);
-            ends.push((end, jobs));
+            let until = end.max(start + 1);
+            ends.push((end, self.jobs(before + later(end), |other| count(other, until))));
             joins = joins.max(end);
         }
         Some(ends)
@@ -258,64 +241,37 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let longest = level.longest()?;
-    // the times at which the job may be due that can be worst: as the window opens or a number of periods later, or so
-    // that it joins the queue just behind one of its equals
-    let mut due: Vec<i64> = multiples(-own.late(), own.period, longest)?;
-    for task in &level.equal {
-        let other = &tasks[*task];
-        due.extend(multiples(-other.late() - own.queue, other.period, longest)?);
-    }
-    due.retain(|due| *due >= -own.late());
-    due.sort_unstable();
-    due.dedup();
-    if due.len() > MOST {
-        return None;
-    }
     let mut bounds = vec![None; own.stages.len()];
-    for due in due {
-        let before = floor_div(due + own.late(), own.period);
+    // every job of the task that may be released in the window
+    for before in 0.. {
+        let due = before * own.period - own.late();
+        if due >= longest {
+            break;
+        }
         let ends = level.run(Opening::Worst, due, before)?;
         keep_worst(&mut bounds, Opening::Worst, due, ends);
     }
     bounds.into_iter().collect()
 }
 
-/// `first + n * step` before `end`, for n from 0.
-fn multiples(first: i64, step: i64, end: i64) -> Option<Vec<i64>> {
-    let count = ceil_div(end - first, step).max(0);
-    (count <= MOST as i64).then(|| (0..count).map(|n| first + n * step).collect())
-}
-
-/// Bound of the time from the end of the first stage of a job to the end of each of its stages.
+/// Bound of the time from the end of the first stage of a job to the end of each of its stages, for a task that is
+/// through before it is due again.
 ///
 /// As the first stage ends nobody more urgent is waiting. Equals that are still ahead joined the queue after the job
 /// did: `queued` is the longest time from then to the end of the first stage.
 pub(super) fn after_first_stage(tasks: &[Demand], index: usize, queued: i64) -> Option<Vec<Sum>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
-    if !own.orderly {
-        return None;
-    }
     let mut bounds = vec![Sum { total: 0, jobs: vec![0; tasks.len()], elapsed: 0 }];
-    let (mut joins, mut work) = (0, 0);
+    let mut work = 0;
     for cost in own.stages.iter().skip(1) {
         work += cost;
-        let releases = |task: &usize, until: i64| {
-            let task = &tasks[*task];
-            match (task.priority > own.priority, task.orderly) {
-                (true, _) => task.releases(Opening::Worst, until, false),
-                (false, true) => task.releases(Opening::Worst, queued + joins, true),
-                (false, false) => task.releases(Opening::Worst, queued + until, true),
-            }
+        let count = |other: &Demand, until: i64| {
+            let since = if other.priority > own.priority { 0 } else { queued };
+            other.releases(Opening::Worst, since + until)
         };
-        let others = || level.higher.iter().chain(&level.equal);
-        let end = settle(1, |until| {
-            work + others().map(|task| releases(task, until) * tasks[*task].cost()).sum::<i64>()
-        })?;
-        let mut jobs = vec![0; tasks.len()];
-        others().for_each(|task| jobs[*task] = releases(task, end.max(1)));
-        bounds.push(Sum { total: end, jobs, elapsed: 0 });
-        joins = end;
+        let end = settle(1, |until| work + level.work(|other| count(other, until)))?;
+        bounds.push(Sum { total: end, jobs: level.jobs(0, |other| count(other, end.max(1))), elapsed: 0 });
     }
     Some(bounds)
 }

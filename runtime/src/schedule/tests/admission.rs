@@ -250,6 +250,15 @@ fn phases_keep_components_of_one_core_out_of_each_others_way() {
 }
 
 #[test]
+fn phases_of_a_component_that_may_leave_its_grid_count_for_nothing() {
+    let mut nodes = [node("a", KHZ, 300 * US), node("b", When::Every(1_000 * US, 500 * US), 300 * US)];
+    nodes[0].on_overrun = OnOverrun::Rephase;
+    let responses: Vec<_> =
+        check(&nodes, &[]).tasks.iter().map(|task| task.response_ns.unwrap() / US).collect();
+    assert_eq!(responses, [706, 706]);
+}
+
+#[test]
 fn in_lockstep_nothing_has_a_deadline() {
     let mut plan = graph(&reach(900), 100 * US, &[(0, 3, 1)]);
     plan.clock = ClockKind::Lockstep;

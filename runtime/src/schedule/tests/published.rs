@@ -19,9 +19,8 @@ fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {
     set.iter().enumerate().map(demand).collect()
 }
 
-fn responses(mut tasks: Vec<Demand>) -> Vec<Option<i64>> {
-    let bounds = on_core(&mut tasks);
-    bounds.into_iter().map(|stages| Some(stages?[0].finish.total)).collect()
+fn responses(tasks: Vec<Demand>) -> Vec<Option<i64>> {
+    on_core(tasks).into_iter().map(|stages| Some(stages?[0].finish.total)).collect()
 }
 
 fn of(set: &[(i64, i64)]) -> Vec<Option<i64>> {
@@ -74,18 +73,42 @@ fn a_fast_task_waits_for_a_slow_one_of_its_own_priority_but_not_below_it() {
 }
 
 #[test]
+fn who_joins_the_queue_later_waits_however_equal_it_is() {
+    let mut equals = tasks(&[(5, 100), (5, 100)]);
+    equals[1].priority = equals[0].priority;
+    assert_eq!(responses(equals.clone()), [Some(10), Some(10)]);
+    (equals[0].offset, equals[1].offset) = (Some(0), Some(2));
+    assert_eq!(responses(equals.clone()), [Some(5), Some(8)]);
+    // unless the first may be woken so late that it joins behind
+    equals[0].queue = 2;
+    assert_eq!(responses(equals), [Some(10), Some(8)]);
+}
+
+#[test]
 fn phases_that_keep_tasks_apart_take_them_out_of_each_others_way() {
     let mut apart = tasks(&[(4, 10), (4, 10)]);
     assert_eq!(responses(apart.clone()), [Some(4), Some(8)]);
     (apart[0].offset, apart[1].offset) = (Some(0), Some(5));
     assert_eq!(responses(apart.clone()), [Some(4), Some(4)]);
     // unless one of them may come late
-    apart[0].jitter = Some(2);
-    apart[0].queue = 2;
+    (apart[0].jitter, apart[0].queue) = (Some(2), 2);
     assert_eq!(responses(apart.clone()), [Some(6), Some(5)]);
     // periods without a common grid meet sooner or later
     (apart[0].period, apart[0].jitter, apart[0].queue) = (9, Some(0), 0);
     assert_eq!(responses(apart)[1], Some(8));
+}
+
+#[test]
+fn who_is_released_again_before_it_is_through_does_not_go_back_to_the_end_of_the_queue() {
+    let mut equals = tasks(&[(3, 10), (1, 100)]);
+    equals[1].priority = equals[0].priority;
+    assert_eq!(responses(equals.clone())[1], Some(4));
+    // released late once, and then in time: both jobs run before the other task
+    (equals[0].jitter, equals[0].queue) = (Some(9), 9);
+    assert_eq!(responses(equals.clone())[1], Some(7));
+    // the same on one clock: due at 10 and released at 19, due and released at 20
+    (equals[0].offset, equals[1].offset) = (Some(0), Some(19));
+    assert_eq!(responses(equals)[1], Some(7));
 }
 
 /// Periods with shares of the core that satisfy `fits`, rate-monotonic.
@@ -127,8 +150,7 @@ proptest! {
         let mut worse = tasks(&set);
         let changed = changed % set.len();
         worse[changed].stages[0] += 1;
-        worse[changed].jitter = Some(jitter);
-        worse[changed].queue = jitter;
+        (worse[changed].jitter, worse[changed].queue) = (Some(jitter), jitter);
         for (before, after) in before.into_iter().zip(responses(worse)) {
             prop_assert!(after.is_none_or(|after| before.is_some_and(|before| before <= after)));
         }
