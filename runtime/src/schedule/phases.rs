@@ -7,7 +7,7 @@
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 
 /// Windows that are looked at for one task; with more, phases are left out of account.
-const MOST_WINDOWS: i64 = 50_000;
+const MOST_WINDOWS: i64 = 20_000;
 
 /// Bounds of all stages of a task, as the offsets say. `None` if there is no bound, or too much to look at.
 pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
