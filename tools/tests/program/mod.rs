@@ -43,8 +43,16 @@ pub(crate) fn complaint(arguments: &[&str]) -> String {
 /// The component that `motorium new` writes, built as an example of this crate.
 #[allow(dead_code, reason = "not every test runs a component")]
 pub(crate) fn component() -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_BIN_EXE_motorium"));
-    let path = folder.with_file_name("examples").join("new_component");
-    assert!(path.exists(), "{} is missing: cargo build -p motorium-tools --examples", path.display());
-    path
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_motorium"));
+    let profile = program.parent().expect("the program lies in its profile's folder");
+    let target = profile.parent().expect("which lies in the target folder");
+    // `cargo test` builds it as a test only; this takes a moment once, and nothing afterwards.
+    let mut build = Command::new(env!("CARGO"));
+    build.args(["build", "--quiet", "-p", "motorium-tools", "--example", "new_component", "--target-dir"]);
+    build.arg(target).current_dir(env!("CARGO_MANIFEST_DIR"));
+    if profile.ends_with("release") {
+        build.arg("--release");
+    }
+    assert!(build.status().expect("cargo starts").success(), "the example does not build");
+    profile.join("examples/new_component")
 }
