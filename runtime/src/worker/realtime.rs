@@ -2,15 +2,13 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::port::listener::Listener;
-
 use super::Failure;
 use super::grid::Grid;
 use super::stepper::{Stepper, Timing};
 use crate::component::Component;
 use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
-use crate::transport::Shared;
+use crate::transport::Trigger;
 
 /// Steps at `start + phase + n * period` until the run ends.
 pub(super) fn run_periodic<C: Component>(
@@ -65,14 +63,14 @@ fn wait_until<C: Component>(stepper: &Stepper<C>, release_ns: u64, spin_ns: u64)
 pub(super) fn run_triggered<C: Component>(
     stepper: &mut Stepper<C>,
     topic: usize,
-    listener: &Listener<Shared>,
+    trigger: &Trigger,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
     let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
     let mut last_end = 0;
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
-        let _ = listener.blocking_wait(|_| {});
+        trigger.wait();
         let wake_ns = monotonic_ns();
         if stepper.context().must_leave() {
             return Ok(());
