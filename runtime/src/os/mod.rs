@@ -10,4 +10,4 @@ mod wait;
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
 pub use process::{Watch, install_interrupt, interrupt_thread, thread_id};
 pub use realtime::{Applied, Denied, Request, apply, page_faults, prefault_stack, times_asleep};
-pub use wait::{futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};
+pub use wait::{current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

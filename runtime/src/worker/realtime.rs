@@ -2,8 +2,6 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::port::listener::Listener;
-
 use super::Failure;
 use super::grid::Grid;
 use super::margin::Margin;
@@ -11,7 +9,7 @@ use super::stepper::{Stepper, Timing};
 use crate::component::Component;
 use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
-use crate::transport::Shared;
+use crate::transport::Trigger;
 
 /// While spinning the clock is read every few ten nanoseconds; after a longer gap than this, ns, the thread was stopped.
 const STALL_NS: u64 = 10_000;
@@ -85,7 +83,7 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
 pub(super) fn run_triggered<C: Component>(
     stepper: &mut Stepper<C>,
     topic: usize,
-    listener: &Listener<Shared>,
+    trigger: &Trigger,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
     let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
@@ -93,7 +91,7 @@ pub(super) fn run_triggered<C: Component>(
     stepper.open_accounts();
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
-        let _ = listener.blocking_wait(|_| {});
+        trigger.wait();
         stepper.slept();
         let wake_ns = monotonic_ns();
         if stepper.context().must_leave() {
