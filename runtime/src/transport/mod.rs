@@ -5,6 +5,7 @@
 
 mod bell;
 mod domain;
+mod eager;
 mod exchange;
 mod input;
 mod observer;
@@ -27,8 +28,8 @@ pub use parameter::{AnyParameter, Parameter, ParameterError, ParameterTable};
 pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};
-pub(crate) use trigger::Waker;
 pub use trigger::Trigger;
+pub(crate) use trigger::Waker;
 pub use variant::Shared;
 
 /// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.

@@ -18,7 +18,7 @@ const SPIN_NS: u64 = 20_000;
 /// Looks in vain before it sleeps at once this many times, doubled with every further vain look up to the largest.
 const LARGEST_PAUSE: u32 = 64;
 
-/// The ringing side of a topic's wake-up.
+/// What wakes the components that a topic triggers.
 #[derive(Debug)]
 pub(crate) struct Waker(Bell);
 
@@ -41,12 +41,6 @@ impl Waker {
         Ok(Self(bell.map_err(|error| refused(&topic.name, "making its bell")(&error))?))
     }
 
-    /// Opens the bell of a topic.
-    pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let bell = Bell::open(&file(node, topic));
-        Ok(Self(bell.map_err(|error| refused(&topic.name, "opening its bell")(&error))?))
-    }
-
     /// Wakes all that wait.
     pub(crate) fn wake(&self) {
         self.0.ring();
@@ -55,8 +49,7 @@ impl Waker {
 
 impl Trigger {
     pub(super) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let bell = Bell::open(&file(node, topic));
-        let bell = bell.map_err(|error| refused(&topic.name, "opening its bell")(&error))?;
+        let bell = open_bell(node, topic)?;
         let heard = Cell::new(bell.rings());
         Ok(Self { bell, heard, patience: Patience::default() })
     }
@@ -120,6 +113,11 @@ impl Patience {
             self.pause.set(pause);
         }
     }
+}
+
+/// Opens the bell of a topic.
+pub(super) fn open_bell(node: &Node<Shared>, topic: &TopicPlan) -> Result<Bell, PortError> {
+    Bell::open(&file(node, topic)).map_err(|error| refused(&topic.name, "opening its bell")(&error))
 }
 
 /// The file of a topic's bell, in the folder of its domain.

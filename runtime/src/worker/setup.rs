@@ -13,7 +13,8 @@ use crate::run_folder::RunFolder;
 use crate::safety::CommandGuard;
 use crate::state::StateBuffer;
 use crate::transport::{
-    AnyParameter, Connect, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared, Trigger, open_trigger,
+    AnyParameter, Connect, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared, Trigger,
+    open_trigger,
 };
 
 /// Hands a component what it declared.
