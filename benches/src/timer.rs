@@ -5,7 +5,7 @@ use std::path::Path;
 use motorium::os::{Request, apply, monotonic_ns, prefault_stack, sleep_until};
 use motorium::plan::SchedulingClass;
 
-use crate::{Distribution, MeasureError};
+use crate::MeasureError;
 
 /// The period, ns: 1 kHz.
 const PERIOD_NS: u64 = 1_000_000;
@@ -15,12 +15,12 @@ const PERIOD_NS: u64 = 1_000_000;
 ///
 /// # Errors
 /// The thread died.
-pub fn timer(core: usize, fifo: u8, wake_ups: usize) -> Result<(Distribution, u32), MeasureError> {
+pub fn timer(core: usize, fifo: u8, wake_ups: usize) -> Result<(Vec<u64>, u32), MeasureError> {
     let measured = std::thread::scope(|scope| scope.spawn(|| timer_here(core, fifo, wake_ups)).join());
     measured.map_err(|_| MeasureError::system("measuring wake-ups", "the thread died"))
 }
 
-fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> (Distribution, u32) {
+fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> (Vec<u64>, u32) {
     let class = if fifo > 0 { SchedulingClass::Fifo(fifo) } else { SchedulingClass::Normal };
     let (applied, _) = apply(&Request { class, cores: vec![core], lock_memory: false });
     prefault_stack();
@@ -33,11 +33,11 @@ fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> (Distribution, u32) {
         // The releases a long delay has swallowed are not waited for: they would count as on time.
         deadline += (*late / PERIOD_NS + 1) * PERIOD_NS;
     }
-    (Distribution::of(late), u32::from(applied.fifo_priority))
+    (late, u32::from(applied.fifo_priority))
 }
 
 /// What one look at the clock costs, ns: part of every sample of a hop.
-pub fn clock() -> Distribution {
+pub fn clock() -> Vec<u64> {
     const LOOKS: u64 = 100;
     let mean = |_| {
         let start = monotonic_ns();
@@ -46,7 +46,7 @@ pub fn clock() -> Distribution {
         }
         (monotonic_ns() - start) / LOOKS
     };
-    Distribution::of((0..2_000).map(mean).collect())
+    (0..2_000).map(mean).collect()
 }
 
 /// The places of the measurements: the core of real-time work, and another one if there is any.

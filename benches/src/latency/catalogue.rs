@@ -1,9 +1,9 @@
 //! Everything that is measured, by name.
 
-use super::Bench;
+use super::{Bench, Samples};
 use crate::graphs::{self, Ran};
 use crate::pair::{self, Carrier, Throw};
-use crate::{Distribution, MeasureError, timer};
+use crate::{MeasureError, timer};
 
 /// One thing to measure.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,6 +16,8 @@ pub struct Case {
     pub loaded: bool,
     /// Whether `--quick` has it too.
     pub quick: bool,
+    /// Cases of one group are compared with each other: they take turns, a slice each.
+    pub group: Option<&'static str>,
     kind: Kind,
 }
 
@@ -34,12 +36,21 @@ enum Kind {
 /// Time between two round trips of a paced throw, ns: the receiver sleeps deeply.
 const PACE_NS: u64 = 1_000_000;
 
+/// What is compared with what.
+const GROUPS: &[(&str, &[&str])] = &[
+    ("polling across cores", &["floor.cache-line", "hop.polling.across.512"]),
+    ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
+    ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
+    ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
+];
+
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
     use Carrier::{Blocking, CacheLine, Futex, Polling, Stock};
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
-        cases.push(Case { name, what, loaded: false, quick, kind });
+        let group = GROUPS.iter().find(|(_, names)| names.contains(&name.as_str())).map(|(group, _)| *group);
+        cases.push(Case { name, what, loaded: false, quick, group, kind });
     };
     let throw = |carrier, across, bytes, paced| Kind::Throw { carrier, across, bytes, paced };
     let words = |across| if across { ("across", "across cores") } else { ("same", "on one core") };
@@ -103,6 +114,7 @@ pub fn catalogue() -> Vec<Case> {
             what: format!("{}, under load", case.what),
             loaded: true,
             quick: false,
+            group: None,
             ..case
         }));
     }
@@ -124,11 +136,14 @@ impl Case {
     }
 
     /// Measures it: all samples, and the priority that was granted.
-    pub(super) fn run(&self, bench: &Bench<'_>) -> Result<(Distribution, u32), MeasureError> {
+    pub(super) fn run(&self, bench: &Bench<'_>) -> Result<(Samples, u32), MeasureError> {
         let core = bench.places.realtime;
         match &self.kind {
-            Kind::Clock => Ok((timer::clock(), 0)),
-            Kind::Timer => timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize),
+            Kind::Clock => Ok((Samples::All(timer::clock()), 0)),
+            Kind::Timer => {
+                let (late, fifo) = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
+                Ok((Samples::All(late), fifo))
+            }
             Kind::Throw { carrier, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
                 let samples = bench.samples;
@@ -148,11 +163,11 @@ impl Case {
                     pace_ns: if *paced { PACE_NS } else { 0 },
                 };
                 let thrown = pair::measure(&bench.program, bench.registry, &throw)?;
-                Ok((thrown.hop, thrown.fifo))
+                Ok((Samples::All(thrown.samples), thrown.fifo))
             }
             Kind::Release { rate_hz } => {
                 let ran = bench.launch(graphs::release(*rate_hz, bench.seconds, core))?;
-                Ok((ran.lateness.first().cloned().unwrap_or_default(), ran.fifo()))
+                Ok((Samples::Histogram(ran.lateness.first().cloned().unwrap_or_default()), ran.fifo()))
             }
             Kind::Chain { processes } => {
                 way(&bench.launch(graphs::chain(*processes, bench.seconds, core))?, "tail")
@@ -162,12 +177,12 @@ impl Case {
                 let ran = bench.launch(graphs::fan_out(*readers, bench.seconds, core))?;
                 let tails = (1..=*readers).map(|i| way(&ran, &format!("tail-{i}")));
                 let tails: Vec<_> = tails.collect::<Result<_, _>>()?;
-                let last = tails.into_iter().max_by_key(|(seen, _)| seen.p50);
+                let last = tails.into_iter().max_by_key(|(seen, _)| seen.p50());
                 last.ok_or_else(|| MeasureError::Ended("nobody read".to_string()))
             }
             Kind::Panda => {
                 let ran = bench.launch(graphs::panda(bench.seconds))?;
-                Ok((ran.latencies.first().cloned().unwrap_or_default(), ran.fifo()))
+                Ok((Samples::Histogram(ran.latencies.first().cloned().unwrap_or_default()), ran.fifo()))
             }
         }
     }
@@ -180,9 +195,10 @@ impl Bench<'_> {
 }
 
 /// From the head of a chain to the payload read by a relay.
-fn way(ran: &Ran, relay: &str) -> Result<(Distribution, u32), MeasureError> {
+fn way(ran: &Ran, relay: &str) -> Result<(Samples, u32), MeasureError> {
     let seen = ran.relayed(relay, "way_ns");
-    Ok((seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?, ran.fifo()))
+    let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;
+    Ok((Samples::Histogram(seen), ran.fifo()))
 }
 
 #[cfg(test)]

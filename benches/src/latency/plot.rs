@@ -128,6 +128,7 @@ mod tests {
             ns: Distribution::of(samples),
             fifo: 0,
             host: HostShare::default(),
+            slices_p50: Vec::new(),
         }
     }
 

@@ -144,8 +144,14 @@ impl Seen<'_> {
         self.0.iter().find(|measurement| measurement.name == name)
     }
 
+    /// The ratio of two medians: the median over their turns, where they took turns.
     fn ratio(&self, of: &str, to: &str) -> Option<f64> {
-        Some(self.get(of)?.ns.p50 as f64 / self.get(to)?.ns.p50.max(1) as f64)
+        let (of, to) = (self.get(of)?, self.get(to)?);
+        let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
+        let turns = of.slices_p50.iter().zip(&to.slices_p50).map(|(of, to)| ratio(*of, *to));
+        let mut turns: Vec<f64> = turns.collect();
+        turns.sort_by(f64::total_cmp);
+        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| ratio(of.ns.p50, to.ns.p50)))
     }
 
     /// What a worker adds to a hop: a chain of 8 is 7 hops, each with one step that reads and writes a payload, as the
@@ -196,6 +202,7 @@ mod tests {
             ns: Distribution { count: 1_000, p50, p99, p99_9, max: p99_9, ..Distribution::default() },
             fifo: 80,
             host: HostShare { seconds: 2.0, steal_ms: 40.0, steal_share: 0.01 },
+            slices_p50: Vec::new(),
         }
     }
 
@@ -213,6 +220,17 @@ mod tests {
         let bad = [measured("hop.blocking.same.512", 1_260, 0, 0), measured("floor.futex.same", 1_000, 0, 0)];
         let table = targets(&bad);
         assert_eq!(find(&table, "raw futex hand-off").verdict, Verdict::Missed);
+    }
+
+    #[test]
+    fn what_took_turns_is_compared_turn_by_turn() {
+        let mut hop = measured("hop.polling.across.512", 700, 0, 0);
+        let mut floor = measured("floor.cache-line", 280, 0, 0);
+        // The host moved the cores apart after the first turn: ratios of 3, 2, 2 and not 700 to 280.
+        hop.slices_p50 = vec![180, 560, 700];
+        floor.slices_p50 = vec![60, 280, 350];
+        let table = targets(&[hop, floor]);
+        assert_eq!(find(&table, "cache-line").measured, Some(2.0));
     }
 
     #[test]

@@ -76,11 +76,17 @@ impl Latency {
             targets: Vec::new(),
         };
         anstream::println!("{}", table::header());
-        for case in &cases {
-            match bench.measure(case) {
-                Ok(measurement) => keep(&mut written.measurements, measurement),
-                Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
-                Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
+        for turns in cases.chunk_by(|one, next| one.group.is_some() && one.group == next.group) {
+            let measured = match turns {
+                [case] => vec![bench.measure(case)],
+                cases => bench.measure_in_turns(cases),
+            };
+            for (case, measured) in turns.iter().zip(measured) {
+                match measured {
+                    Ok(measurement) => keep(&mut written.measurements, measurement),
+                    Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
+                    Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
+                }
             }
         }
         if self.peers {
@@ -103,7 +109,7 @@ impl Latency {
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// What to measure, in the order of the catalogue.
+    /// What to measure, in the order of the catalogue, those that are compared with each other side by side.
     fn choose(&self) -> anyhow::Result<Vec<Case>> {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
@@ -114,7 +120,19 @@ impl Latency {
             [] => case.quick || !self.quick,
             words => words.iter().any(|word| case.is_meant_by(word)),
         };
-        Ok(all.into_iter().filter(meant).collect())
+        let mut cases: Vec<Case> = all.into_iter().filter(meant).collect();
+        let firsts: Vec<usize> = cases
+            .iter()
+            .enumerate()
+            .map(|(i, case)| {
+                let first = cases.iter().position(|first| first.group == case.group);
+                if case.group.is_some() { first.unwrap_or(i) } else { i }
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..cases.len()).collect();
+        order.sort_by_key(|i| firsts[*i]);
+        cases = order.into_iter().map(|i| cases[i].clone()).collect();
+        Ok(cases)
     }
 }
 

@@ -38,7 +38,14 @@ pub(super) fn measure() -> (Vec<Measurement>, Vec<Skipped>) {
         match serde_json::from_str(line) {
             Ok(Line::Measured { name, what, samples_ns }) => {
                 let ns = Distribution::of(samples_ns);
-                found.0.push(Measurement { name: format!("peer.{name}"), what, ns, fifo: 0, host });
+                found.0.push(Measurement {
+                    name: format!("peer.{name}"),
+                    what,
+                    ns,
+                    fifo: 0,
+                    host,
+                    slices_p50: Vec::new(),
+                });
             }
             Ok(Line::Skipped { name, skipped }) => {
                 found.1.push(Skipped { name: format!("peer.{name}"), reason: skipped });

@@ -99,6 +99,7 @@ mod tests {
             },
             fifo: 80,
             host: HostShare { seconds: 1.0, steal_ms: 20.0, steal_share: 0.01 },
+            slices_p50: Vec::new(),
         }
     }
 
