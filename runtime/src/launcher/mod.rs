@@ -32,7 +32,7 @@ use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicSe
 use child::Child;
 
 pub use event::Event;
-pub use report::{ComponentReport, Exit, LatencyReport, REPORT_VERSION, Report};
+pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
 pub use status::{ComponentStatus, Status};
 
 /// How to launch.

@@ -116,7 +116,7 @@ impl Seat {
             return Ok(Input::unwired(self.context.clone()));
         };
         let topic = (topic, &self.plan.topics[topic]);
-        Ok(Input::open(&self.node, topic, port, false, self.context.clone())?)
+        Ok(Input::open(&self.node, topic, port, false, None, self.context.clone())?)
     }
 
     /// Opens an output of the component.

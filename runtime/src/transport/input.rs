@@ -38,6 +38,8 @@ pub struct Input<T: StateBuffer> {
     heard: u32,
     /// Where the publisher counts the places of its samples from, in the memory of this process.
     base: usize,
+    /// Index of the edge from the topic to this component.
+    edge: Option<usize>,
 }
 
 /// A sample, borrowed from shared memory.
@@ -81,6 +83,7 @@ impl<T: StateBuffer> Input<T> {
             bell: None,
             heard: 0,
             base: 0,
+            edge: None,
         }
     }
 
@@ -89,6 +92,7 @@ impl<T: StateBuffer> Input<T> {
         topic: (usize, &TopicPlan),
         port: &str,
         is_cause: bool,
+        edge: Option<usize>,
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
@@ -98,7 +102,14 @@ impl<T: StateBuffer> Input<T> {
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
         let bell = if context.is_lockstep() { None } else { Some(open_bell(node, topic)?) };
-        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, stream, bell, ..Self::unwired(context) })
+        Ok(Self {
+            subscriber: Some(Rc::new(subscriber)),
+            is_cause,
+            stream,
+            edge,
+            bell,
+            ..Self::unwired(context)
+        })
     }
 
     /// What must be connected before the first step.
@@ -195,6 +206,10 @@ impl<T: StateBuffer> Input<T> {
             }
         }
         (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
+        if let Some(edge) = self.edge {
+            let age = self.context.now_ns().saturating_sub(stamp.publish_time);
+            self.context.region().edges()[edge].age.record(age);
+        }
         true
     }
 

@@ -95,8 +95,9 @@ impl Setup {
         same_type::<T>(plan)?;
         let Some(topic) = plan.topic else { return Ok(Input::unwired(self.context.clone())) };
         let is_cause = component.cause == Some(index);
+        let edge = self.plan.edges().iter().position(|edge| *edge == (topic, self.index));
         let topic = (topic, &self.plan.topics[topic]);
-        let input = Input::<T>::open(&self.node, topic, port, is_cause, self.context.clone())?;
+        let input = Input::<T>::open(&self.node, topic, port, is_cause, edge, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
     }
