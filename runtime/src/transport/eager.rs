@@ -7,6 +7,7 @@
 
 #![allow(unsafe_code)] // prefetching; and functions of a foreign trait that are unsafe are passed on
 
+use core::cell::Cell;
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
 use core::ptr::NonNull;
@@ -29,6 +30,42 @@ use iceoryx2_cal::named_concept::{
 const LINE: usize = 64;
 /// Bytes behind the fixed part that hold the queues of a topic with few readers.
 const QUEUES: usize = 256;
+
+/// So many connections that a thread sends over are known to it.
+const KNOWN: usize = 4;
+
+thread_local! {
+    static LEARNS: Cell<bool> = const { Cell::new(false) };
+    /// Where the queues lie that this thread sends over; 0 for none.
+    static SENT_OVER: [Cell<usize>; KNOWN] = const { [const { Cell::new(0) }; KNOWN] };
+}
+
+/// Notes over which connections a call sends, for [`fetch_sent_over`].
+pub(super) fn learn<R>(send: impl FnOnce() -> R) -> R {
+    LEARNS.set(true);
+    let result = send();
+    LEARNS.set(false);
+    result
+}
+
+fn note(queues: usize) {
+    SENT_OVER.with(|known| {
+        if known.iter().all(|known| known.get() != queues) {
+            (1..KNOWN).rev().for_each(|i| known[i].set(known[i - 1].get()));
+            known[0].set(queues);
+        }
+    });
+}
+
+/// Asks for the queues that this thread is going to send over, while it waits for what it reads. Connections that are
+/// gone are asked for in vain, which costs nothing and does nothing.
+pub(super) fn fetch_sent_over() {
+    SENT_OVER.with(|known| {
+        for queues in known.iter().map(Cell::get).take_while(|queues| *queues != 0) {
+            fetch_to_write(queues, QUEUES);
+        }
+    });
+}
 
 /// Asks the processor for the cache lines of a range, to be written to soon. A hint: any address may be named.
 pub(super) fn fetch_to_write(address: usize, bytes: usize) {
@@ -58,7 +95,7 @@ pub(super) fn fetch_to_read(address: usize, bytes: usize) {
 
 fn lines(address: usize, bytes: usize, each: impl Fn(usize)) {
     let first = address / LINE;
-    let last = address.wrapping_add(bytes.max(1) - 1) / LINE;
+    let last = address.saturating_add(bytes.max(1) - 1) / LINE;
     (first..=last).for_each(|line| each(line * LINE));
 }
 
@@ -138,7 +175,11 @@ impl<T: Send + Sync + Debug + ZeroCopySend + 'static> DynamicStorage<T> for Eage
     fn get(&self) -> &T {
         let value = self.0.get();
         // The value itself is written once; what both sides write to lies behind it.
-        fetch_to_write(core::ptr::from_ref(value) as usize + size_of::<T>(), QUEUES);
+        let queues = core::ptr::from_ref(value) as usize + size_of::<T>();
+        fetch_to_write(queues, QUEUES);
+        if LEARNS.get() {
+            note(queues);
+        }
         value
     }
 
@@ -204,5 +245,35 @@ impl<'builder, T: Send + Sync + Debug + ZeroCopySend + 'static> DynamicStorageBu
 
     fn open_or_create(self) -> Result<Eager<T>, DynamicStorageOpenOrCreateError> {
         self.0.open_or_create().map(Eager)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_knows_the_connections_it_sent_over_last_each_once() {
+        [10, 20, 20, 10, 30, 40, 50].into_iter().for_each(note);
+        let known = SENT_OVER.with(|known| known.iter().map(Cell::get).collect::<Vec<_>>());
+        assert_eq!(known, [50, 40, 30, 20]);
+        fetch_sent_over();
+    }
+
+    #[test]
+    fn a_range_is_all_the_lines_it_touches_and_any_address_may_be_named() {
+        let touched = |address, bytes| {
+            let seen = Cell::new((usize::MAX, 0, 0));
+            lines(address, bytes, |line| {
+                let (first, _, count) = seen.get();
+                seen.set((first.min(line), line, count + 1));
+            });
+            seen.get()
+        };
+        assert_eq!(touched(128, 64), (128, 128, 1));
+        assert_eq!(touched(120, 16), (64, 128, 2));
+        assert_eq!(touched(64, 0), (64, 64, 1));
+        fetch_to_read(0, 1_000);
+        fetch_to_write(usize::MAX - 10, 8);
     }
 }

@@ -9,7 +9,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample::Sample;
 
 use super::bell::Bell;
-use super::eager::fetch_to_read;
+use super::eager::{fetch_sent_over, fetch_to_read};
 use super::output::FETCHED;
 use super::topic::{open, refused};
 use super::trigger::open_bell;
@@ -131,24 +131,32 @@ impl<T: StateBuffer> Input<T> {
 
     /// The newest valid sample, if there ever was one; it is read in place, nothing is copied.
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
-        let place = self.fetch();
+        let (place, published) = self.fetch();
         while let Some(sample) = self.receive() {
+            let stamp = sample.user_header();
+            let next = (stamp.origin, stamp.incarnation) == self.last_origin
+                && stamp.sequence == self.last_sequence.wrapping_add(1);
             if self.admit(&sample) {
                 let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
                 self.base = address.wrapping_sub(place);
                 self.current = Some(sample);
+                if next && published == 1 {
+                    // The one publication since the last look: there is nothing more to look for.
+                    break;
+                }
             }
         }
         self.reading()
     }
 
     /// Has the newest sample on its way from the publisher's core while the queue is asked for it. Only a hint: the
-    /// queue decides what is read. Returns its place.
-    fn fetch(&mut self) -> usize {
-        let Some(bell) = &self.bell else { return 0 };
+    /// queue decides what is read. Returns its place, and the publications since the last look; 0 in lockstep.
+    fn fetch(&mut self) -> (usize, u32) {
+        let Some(bell) = &self.bell else { return (0, 0) };
         let rings = bell.rings();
         let place = bell.place() as usize;
-        if rings != self.heard {
+        let published = rings.wrapping_sub(self.heard);
+        if published > 0 {
             self.heard = rings;
             if self.base != 0 {
                 // The two headers lie before the payload.
@@ -156,8 +164,9 @@ impl<T: StateBuffer> Input<T> {
                 let bytes = headers + size_of::<T>().min(FETCHED);
                 fetch_to_read(self.base.wrapping_add(place).wrapping_sub(headers), bytes);
             }
+            fetch_sent_over();
         }
-        place
+        (place, published)
     }
 
     /// The next valid sample of a stream, in order, if there is one that has not been read.

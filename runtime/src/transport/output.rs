@@ -11,7 +11,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
 
 use super::bell::Bell;
-use super::eager::fetch_to_write;
+use super::eager::{fetch_to_write, learn};
 use super::topic::{open, refused};
 use super::trigger::open_bell;
 use super::{PortError, Shared};
@@ -23,6 +23,8 @@ use crate::worker::Context;
 
 /// So much of a sample is fetched ahead, bytes: beyond, the processor sees the pattern itself.
 pub(super) const FETCHED: usize = 1024;
+/// How often an output learns over which connections it sends: readers come and go.
+const RELEARNT: u64 = 64;
 /// So many places of samples are remembered.
 const TURNS: usize = 8;
 
@@ -201,9 +203,8 @@ impl<T: StateBuffer> Loan<'_, T> {
             sample.payload().digest(&mut wired.digest);
             block.digest.store(wired.digest.finish(), Relaxed);
         }
-        sample
-            .send()
-            .map_err(|_| StepError::Transport { port: output.port, reason: "the sample was not sent" })?;
+        let sent = if output.sequence % RELEARNT == 1 { learn(|| sample.send()) } else { sample.send() };
+        sent.map_err(|_| StepError::Transport { port: output.port, reason: "the sample was not sent" })?;
         add(&block.published, 1);
         block.last_publish_ns.store(now, Relaxed);
         for probe in &wired.probes {
