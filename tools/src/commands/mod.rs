@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+mod bench;
 mod calibrate;
 mod check;
 mod completions;
@@ -38,6 +39,7 @@ enum Command {
     Graph(draw::Draw),
     Topic(topic::Topic),
     Param(param::Param),
+    Bench(bench::Bench),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     New(new::New),
@@ -54,6 +56,7 @@ impl Cli {
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
+            Some(Command::Bench(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::New(command)) => command.run(),

@@ -7,6 +7,7 @@ use motorium::component::Registry;
 use motorium::launcher::Report;
 use motorium::plan::{Activation, Plan};
 use motorium::schedule::Overheads;
+use motorium_benches::Distribution;
 use motorium_benches::pair::{self, Carrier, Throw};
 
 use crate::commands::doctor::measure_wake_up;
@@ -42,11 +43,11 @@ pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> an
             warm_up: 1_000,
             pace_ns,
         };
-        pair::measure(program, registry, &throw)
+        anyhow::Ok(Distribution::of(pair::measure(program, registry, &throw)?.samples))
     };
-    let same = hop([last, last], 0, 20_000)?.hop;
+    let same = hop([last, last], 0, 20_000)?;
     // between sparse hand-overs the other core goes idle, as it does in a graph
-    let cross = if first == last { None } else { Some(hop([last, first], 500_000, 3_000)?.hop) };
+    let cross = if first == last { None } else { Some(hop([last, first], 500_000, 3_000)?) };
     Ok(Floor {
         wake_ns,
         hop_same_core_p50_ns: same.p50,
