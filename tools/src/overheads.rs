@@ -27,9 +27,18 @@ impl Machine {
         Self {
             kernel: format!("{} {}", text(system.release()), text(system.version())),
             processor: model.map_or_else(|| text(system.machine()), |(_, model)| model.trim().to_string()),
-            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            cores: online_cores(),
         }
     }
+}
+
+/// Cores of the machine, whichever of them this thread may use.
+fn online_cores() -> usize {
+    let stat = std::fs::read_to_string("/proc/stat").unwrap_or_default();
+    let is_core = |line: &&str| {
+        line.strip_prefix("cpu").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+    };
+    stat.lines().filter(is_core).count()
 }
 
 /// What the file holds.

@@ -29,7 +29,7 @@ pub(super) struct Floor {
 /// Measures the machine: how late it wakes a thread, and how long a hand-over takes.
 pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> anyhow::Result<Floor> {
     let defaults = Overheads::default();
-    let wake_ns = measure_wake_up(time).map_or(defaults.wake_ns, |late| late.p999);
+    let wake_ns = measure_wake_up(time).map_or(defaults.wake_ns, |late| late.p99);
     let cores = core_affinity();
     let last = cores.last().copied().unwrap_or(0);
     let first = cores.first().copied().unwrap_or(0);
