@@ -12,7 +12,7 @@ use crate::{exit, style};
 /// A robot and how to read it.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RobotArgs {
-    /// A name of the catalogue, a URDF file or a folder with one, or the name of an installed robot
+    /// A catalogue or installed robot, a URDF file, or a folder with one
     #[arg(value_name = "ROBOT")]
     pub(super) robot: String,
     /// Let the root link move freely, whatever its files say

@@ -18,10 +18,9 @@ use super::source::RobotArgs;
 use camera::{Camera, View};
 use pose::PoseArgs;
 
-/// Draw a robot in a pose as an SVG picture: its shapes, shaded, nearer ones before farther ones, and its frames.
+/// Draw a robot in a pose as an SVG picture: its shapes, shaded, and its frames.
 ///
-/// Shapes are those of the collision geometry, in the colours of the visuals. Links with meshes alone, or with no shape, are
-/// drawn as sticks from joint to joint.
+/// Shapes are those of the collision geometry; links that have none, or meshes, are sticks.
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]
@@ -30,10 +29,10 @@ pub(super) struct Draw {
     robot: RobotArgs,
     #[command(flatten)]
     pose: PoseArgs,
-    /// From where to look: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees (0,0 is in front, on the x axis)
+    /// From where to look: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
     #[arg(long, default_value = "-50,20", allow_hyphen_values = true)]
     view: View,
-    /// Which frames to draw as three arrows: x red, y green, z blue
+    /// Which frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
     #[arg(long, value_enum, default_value_t = Frames::Ends)]
     frames: Frames,
     /// Write the names of the frames beside them
@@ -45,8 +44,8 @@ pub(super) struct Draw {
     /// Leave out the ground and the shadow
     #[arg(long)]
     no_ground: bool,
-    /// Width and height of the picture
-    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", value_parser = size)]
+    /// Width and height of the picture [default: 640x640]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
     /// Where to write it; standard output if not given
     #[arg(long, short)]
@@ -55,13 +54,10 @@ pub(super) struct Draw {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Frames {
-    /// The root's, and those of end effectors, feet and rotors; without a profile those at the ends of the chains
+    // The root's, and those of end effectors, feet and rotors; without a profile those at the ends of the chains.
     Ends,
-    /// Every joint's
     Joints,
-    /// Every link's
     All,
-    /// None
     None,
 }
 

@@ -27,18 +27,20 @@ pub(super) fn svg(name: &str, scene: &Scene, marks: &Marks, camera: &Camera, gro
     if ground && camera.eye.z > 0.05 {
         self::ground(scene, camera, &mut text);
     }
-    let _ = writeln!(text, r#"<g stroke-width="0.6" stroke-linejoin="round">"#);
+    let _ = writeln!(
+        text,
+        r#"<g fill="currentColor" stroke="currentColor" stroke-width="0.6" stroke-linejoin="round">"#
+    );
     for face in back_to_front(scene.visible(&camera.eye), &camera.eye) {
         let colour = shade(&face, &camera.eye);
-        let _ =
-            writeln!(text, r#"<path d="{}" fill="{colour}" stroke="{colour}"/>"#, path(&face.points, camera));
+        let _ = writeln!(text, r#"<path color="{colour}" d="{}"/>"#, path(&face.points, camera));
     }
     text += "</g>\n";
     overlay(marks, camera, &mut text);
     text + "</svg>\n"
 }
 
-/// A grid under the robot, and its shadow, if all of it is above the plane z = 0.
+/// A grid under the robot, and its shadow, if all of it is above the plane z = 0, and not far.
 fn ground(scene: &Scene, camera: &Camera, text: &mut String) {
     let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
     for point in scene.points() {
@@ -46,7 +48,8 @@ fn ground(scene: &Scene, camera: &Camera, text: &mut String) {
         high = high.sup(&point);
     }
     let extent = (high - low).max();
-    if !extent.is_finite() || low.z < -0.02 * extent {
+    let near = (-0.02 * extent)..(0.5 * extent);
+    if !extent.is_finite() || !near.contains(&low.z) {
         return;
     }
     // Ten to thirty lines, a round number of metres apart.
@@ -99,12 +102,21 @@ fn hull(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     outline
 }
 
-/// The outline in the picture, to a tenth of a unit.
+/// The outline in the picture, to a tenth of a unit; steps after the first point, since they are shorter.
 fn path(points: &[Point3<f64>], camera: &Camera) -> String {
     let mut text = String::new();
-    for (index, point) in points.iter().enumerate() {
+    let mut last: Option<(i64, i64)> = None;
+    for point in points {
         let (x, y) = camera.project(point);
-        let _ = write!(text, "{}{x:.1} {y:.1}", if index == 0 { "M" } else { "L" });
+        // In tenths, so that rounding does not add up.
+        let (x, y) = ((10.0 * x).round() as i64, (10.0 * y).round() as i64);
+        let (letter, dx, dy) = match last {
+            None => ("M", x, y),
+            Some(last) if last == (x, y) => continue,
+            Some((x0, y0)) => ("l", x - x0, y - y0),
+        };
+        let _ = write!(text, "{letter}{} {}", dx as f64 / 10.0, dy as f64 / 10.0);
+        last = Some((x, y));
     }
     text + "Z"
 }

@@ -6,10 +6,10 @@ use motorium_robots::{BasePose, Loaded, Model};
 /// A pose, and joints and base set apart from it.
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::commands::robot) struct PoseArgs {
-    /// A pose of the profile; its home, or every joint at zero or in the middle of a range that excludes zero, if not given
+    /// A pose of the profile; its home if not given, zero without a profile
     #[arg(long)]
     pose: Option<String>,
-    /// Joint positions: one for every joint in order, or JOINT=POSITION for some; separated by commas
+    /// One position for every joint in order, or JOINT=POSITION for some; separated by commas
     #[arg(long, value_name = "POSITIONS", allow_hyphen_values = true)]
     q: Option<String>,
     /// Where a floating base is: x,y,z or x,y,z,roll,pitch,yaw

@@ -33,11 +33,15 @@ impl Scene {
         });
         let base = base.unwrap_or_else(Isometry3::identity);
         solids.extend(painter.paint(&model.base().world_shapes, Isometry3::identity(), 0));
-        solids.extend(painter.paint(&model.base().shapes, base, 0));
+        let shapes = painter.paint(&model.base().shapes, base, 0);
+        let bare_base =
+            shapes.is_empty() && (model.base().inertia.mass > 0.0 || !model.base().shapes.is_empty());
+        solids.extend(shapes);
         let mut bare = Vec::new();
         for (index, body) in model.bodies().iter().enumerate() {
             let shapes = painter.paint(&body.shapes, kinematics.body_pose(index), 1 + index % 2);
-            bare.push(shapes.is_empty());
+            // A link without shape and mass, as between the slides of a base, is nothing to see.
+            bare.push(shapes.is_empty() && (body.inertia.mass > 0.0 || !body.shapes.is_empty()));
             solids.extend(shapes);
         }
         let origin = |index: usize| Point3::from(kinematics.body_pose(index).translation.vector);
@@ -46,7 +50,7 @@ impl Scene {
             // The stick stands for the link above the joint.
             let (above, from) = match body.parent {
                 Some(parent) => (bare[parent], origin(parent)),
-                None => (solids.is_empty(), Point3::from(base.translation.vector)),
+                None => (bare_base, Point3::from(base.translation.vector)),
             };
             if above {
                 sticks.push((from, origin(index)));

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use comfy_table::CellAlignment;
-use motorium_robots::{Loaded, MimicMode};
+use motorium_robots::{JointKind, Loaded, MimicMode, Model};
 use serde_json::{Value, json};
 
 use super::facts::short;
@@ -148,10 +148,18 @@ fn mode(robot: &RobotArgs, document: &Value) -> anyhow::Result<MimicMode> {
         joints.iter().filter_map(|joint| joint.as_str().or_else(|| joint["name"].as_str())).any(mimics)
     });
     let first = states::cases(document)?.first().cloned().unwrap_or(json!({}));
-    let held = || match (&first["v"], &first["joint_positions"]) {
+    // A continuous joint may take one entry of q, or two.
+    let lengths = |model: &Model| {
+        let continuous = |index: &usize| model.joint(*index).kind == JointKind::Continuous;
+        let count = (0..model.joint_count()).filter(continuous).count();
+        [model.nq(), model.nq() + count]
+    };
+    let held = || match (&first["v"], &first["q"]) {
         (Value::Array(v), _) => v.len() == independent.model.nv(),
-        (_, Value::Object(named)) => named.keys().any(|name| mimics(name)),
-        _ => first["q"].as_array().is_none_or(|q| q.len() >= independent.model.nq()),
+        (_, Value::Array(q)) => {
+            lengths(&independent.model).contains(&q.len()) || !lengths(&follow.model).contains(&q.len())
+        }
+        _ => true,
     };
     Ok(if listed.unwrap_or_else(held) { MimicMode::Independent } else { MimicMode::Follow })
 }
