@@ -3,16 +3,19 @@
 
 use std::path::Path;
 
-use motorium_physics::{JointCommand, Options, Rapier, Simulator, World};
+use motorium_physics::{Ground, JointCommand, Options, Rapier, Simulator, World};
 use motorium_robots::{Loaded, catalogue, load};
 
 /// The robot at home, its drives holding it there; joints without drives are free.
 fn held(robot: &Loaded) -> (Rapier, Vec<f64>) {
+    held_in(robot, World::default())
+}
+
+fn held_in(robot: &Loaded, world: World) -> (Rapier, Vec<f64>) {
     let profile = robot.profile.as_ref().unwrap();
     let home = profile.home(&robot.model).unwrap().as_slice().to_vec();
     let gains = profile.gains(&robot.model).unwrap();
-    let mut simulation =
-        Rapier::new(robot.model.clone(), World::default(), &home, Options::default()).unwrap();
+    let mut simulation = Rapier::new(robot.model.clone(), world, &home, Options::default()).unwrap();
     for (index, command) in simulation.commands_mut().iter_mut().enumerate() {
         *command = JointCommand::hold(home[index], gains.kp[index], gains.kd[index]);
     }
@@ -77,4 +80,20 @@ fn every_drive_follows_its_setpoint() {
             );
         }
     }
+}
+
+#[test]
+fn the_planar_biped_stands_on_its_point_feet() {
+    let robot = load("planar-biped", Path::new(".")).unwrap();
+    let ground = Some(Ground { friction: 1.0, ..Ground::default() });
+    let (mut simulation, home) = held_in(&robot, World { ground, ..World::default() });
+    for _ in 0..1500 {
+        simulation.step(0.001).unwrap();
+    }
+    let at = |joint: &str| robot.model.joint_index(joint).unwrap();
+    for joint in ["base_x", "base_z", "base_pitch"] {
+        let moved = (simulation.positions()[at(joint)] - home[at(joint)]).abs();
+        assert!(moved < 0.08, "{joint} moved by {moved:.3}");
+    }
+    assert!(simulation.touching("left_shank", "ground") && simulation.touching("right_shank", "ground"));
 }

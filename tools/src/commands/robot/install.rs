@@ -10,7 +10,7 @@ use crate::style;
 
 /// Unpack a collection of robots into the user's data folder, where every command and graph finds them by name.
 ///
-/// `example-robot-data` is the collection that Pinocchio's examples use: about a hundred robots, most under BSD or Apache
+/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under BSD or Apache
 /// licences; some robots are not (each robot's README says which). It comes from PyPI by pip; nothing of it is executed.
 ///
 /// Example: motorium robot install example-robot-data
