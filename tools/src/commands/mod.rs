@@ -9,6 +9,7 @@ mod draw;
 mod loading;
 mod new;
 mod param;
+mod robot;
 mod run;
 mod runs;
 mod schema;
@@ -40,6 +41,7 @@ enum Command {
     Topic(topic::Topic),
     Param(param::Param),
     Bench(bench::Bench),
+    Robot(robot::Robot),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     New(new::New),
@@ -57,6 +59,7 @@ impl Cli {
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
+            Some(Command::Robot(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
