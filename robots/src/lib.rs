@@ -35,6 +35,7 @@ mod algebra;
 mod catalogue;
 mod configuration;
 mod dynamics;
+mod geometry;
 mod inverse_kinematics;
 mod kinematics;
 mod load;
@@ -48,6 +49,10 @@ pub use catalogue::{Entry, catalogue};
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
+};
+pub use geometry::{
+    CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
+    Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
 };
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics};
