@@ -18,6 +18,7 @@
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
 //! - Joint damping and friction are read but never part of a dynamics quantity here: they belong to who simulates them.
+//!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};
@@ -58,8 +59,8 @@ pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics
 pub use kinematics::{CentreOfMass, Kinematics};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
 pub use model::{
-    Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits,
-    Model, Shape, UnknownFrame,
+    AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
+    JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,
 };
 pub use profile::{EndEffector, Gains, Profile, ProfileError};
 pub use spatial::{Reference, Twist};
