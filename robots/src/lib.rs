@@ -40,6 +40,7 @@ mod geometry;
 mod inverse_kinematics;
 mod kinematics;
 mod load;
+mod mjcf;
 mod model;
 mod nearest;
 mod profile;
@@ -58,6 +59,7 @@ pub use geometry::{
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
+pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
     JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,

@@ -13,6 +13,8 @@ mod warning;
 
 use std::path::Path;
 
+pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
+
 pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
 pub use warning::ModelWarning;
