@@ -57,7 +57,7 @@ pub use geometry::{
     Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
 };
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
-pub use kinematics::{CentreOfMass, Kinematics};
+pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
 pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{

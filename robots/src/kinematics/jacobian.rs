@@ -203,7 +203,7 @@ impl Kinematics {
 
 /// What one unit of velocity of the joint does to `point`.
 #[inline(always)]
-fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
+pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     let axis = body.rotation.z;
     if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
 }

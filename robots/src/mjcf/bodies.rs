@@ -108,7 +108,15 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     }
     tree.check_exclusions(&attributes, root, &exclusions)?;
     let name = root.attribute("model").unwrap_or("MuJoCo Model").to_owned();
-    let Tree { base, mut bodies, frames, mut warnings, .. } = tree;
+    let Tree { mut base, mut bodies, frames, mut warnings, .. } = tree;
+    if let Some(total) = compiler.total_mass {
+        let inertias = || bodies.iter().map(|body| &body.inertia).chain([&base.inertia]);
+        let scale = total / inertias().map(|inertia| inertia.mass).sum::<f64>();
+        for inertia in bodies.iter_mut().map(|body| &mut body.inertia).chain([&mut base.inertia]) {
+            inertia.mass *= scale;
+            inertia.rotational *= scale;
+        }
+    }
     number_joints(&mut bodies);
     for body in &bodies {
         crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);

@@ -24,6 +24,8 @@ pub(super) struct Compiler {
     pub(super) auto_limits: bool,
     pub(super) from_geoms: FromGeoms,
     pub(super) mesh_folder: PathBuf,
+    /// What all bodies weigh together, if it is said \[kg\].
+    pub(super) total_mass: Option<f64>,
 }
 
 impl Compiler {
@@ -34,6 +36,7 @@ impl Compiler {
             auto_limits: true,
             from_geoms: FromGeoms::Missing,
             mesh_folder: PathBuf::new(),
+            total_mass: None,
         };
         for node in root.children().filter(|node| node.has_tag_name("compiler")) {
             for attribute in node.attributes() {
@@ -61,7 +64,11 @@ impl Compiler {
                     }
                     ("coordinate", "local") => {}
                     ("coordinate", _) => return refused("local coordinates alone are read"),
-                    ("boundmass" | "boundinertia" | "settotalmass", _) => {
+                    ("settotalmass", _) => {
+                        let total = attributes.parse(node, name, value, 1)?[0];
+                        compiler.total_mass = (total > 0.0).then_some(total);
+                    }
+                    ("boundmass" | "boundinertia", _) => {
                         if attributes.parse(node, name, value, 1)?[0] > 0.0 {
                             return refused("it changes inertias; write the changed ones out");
                         }

@@ -1,6 +1,6 @@
 //! MuJoCo's format, a well-defined part of it, into a [`Model`].
 //!
-//! Read: `<compiler>` (angle, eulerseq, autolimits, inertiafromgeom, meshdir, assetdir), `<default>` classes of joints,
+//! Read: `<compiler>` (angle, eulerseq, autolimits, inertiafromgeom, settotalmass, meshdir, assetdir), `<default>` classes of joints,
 //! geoms and meshes, `<asset><mesh file>`, the tree of `<body>` and `<frame>` with `<inertial>`, `<joint>` (hinge, slide,
 //! free), `<freejoint>`, `<geom>` (sphere, capsule, cylinder, box, mesh, and planes of the world), `<site>` as a frame,
 //! `<contact><exclude>`, and `<equality><joint>` of first order as a mimic joint.
