@@ -25,6 +25,16 @@ impl Dynamics {
     /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
     /// hand in a matrix of zeros once and the same one ever after.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
+        self.bodies_mass(model, q, out);
+        let program = model.program();
+        if program.geared {
+            program.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
+        }
+    }
+
+    /// The mass matrix without the rotors of the drives.
+    #[inline(always)]
+    fn bodies_mass(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         let n = model.nv();
         assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
         self.place(model, q);

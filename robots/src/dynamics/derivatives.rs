@@ -231,7 +231,7 @@ impl Dynamics {
         let column = node.column;
         by_q[column * n + column] += joint.dot(change_q);
         by_v[column * n + column] += joint.dot(change_v);
-        by_a[column * n + column] += joint.dot(weight);
+        by_a[column * n + column] += joint.dot(weight) + node.armature;
         let mut ancestor = node.parent;
         while ancestor != 0 {
             let above = &program.nodes[ancestor - 1];

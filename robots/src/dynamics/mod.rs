@@ -32,7 +32,8 @@ pub use regressor::PARAMETERS;
 /// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
 /// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the acceleration of
-/// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part.
+/// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part; rotors of
+/// drives count as an armature on the diagonal of the mass matrix, without gyroscopic effects.
 #[derive(Clone, Debug)]
 pub struct Dynamics {
     positions: Positions,

@@ -26,6 +26,8 @@ pub(crate) struct Node {
     pub(crate) place: usize,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
+    /// Rotor inertia as the column of `v` feels it.
+    pub(crate) armature: f64,
 }
 
 /// A frame, by the node it is fixed to.
@@ -47,6 +49,8 @@ pub(crate) struct Program {
     /// Inertia of the floating base about its origin; zero on a fixed base.
     pub(crate) base: RigidInertia,
     pub(crate) floating: bool,
+    /// Some joint has an armature.
+    pub(crate) geared: bool,
     /// Some joint follows another: columns of `v` belong to several joints.
     pub(crate) coupled: bool,
     /// Steps from the joints down to the base are so few that composites are cheaper in the bodies' own frames than in
@@ -92,6 +96,7 @@ impl Program {
                 place: q_start + joint.coordinate.index(),
                 multiplier: joint.coordinate.multiplier(),
                 offset: joint.coordinate.offset(),
+                armature: joint.drive.armature() * joint.coordinate.multiplier().powi(2),
             });
         }
         let mounts = frames
@@ -125,6 +130,7 @@ impl Program {
             mounts,
             base: if floating { rigid(&base.inertia, &Matrix3::identity()) } else { RigidInertia::ZERO },
             floating,
+            geared: nodes.iter().any(|node| node.armature != 0.0),
             coupled,
             chains,
             starts,
