@@ -12,7 +12,9 @@ pub(crate) fn registry() -> Registry {
             Kind::of::<motorium_physics::RapierPhysics>(),
             Kind::of::<motorium_sensors::JointEncoder>(),
             Kind::of::<motorium_control::QpController>(),
+            Kind::of::<motorium_policies::CpgPolicy>(),
             Kind::of::<motorium_policies::DmpPolicy>(),
+            Kind::of::<motorium_policies::ProMpPolicy>(),
             Kind::of::<motorium_interfaces::ConsoleLog>(),
         ],
     )
