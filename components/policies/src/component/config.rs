@@ -90,7 +90,7 @@ pub enum ShapeConfig {
     Primitive(StoredModel),
 }
 
-fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+pub(super) fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
     let text = String::deserialize(deserializer)?;
     let span: TimeSpan = text.parse().map_err(|error: motorium::graph::units::UnitError| {
         serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))

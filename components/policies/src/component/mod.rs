@@ -1,10 +1,16 @@
-//! `policy.dmp`: leads the hand of a robot through goals.
+//! `policy.dmp`: leads the hand of a robot through goals; `policy.promp` and `policy.cpg`: move its joints.
 
 mod config;
 mod course;
+mod cpg;
+mod drive;
 mod origin;
+mod promp;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+pub use cpg::{CpgPolicy, CpgPolicyConfig, LegConfig, SwingConfig};
+pub use drive::DriveConfig;
+pub use promp::{ProMpPolicy, ProMpPolicyConfig, ProMpSource, ViaConfig};
 
 use std::time::Duration;
 
