@@ -29,6 +29,7 @@
 
 pub mod component;
 pub mod dmp;
+pub mod library;
 pub mod reach;
 pub mod rotation;
 
