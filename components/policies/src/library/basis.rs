@@ -72,7 +72,7 @@ impl Basis {
 
     /// Weights of forces, one movement a column.
     pub fn weights(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
-        self.analysis.tr_mul(forces)
+        self.analysis.transpose() * forces
     }
 
     /// What the basis makes of forces, one movement a column.

@@ -72,7 +72,7 @@ pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLib
             row += library.rank();
         }
         let inner = left_singular(&stacked, keep.wanted(rows));
-        let weights = inner.vectors.tr_mul(&stacked);
+        let weights = inner.vectors.transpose() * &stacked;
         let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
         (LeftSingular { vectors: basis * &inner.vectors, ..inner }, weights, entries)
     } else {
@@ -110,7 +110,7 @@ pub fn merge_movements(libraries: &[&MotionLibrary], keep: Keep) -> Result<Motio
     let mut weights = DMatrix::zeros(found.values.len(), movements);
     let (mut column, mut entries) = (0, Vec::new());
     for library in libraries {
-        let turned = found.vectors.tr_mul(&library.parts().basis) * library.weights();
+        let turned = found.vectors.transpose() * &library.parts().basis * library.weights();
         weights.columns_mut(column, turned.ncols()).copy_from(&turned);
         column += turned.ncols();
         entries.extend_from_slice(library.entries());

@@ -139,7 +139,7 @@ impl MotionLibrary {
         if found.values.is_empty() {
             return Err(BuildError::Still);
         }
-        let weights = found.vectors.tr_mul(&data);
+        let weights = found.vectors.transpose() * &data;
         Self::from_parts(LibraryParts {
             layout,
             spring,

@@ -105,7 +105,7 @@ impl RecursiveLibrary {
         let mut rest = data.clone();
         let mut p = DMatrix::zeros(rank, data.ncols());
         for _ in 0..2 {
-            let correction = self.basis.tr_mul(&rest);
+            let correction = self.basis.transpose() * &rest;
             rest -= &self.basis * &correction;
             p += correction;
         }
@@ -154,9 +154,9 @@ impl RecursiveLibrary {
         let parts = self.origin.into_parts();
         let mut data = DMatrix::from_vec(rows, self.added.len(), self.added_data);
         parts.metric.into_space(&parts.spring, &mut data);
-        let old = basis.tr_mul(&parts.basis) * &parts.weights;
+        let old = basis.transpose() * &parts.basis * &parts.weights;
         let mut weights = old.resize_horizontally(parts.entries.len() + self.added.len(), 0.0);
-        weights.columns_mut(parts.entries.len(), self.added.len()).copy_from(&basis.tr_mul(&data));
+        weights.columns_mut(parts.entries.len(), self.added.len()).copy_from(&(basis.transpose() * &data));
         let mut entries = parts.entries;
         entries.extend(self.added);
         MotionLibrary::from_parts(LibraryParts {

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::symmetric_eigen;
+use super::symmetric::Decomposed;
 
 /// How many singular vectors are wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,36 +91,36 @@ pub(in crate::library) fn keep(values: &[f64], energy: f64, wanted: Wanted) -> u
 
 /// One scale of singular values: those of `basis^T matrix`, with `basis` what the scales above left.
 fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut LeftSingular, wanted: Wanted) {
-    let projected = basis.map(|basis| basis.tr_mul(matrix));
-    let matrix_here = projected.as_ref().unwrap_or(matrix);
-    let solved = symmetric_eigen(matrix_here * matrix_here.transpose());
-    let largest = found.values.first().copied().unwrap_or_else(|| solved.values[0].max(0.0).sqrt());
-    let here = solved.values[0].max(0.0).sqrt();
-    let head = solved.values.iter().take_while(|value| value.max(0.0).sqrt() > here * SCALE).count();
-    if here <= ROUNDING * largest || head == 0 {
-        found.spectrum.extend(solved.values.iter().map(|value| value.max(0.0).sqrt()));
+    let projected = basis.map(|basis| basis.transpose() * matrix);
+    let here = projected.as_ref().unwrap_or(matrix);
+    let solved = Decomposed::of(here * here.transpose());
+    let roots: Vec<f64> = solved.values.iter().map(|value| value.max(0.0).sqrt()).collect();
+    let largest = found.values.first().copied().unwrap_or(roots[0]);
+    let head = roots.iter().take_while(|root| **root > roots[0] * SCALE).count();
+    if roots[0] <= ROUNDING * largest || head == 0 {
+        found.spectrum.extend(roots);
         return;
     }
-    let vectors = solved.vectors.columns(0, head).into_owned();
-    // the length of a row is exact to second order in the error of its vector
-    let rows = vectors.tr_mul(matrix_here);
-    let values: Vec<f64> = (0..head).map(|k| rows.row(k).norm()).collect();
+    // no more than are wanted, and one that shows that it is enough
     let known = found.values.len();
+    let ahead: Vec<f64> = found.values.iter().chain(&roots[..head]).copied().collect();
+    let count = (keep(&ahead, found.energy, wanted) + 1).saturating_sub(known).clamp(1, head);
+    let vectors = solved.vectors(0, count);
+    // the length of a row is exact to second order in the error of its vector
+    let rows = vectors.transpose() * here;
+    let values: Vec<f64> = (0..count).map(|k| rows.row(k).norm()).collect();
     found.spectrum.extend_from_slice(&values);
     found.values.extend_from_slice(&values);
     let outer = basis.map_or_else(|| vectors.clone(), |basis| basis * &vectors);
-    let mut all =
-        std::mem::replace(&mut found.vectors, DMatrix::zeros(0, 0)).resize_horizontally(known + head, 0.0);
-    all.columns_mut(known, head).copy_from(&outer);
-    found.vectors = all;
-    let rest = solved.values.len() - head;
-    let enough = keep(&found.values, found.energy, wanted) < found.values.len()
-        || wanted == Wanted::Rank(found.values.len());
-    if rest == 0 || enough {
-        found.spectrum.extend(solved.values[head..].iter().map(|value| value.max(0.0).sqrt()));
+    let all = std::mem::replace(&mut found.vectors, DMatrix::zeros(0, 0));
+    found.vectors = all.resize_horizontally(known + count, 0.0);
+    found.vectors.columns_mut(known, count).copy_from(&outer);
+    let rest = roots.len() - head;
+    if rest == 0 || count < head || wanted == Wanted::Rank(known + count) {
+        found.spectrum.extend_from_slice(&roots[count..]);
         return;
     }
-    let tail = solved.vectors.columns(head, rest).into_owned();
+    let tail = solved.vectors(head, rest);
     let tail = basis.map_or_else(|| tail.clone(), |basis| basis * &tail);
     descend(matrix, Some(&tail), found, wanted);
 }

@@ -23,16 +23,40 @@ pub struct SymmetricEigen {
 /// # Panics
 /// When the matrix is not square.
 pub fn symmetric_eigen(matrix: DMatrix<f64>) -> SymmetricEigen {
-    assert!(matrix.is_square(), "{:?} is not square", matrix.shape());
-    let (n, simd) = (matrix.nrows(), Simd::new());
-    let reduced = Tridiagonal::of(matrix, simd);
-    let (values, vectors) = divide(reduced.diagonal.clone(), &reduced.beside);
-    let mut descending = DMatrix::zeros(n, n);
-    for k in 0..n {
-        descending.set_column(k, &vectors.column(n - 1 - k));
+    let solved = Decomposed::of(matrix);
+    SymmetricEigen { vectors: solved.vectors(0, solved.values.len()), values: solved.values }
+}
+
+/// A solved eigenproblem whose vectors are made as they are asked for.
+pub(super) struct Decomposed {
+    /// Eigenvalues, the largest first.
+    pub(super) values: Vec<f64>,
+    reduced: Tridiagonal,
+    /// Eigenvectors of the tridiagonal matrix, the smallest eigenvalue first.
+    inner: DMatrix<f64>,
+    simd: Simd,
+}
+
+impl Decomposed {
+    pub(super) fn of(matrix: DMatrix<f64>) -> Self {
+        assert!(matrix.is_square(), "{:?} is not square", matrix.shape());
+        let simd = Simd::new();
+        let reduced = Tridiagonal::of(matrix, simd);
+        let (mut values, inner) = divide(reduced.diagonal.clone(), &reduced.beside);
+        values.reverse();
+        Self { values, reduced, inner, simd }
     }
-    reduced.apply(&mut descending, simd);
-    SymmetricEigen { values: values.into_iter().rev().collect(), vectors: descending }
+
+    /// The eigenvectors of `count` eigenvalues, from the `first` on.
+    pub(super) fn vectors(&self, first: usize, count: usize) -> DMatrix<f64> {
+        let n = self.values.len();
+        let mut vectors = DMatrix::zeros(n, count);
+        for k in 0..count {
+            vectors.set_column(k, &self.inner.column(n - 1 - first - k));
+        }
+        self.reduced.apply(&mut vectors, self.simd);
+        vectors
+    }
 }
 
 /// Eigenvalues, ascending, and vectors of a tridiagonal matrix.
