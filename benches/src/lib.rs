@@ -1,1 +1,15 @@
-//! Measurements of motorium against floors and peers: `cargo bench -p motorium-benches`.
+//! Measurements of motorium against the floors of the machine and against peers.
+//!
+//! `motorium bench latency` runs them; `cargo bench -p motorium-benches` has those of the robot models.
+
+pub mod distribution;
+mod error;
+pub mod host;
+pub mod pair;
+mod part;
+pub mod payload;
+pub mod relay;
+
+pub use distribution::Distribution;
+pub use error::MeasureError;
+pub use part::Part;

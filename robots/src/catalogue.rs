@@ -26,8 +26,29 @@ macro_rules! entry {
     };
 }
 
-static ENTRIES: LazyLock<Vec<Entry>> =
-    LazyLock::new(|| vec![entry!("panda"), entry!("pendulum"), entry!("planar-3r")]);
+static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
+    vec![
+        entry!("ackermann"),
+        entry!("acrobot"),
+        entry!("biped"),
+        entry!("cart-pole"),
+        entry!("centaur"),
+        entry!("differential-drive"),
+        entry!("double-pendulum"),
+        entry!("hexapod"),
+        entry!("humanoid"),
+        entry!("iiwa14"),
+        entry!("mobile-manipulator"),
+        entry!("panda"),
+        entry!("pendulum"),
+        entry!("planar-3r"),
+        entry!("planar-biped"),
+        entry!("quadrotor"),
+        entry!("quadruped"),
+        entry!("rrbot"),
+        entry!("ur5e"),
+    ]
+});
 
 /// All robots of the catalogue, in alphabetical order.
 pub fn catalogue() -> &'static [Entry] {

@@ -126,7 +126,7 @@ pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)
 }
 
-fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
+pub(crate) fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
     q[..3].copy_from_slice(pose.translation.vector.as_slice());
     let rotation = UnitQuaternion::new_normalize(*pose.rotation.quaternion());
     q[3..7].copy_from_slice(rotation.coords.as_slice());

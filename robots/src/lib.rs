@@ -35,6 +35,7 @@ mod algebra;
 mod catalogue;
 mod configuration;
 mod dynamics;
+mod installed;
 mod inverse_kinematics;
 mod kinematics;
 mod load;
@@ -49,6 +50,7 @@ pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
 };
+pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
@@ -56,7 +58,9 @@ pub use model::{
     Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits,
     Model, Shape, UnknownFrame,
 };
-pub use profile::{EndEffector, Gains, Profile, ProfileError};
+pub use profile::{
+    BaseKind, BasePose, Drive, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin,
+};
 pub use spatial::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,

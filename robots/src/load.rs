@@ -3,10 +3,11 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    Entry, MimicMode, Model, ModelWarning, PackagePath, Profile, ProfileError, UrdfError, UrdfRobot,
-    catalogue, parse_urdf_with,
+    BaseKind, Entry, MimicMode, Model, ModelWarning, PackagePath, Profile, ProfileError, UrdfError,
+    UrdfRobot, catalogue, parse_urdf_with,
 };
 
 /// A robot ready to use.
@@ -27,11 +28,14 @@ pub struct Loaded {
 /// How a robot stands in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As the file says: its root link is fixed to the world, unless a `floating` joint is all that moves it.
+    /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world, unless a
+    /// `floating` joint is all that moves it.
     #[default]
     AsFile,
     /// The root link moves freely.
     Floating,
+    /// The root link is fixed to the world, whatever the profile says.
+    Fixed,
 }
 
 /// How to read a robot.
@@ -50,7 +54,7 @@ pub struct LoadOptions {
 pub enum LoadError {
     /// Neither in the catalogue nor on the disk.
     #[error(
-        "robot \"{reference}\" is neither in the catalogue nor a file or folder ({} does not exist){}",
+        "robot \"{reference}\" is neither in the catalogue nor installed, nor a file or folder ({} does not exist){}",
         .path.display(), suggestion(.nearest.as_deref())
     )]
     NotFound {
@@ -58,7 +62,7 @@ pub enum LoadError {
         reference: String,
         /// Where it would be.
         path: PathBuf,
-        /// The catalogue robot most likely meant.
+        /// The robot of the catalogue or the installed one most likely meant.
         nearest: Option<String>,
     },
     /// A folder without a URDF file.
@@ -93,9 +97,10 @@ pub enum LoadError {
     },
 }
 
-/// Loads a robot: a catalogue name (`panda`), or a folder or URDF file relative to `base`.
+/// Loads a robot: a catalogue name (`panda`), a folder or URDF file relative to `base`, or the name of an
+/// [installed](crate::installed) robot.
 ///
-/// A catalogue name wins over a folder of the same name; write `./panda` for the folder.
+/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an installed robot.
 ///
 /// # Errors
 ///
@@ -116,19 +121,46 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     options.packages.prefixes.extend(environment.prefixes);
 
     if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
-        let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
         let profile = Some(entry.profile.clone());
+        let options = based(options, profile.as_ref());
+        let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
         return Ok(Loaded { model, warnings, profile, entry: Some(entry), path: None });
     }
-    let path = base.join(reference);
-    if !path.exists() {
-        let nearest = nearest(reference, catalogue().iter().map(|entry| entry.name)).map(str::to_owned);
-        return Err(LoadError::NotFound { reference: reference.to_owned(), path, nearest });
-    }
-    let path = if path.is_dir() { urdf_in(&path)? } else { path };
+    let path = file(reference, base)?;
+    let profile = profile_beside(&path)?;
+    let options = based(options, profile.as_ref());
     let UrdfRobot { model, warnings } = parse_urdf_with(&read(&path)?, Some(&path), &options)?;
-    let profile = profile_beside(&path, &model, options.mimic)?;
+    // Mimic joints made independent are joints no profile knows.
+    if let (Some(profile), MimicMode::Follow) = (&profile, options.mimic) {
+        profile
+            .check(&model)
+            .map_err(|source| LoadError::Profile { path: path.with_extension("toml"), source })?;
+    }
     Ok(Loaded { model, warnings, profile, entry: None, path: Some(path) })
+}
+
+/// The options with the base the profile wants, unless they want one themselves.
+fn based(options: LoadOptions, profile: Option<&Profile>) -> LoadOptions {
+    match (options.base, profile.map(|profile| profile.base)) {
+        (BaseMode::AsFile, Some(BaseKind::Floating)) => LoadOptions { base: BaseMode::Floating, ..options },
+        _ => options,
+    }
+}
+
+/// The URDF file that `reference` means.
+fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
+    let path = base.join(reference);
+    if path.exists() {
+        return if path.is_dir() { urdf_in(&path) } else { Ok(path) };
+    }
+    let installed = installed();
+    if let Some(robot) = find(&installed, reference) {
+        return Ok(robot.urdf.clone());
+    }
+    let names = catalogue().iter().map(|entry| entry.name);
+    let names = names.chain(installed.iter().map(|robot| robot.name.as_str()));
+    let nearest = nearest(reference, names).map(str::to_owned);
+    Err(LoadError::NotFound { reference: reference.to_owned(), path, nearest })
 }
 
 fn read(path: &Path) -> Result<String, LoadError> {
@@ -161,17 +193,12 @@ fn urdf_in(folder: &Path) -> Result<PathBuf, LoadError> {
     Err(LoadError::NoUrdf(folder.to_owned()))
 }
 
-fn profile_beside(urdf: &Path, model: &Model, mimic: MimicMode) -> Result<Option<Profile>, LoadError> {
+/// The profile of the same name beside a URDF file, if there is one.
+fn profile_beside(urdf: &Path) -> Result<Option<Profile>, LoadError> {
     let path = urdf.with_extension("toml");
     if !path.is_file() {
         return Ok(None);
     }
-    let profile = Profile::parse(&read(&path)?).and_then(|profile| {
-        // Mimic joints made independent are joints no profile knows.
-        if mimic == MimicMode::Follow {
-            profile.check(model)?;
-        }
-        Ok(profile)
-    });
+    let profile = Profile::parse(&read(&path)?);
     profile.map(Some).map_err(|source| LoadError::Profile { path, source })
 }

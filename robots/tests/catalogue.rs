@@ -2,14 +2,16 @@
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
+use std::process::Command;
 
 use approx::assert_relative_eq;
-use motorium_robots::{Dynamics, Kinematics, Profile, ProfileError, Reference, catalogue, load};
-use nalgebra::{DMatrix, Isometry3, Vector3};
+use motorium_robots::{BaseKind, Dynamics, Kinematics, Reference, catalogue, load};
+use nalgebra::{DMatrix, Isometry3, SymmetricEigen, Vector3};
 
 #[test]
 fn every_entry_loads_without_a_warning_and_its_profile_fits() {
     assert!(catalogue().is_sorted_by_key(|entry| entry.name));
+    assert!(catalogue().len() >= 19);
     for entry in catalogue() {
         let robot = load(entry.name, Path::new("/nowhere")).unwrap();
         assert_eq!(robot.warnings, [], "{}", entry.name);
@@ -17,29 +19,135 @@ fn every_entry_loads_without_a_warning_and_its_profile_fits() {
         let profile = robot.profile.unwrap();
         profile.check(&robot.model).unwrap();
         assert!(!profile.sources.is_empty() && !profile.title.is_empty(), "{}", entry.name);
+        assert_eq!(profile.base == BaseKind::Floating, robot.model.base().floating, "{}", entry.name);
         for name in profile.poses.keys() {
             let pose = profile.pose(&robot.model, name).unwrap();
             for (index, q) in pose.iter().enumerate() {
                 let range = robot.model.lower()[index]..=robot.model.upper()[index];
                 assert!(range.contains(q), "{}: {name} leaves the limits of joint {index}", entry.name);
             }
+            let placed = profile.base == BaseKind::Fixed || profile.base_poses.contains_key(name);
+            assert!(placed, "{}: {name} does not say where the base is", entry.name);
         }
     }
 }
 
 #[test]
-fn default_gains_damp_every_joint_near_critically_at_home() {
+fn every_body_of_the_catalogue_is_one_that_could_be_built() {
     for entry in catalogue() {
         let model = load(entry.name, Path::new(".")).unwrap().model;
-        let home = entry.profile.home(&model).unwrap();
-        let gains = entry.profile.gains(&model).unwrap();
-        let mut mass = DMatrix::zeros(model.nv(), model.nv());
-        Dynamics::new(&model).crba(&model, home.as_slice(), &mut mass);
-        for (index, joint) in model.joint_names().iter().enumerate() {
-            let ratio = gains.kd[index] / (2.0 * (gains.kp[index] * mass[(index, index)]).sqrt());
-            assert!((0.6..2.5).contains(&ratio), "{} {joint}: damping ratio {ratio:.2}", entry.name);
+        let base = model.base().floating.then_some(&model.base().inertia);
+        let bodies = model.bodies().iter().map(|body| &body.inertia).filter(|inertia| inertia.mass > 0.0);
+        for inertia in bodies.chain(base) {
+            let moments = SymmetricEigen::new(inertia.rotational).eigenvalues;
+            assert!(moments.min() > 0.0, "{}: {moments}", entry.name);
+            let largest = moments.max();
+            // Half the trace is at least the largest moment.
+            assert!(largest <= 0.5 * moments.sum() * (1.0 + 1e-9), "{}: {moments}", entry.name);
+            let gyration = (largest / inertia.mass).sqrt();
+            assert!((1e-4..1.0).contains(&gyration), "{}: radius of gyration {gyration} m", entry.name);
+        }
+        for (index, name) in model.joint_names().iter().enumerate() {
+            let profile = &entry.profile;
+            let driven = !profile.passive.contains(name);
+            assert!(
+                !driven || model.effort_limit()[index] < 1e4,
+                "{}: {name} has no effort limit",
+                entry.name
+            );
+            assert!(
+                !driven || model.velocity_limit()[index] < 1e3,
+                "{}: {name} has no speed limit",
+                entry.name
+            );
         }
     }
+}
+
+#[test]
+fn the_catalogue_is_what_its_generator_writes() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("generate");
+    let run = Command::new("python3").arg("-B").arg(script).arg("--check").output();
+    let Ok(output) = run.inspect_err(|error| println!("skipped: python3 does not start: {error}")) else {
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn published_sizes_and_masses_are_kept() {
+    let mass = |name| load(name, Path::new(".")).unwrap().model.mass();
+    // Grimminger 2020, Kashiri 2019, Tsagarakis 2013, Chevallereau 2003, O'Kelly 2020, Förster 2015, ROBOTIS
+    for (name, kilograms, tolerance) in [
+        ("quadruped", 2.5, 0.01),
+        ("centaur", 93.0, 1e-9),
+        ("humanoid", 31.0, 1e-9),
+        ("planar-biped", 32.0, 1e-9),
+        ("ackermann", 3.74, 1e-9),
+        ("quadrotor", 0.028, 1e-9),
+        ("differential-drive", 1.0, 1e-9),
+    ] {
+        assert_relative_eq!(mass(name), kilograms, max_relative = tolerance);
+    }
+    for (name, joints) in [
+        ("quadruped", 12),
+        ("hexapod", 18),
+        ("biped", 12),
+        ("centaur", 44),
+        ("humanoid", 31),
+        ("quadrotor", 0),
+    ] {
+        assert_eq!(load(name, Path::new(".")).unwrap().model.joint_count(), joints, "{name}");
+    }
+}
+
+/// Standard Denavit-Hartenberg: the pose after a chain of (a, d, alpha) at these angles.
+fn chain(rows: &[(f64, f64, f64)], q: &[f64]) -> Isometry3<f64> {
+    rows.iter().zip(q).fold(Isometry3::identity(), |pose, (&(a, d, alpha), &theta)| {
+        pose * Isometry3::rotation(Vector3::z() * theta)
+            * Isometry3::translation(a, 0.0, d)
+            * Isometry3::rotation(Vector3::x() * alpha)
+    })
+}
+
+#[test]
+fn the_ur5es_tool_is_where_its_dh_parameters_put_it() {
+    const DH: [(f64, f64, f64); 6] = [
+        (0.0, 0.1625, FRAC_PI_2),
+        (-0.425, 0.0, 0.0),
+        (-0.3922, 0.0, 0.0),
+        (0.0, 0.1333, FRAC_PI_2),
+        (0.0, 0.0997, -FRAC_PI_2),
+        (0.0, 0.0996, 0.0),
+    ];
+    let model = load("ur5e", Path::new(".")).unwrap().model;
+    let q = [0.4, -1.1, 1.7, -0.8, 0.9, 2.1];
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, &q);
+    let tool = kinematics.pose(&model, model.frame("tool0").unwrap());
+    // ROS turns the base half a turn against the controller's.
+    let expected = Isometry3::rotation(Vector3::z() * std::f64::consts::PI) * chain(&DH, &q);
+    assert_relative_eq!(tool, expected, epsilon = 1e-12);
+}
+
+#[test]
+fn the_iiwas_flange_is_where_kukas_lengths_put_it() {
+    // d and alpha of the specification's drawing: 0.36, 0.42, 0.4, 0.126 m.
+    const DH: [(f64, f64, f64); 7] = [
+        (0.0, 0.36, -FRAC_PI_2),
+        (0.0, 0.0, FRAC_PI_2),
+        (0.0, 0.42, FRAC_PI_2),
+        (0.0, 0.0, -FRAC_PI_2),
+        (0.0, 0.4, -FRAC_PI_2),
+        (0.0, 0.0, FRAC_PI_2),
+        (0.0, 0.126, 0.0),
+    ];
+    let model = load("iiwa14", Path::new(".")).unwrap().model;
+    let q = [0.4, -1.1, 0.7, -0.8, 0.9, 1.1, -0.3];
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, &q);
+    let flange = kinematics.pose(&model, model.frame("iiwa_link_ee").unwrap());
+    assert_relative_eq!(flange, chain(&DH, &q), epsilon = 1e-12);
 }
 
 #[test]
@@ -128,23 +236,4 @@ fn the_planar_arm_has_the_textbook_jacobian() {
             assert_relative_eq!(jacobian[(row, column)], expected, epsilon = 1e-12);
         }
     }
-}
-
-#[test]
-fn a_profile_with_a_fault_is_refused() {
-    let good = catalogue().iter().find(|entry| entry.name == "pendulum").unwrap();
-    let model = load("pendulum", Path::new(".")).unwrap().model;
-    let text = "title = \"t\"\nsources = []\njoints = [\"hinge\"]\nhome = \"a\"\n[poses]\na = [0.0]\n";
-    let profile = Profile::parse(text).unwrap();
-    assert!(matches!(profile.gains(&model), Err(ProfileError::NoGains)));
-    assert!(matches!(Profile::parse(&text.replace("[0.0]", "[0.0, 1.0]")), Err(ProfileError::Length { .. })));
-    assert!(matches!(Profile::parse(&text.replace("home", "hom")), Err(ProfileError::Toml(_))));
-    assert!(matches!(Profile::parse(&text.replace("\"a\"", "\"b\"")), Err(ProfileError::UnknownPose { .. })));
-    assert_eq!(
-        good.profile.pose(&model, "hangin").unwrap_err().to_string(),
-        "no pose is named \"hangin\" (did you mean \"hanging\"?)"
-    );
-    let panda = load("panda", Path::new(".")).unwrap().model;
-    assert!(matches!(good.profile.check(&panda), Err(ProfileError::UnknownJoint { .. })));
-    assert!(matches!(good.profile.home(&panda), Err(ProfileError::MissingJoint { .. })));
 }

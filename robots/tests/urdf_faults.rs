@@ -222,7 +222,7 @@ fn a_robot_that_is_nowhere_gets_the_nearest_catalogue_name() {
     let error = load("pandas", Path::new("/nowhere")).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "robot \"pandas\" is neither in the catalogue nor a file or folder (/nowhere/pandas does not exist) \
+        "robot \"pandas\" is neither in the catalogue nor installed, nor a file or folder (/nowhere/pandas does not exist) \
          (did you mean \"panda\"?)"
     );
 }

@@ -62,8 +62,31 @@ pub struct SchedulingPlan {
     pub shared_cores: Vec<usize>,
     /// What to do without privileges.
     pub on_denied: OnDenied,
-    /// How long before a release a waiting component stops sleeping and spins, ns.
-    pub spin_ns: u64,
+}
+
+/// How long before its release a waiting component stops sleeping and spins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Spin {
+    /// Always this long.
+    Fixed {
+        /// The margin, ns; 0 to sleep all the way.
+        ns: u64,
+    },
+    /// As long as the machine's measured wake errors ask for.
+    Tuned {
+        /// But never longer than this, ns.
+        at_most_ns: u64,
+    },
+}
+
+impl Spin {
+    /// The longest it can take, ns.
+    pub fn at_most_ns(self) -> u64 {
+        match self {
+            Self::Fixed { ns } | Self::Tuned { at_most_ns: ns } => ns,
+        }
+    }
 }
 
 /// The state an actuator takes when commands fail.
@@ -196,6 +219,14 @@ pub struct RestartPlan {
 pub enum SchedulingClass {
     /// `SCHED_FIFO` with this priority, 1 to 99.
     Fifo(u8),
+    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before anything that is `SCHED_FIFO`, and no more
+    /// than that. It runs on any core.
+    Deadline {
+        /// Time of a core in each period, ns.
+        runtime_ns: u64,
+        /// The period, and the deadline within it, ns.
+        period_ns: u64,
+    },
     /// The system's normal time sharing.
     Normal,
 }
@@ -233,8 +264,10 @@ pub struct ComponentPlan {
     pub activation: Activation,
     /// Execution time allowed per step, ns.
     pub budget_ns: Option<u64>,
-    /// Core it is pinned to; any of the shared cores if `None`.
+    /// Core it is pinned to; if `None`, any of the shared cores, or any core at all with `SCHED_DEADLINE`.
     pub core: Option<usize>,
+    /// How long it spins before a release. A triggered component does not.
+    pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
     /// Inputs in the order of declaration.
@@ -255,6 +288,8 @@ pub struct ComponentPlan {
     pub seed: u64,
     /// After a late step.
     pub on_overrun: OnOverrun,
+    /// Late steps, less the steps in time since, above which the graph goes to its safe state; any number if `None`.
+    pub overruns_tolerated: Option<u32>,
     /// After a failed step.
     pub on_error: OnError,
     /// After it has failed for good.
@@ -263,6 +298,22 @@ pub struct ComponentPlan {
     pub restart: RestartPlan,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
     pub order: usize,
+}
+
+impl Plan {
+    /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component that reads
+    /// a topic through several ports is one edge.
+    pub fn edges(&self) -> Vec<(usize, usize)> {
+        let mut edges = Vec::new();
+        for (index, topic) in self.topics.iter().enumerate() {
+            for reader in &topic.readers {
+                if !edges.contains(&(index, *reader)) {
+                    edges.push((index, *reader));
+                }
+            }
+        }
+        edges
+    }
 }
 
 impl ComponentPlan {

@@ -82,12 +82,7 @@ impl RunFolder {
         let text = serde_json::to_vec(plan)
             .map_err(|error| RunFolderError::Plan { path: file.clone(), reason: error.to_string() })?;
         fs::write(&file, text).map_err(io(&file))?;
-        let region = Region::create(
-            &self.path.join("region"),
-            plan.components.len(),
-            plan.topics.len(),
-            plan.latencies.len(),
-        )?;
+        let region = Region::create(&self.path.join("region"), plan)?;
         region.header().launcher.store(std::process::id(), Relaxed);
         Ok(region)
     }

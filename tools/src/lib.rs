@@ -28,6 +28,9 @@ pub fn main() -> ExitCode {
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
         Some(Program::Describe) | None => {}
     }
+    if let Some(part) = motorium_benches::Part::from_arguments(&arguments) {
+        return part.run();
+    }
     motorium::transport::quieten();
     let command = commands::Cli::parse();
     match command.run() {

@@ -79,7 +79,7 @@ pub(crate) fn summary(report: &Report) -> String {
             (Some(own), Some(apart)) if apart > 0 => format!("{own} (+{apart})"),
             (Some(own), _) => own.to_string(),
         };
-        let missed = c.misses.late_wake + c.misses.long_step + c.misses.late_input;
+        let missed = c.misses.missed();
         let row = if realtime {
             vec![
                 c.name.clone(),
@@ -131,7 +131,8 @@ fn missed_steps(report: &Report, text: &mut String) {
     for c in &report.components {
         let misses = &c.misses;
         let causes: Vec<String> = [
-            (misses.late_wake, "woken late by the system"),
+            (misses.stolen, "held up by the host"),
+            (misses.late_wake, "held up by others on its core"),
             (misses.long_step, "step too long"),
             (misses.late_input, "stale command, safe state applied"),
             (misses.over_budget, "over budget"),

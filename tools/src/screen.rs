@@ -72,7 +72,7 @@ fn draw(frame: &mut Frame<'_>, status: &Status) {
 }
 
 fn misses(component: &ComponentStatus) -> u64 {
-    component.misses.late_wake + component.misses.long_step + component.misses.late_input
+    component.misses.missed()
 }
 
 fn cells(component: &ComponentStatus) -> [String; 8] {

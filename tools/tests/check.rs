@@ -5,7 +5,7 @@ mod program;
 use program::{json, printed, run};
 use serde_json::Value;
 
-const OVERLOADED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/check/overloaded.toml");
+const OVERLOADED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
 const REACH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/panda-reach.toml");
 
 fn text(bytes: &[u8]) -> &str {

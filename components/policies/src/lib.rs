@@ -28,6 +28,7 @@
 //! ```
 
 pub mod component;
+pub mod cpg;
 pub mod dmp;
 pub mod library;
 pub mod reach;

@@ -39,7 +39,7 @@ fn tour() -> Vec<Leg> {
             500,
             PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.15) },
         ),
-        leg(pose([0.4, 0.1, 0.6], [3.1, 0.0, -0.2]), 2000, 500, PathShape::Learned(learned)),
+        leg(pose([0.4, 0.1, 0.6], [3.1, 0.0, -0.2]), 2000, 500, PathShape::Learned(Box::new(learned))),
     ]
 }
 
@@ -230,6 +230,6 @@ fn a_sequence_that_is_none_is_refused_with_the_leg() {
     let nowhere = leg(pose([0.0, f64::INFINITY, 0.0], [0.0; 3]), 1000, 0, PathShape::Straight);
     assert_eq!(refuse(vec![nowhere]), ReachError::Goal { leg: 0 });
     let classic = DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
-    let error = refuse(vec![fine, leg(home(), 1000, 0, PathShape::Learned(classic))]).to_string();
+    let error = refuse(vec![fine, leg(home(), 1000, 0, PathShape::Learned(Box::new(classic)))]).to_string();
     assert!(error.starts_with("the way to goal 1: the learned shape is a Classic primitive"), "{error}");
 }

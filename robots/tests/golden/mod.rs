@@ -135,6 +135,7 @@ impl Golden {
     }
 
     /// Lower, upper, velocity and effort limits agree, joint by joint.
+    #[allow(dead_code, reason = "not every file of vectors has limits")]
     pub(crate) fn compare_limits(&self, model: &Model) {
         let columns = self.columns(model);
         for (key, ours) in [

@@ -1,16 +1,16 @@
 //! What holds when the graph file does not say. The JSON Schema shows the same values.
 
 use super::units::TimeSpan;
-use super::values::Schedule;
+use super::values::{Schedule, Share, SpinChoice};
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
 
-const MICROSECOND: u64 = 1_000;
 const MILLISECOND: u64 = 1_000_000;
 const SECOND: u64 = 1_000_000_000;
 
 pub(super) const CLOCK: ClockKind = ClockKind::Realtime;
 pub(super) const SEED: u64 = 0;
-pub(super) const SPIN: TimeSpan = TimeSpan { ns: 100 * MICROSECOND };
+pub(super) const SPIN: SpinChoice = SpinChoice::Auto;
+pub(super) const SPIN_SHARE: Share = Share(0.1);
 pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const SCHEDULE: Schedule = Schedule::Fifo;

@@ -6,7 +6,7 @@ use super::defaults;
 use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
 use super::units::{Rate, TimeSpan};
-use super::values::{AnyTable, Name, Named, Schedule, TopicName};
+use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
 use crate::component::ParameterValue;
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
 
@@ -93,9 +93,13 @@ impl<'i> Read<'i> for CoresTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Realtime")]
 pub(super) struct RealtimeTable {
-    /// A waiting component sleeps until this long before its release, then spins. `"0 us"`: it never spins.
+    /// A waiting real-time component sleeps until this long before its release, then spins. `"0 us"`: it never spins;
+    /// `"auto"`: as long as the wake errors of this machine ask for.
     #[schemars(extend("default" = defaults::SPIN))]
-    pub spin: Option<At<TimeSpan>>,
+    pub spin: Option<At<SpinChoice>>,
+    /// A component whose spin is `"auto"` takes at most this share of its core for it.
+    #[schemars(extend("default" = defaults::SPIN_SHARE))]
+    pub spin_share: Option<At<Share>>,
     /// Without the privilege for priorities, cores or locked memory: go on and say so, or refuse to run.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
@@ -104,7 +108,11 @@ pub(super) struct RealtimeTable {
 impl<'i> Read<'i> for RealtimeTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self { spin: keys.take("spin"), on_denied: keys.take("on_denied") };
+        let table = Self {
+            spin: keys.take("spin"),
+            spin_share: keys.take("spin_share"),
+            on_denied: keys.take("on_denied"),
+        };
         keys.finish("`[realtime]`");
         Some(table)
     }
@@ -156,6 +164,8 @@ pub(super) struct ComponentTable<'i> {
     /// Real-time priority. If left out: the faster the component, the higher; as the head of its trigger chain.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
+    /// How long this component spins before its releases, instead of what `[realtime]` says; only with `rate`.
+    pub spin: Option<At<SpinChoice>>,
     /// Core, one of those in `[cores]`. If left out: that of its trigger chain, or the first of its class.
     pub core: Option<At<usize>>,
     /// Inputs: `port = "topic"`.
@@ -169,6 +179,9 @@ pub(super) struct ComponentTable<'i> {
     /// What happens after a step that ran past the next release.
     #[schemars(extend("default" = defaults::ON_OVERRUN))]
     pub on_overrun: Option<At<OnOverrun>>,
+    /// Late steps that are tolerated before the graph goes to its safe state; each step in time makes up for a late one.
+    /// If left out: none with `on_overrun = "safe_stop"`, else any number.
+    pub overruns_tolerated: Option<At<u32>>,
     /// What happens after a step that failed.
     #[schemars(extend("default" = defaults::ON_ERROR))]
     pub on_error: Option<At<OnError>>,
@@ -195,12 +208,14 @@ impl<'i> Read<'i> for ComponentTable<'i> {
             budget: keys.take("budget"),
             schedule: keys.take("schedule"),
             priority: keys.take("priority"),
+            spin: keys.take("spin"),
             core: keys.take("core"),
             subscribe: keys.take("subscribe"),
             publish: keys.take("publish"),
             params: keys.take("params"),
             config: keys.take("config"),
             on_overrun: keys.take("on_overrun"),
+            overruns_tolerated: keys.take("overruns_tolerated"),
             on_error: keys.take("on_error"),
             on_failure: keys.take("on_failure"),
             restart: keys.take("restart"),

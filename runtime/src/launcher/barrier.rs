@@ -74,23 +74,32 @@ impl Launch<'_> {
             return Vec::new();
         }
         let mut priority = Vec::new();
+        let mut deadline = Vec::new();
         let mut memory = Vec::new();
         let mut core = Vec::new();
         for (component, block) in self.plan.components.iter().zip(self.region.components()) {
-            if let SchedulingClass::Fifo(wanted) = component.class {
-                if block.fifo_priority.load(Relaxed) != u32::from(wanted) {
-                    priority.push(component.name.as_str());
+            let name = component.name.as_str();
+            match component.class {
+                SchedulingClass::Fifo(wanted) if block.fifo_priority.load(Relaxed) != u32::from(wanted) => {
+                    priority.push(name);
                 }
-                if block.memory_locked.load(Relaxed) == 0 {
-                    memory.push(component.name.as_str());
-                }
+                SchedulingClass::Deadline { .. } if block.deadline.load(Relaxed) == 0 => deadline.push(name),
+                _ => {}
+            }
+            if component.class != SchedulingClass::Normal && block.memory_locked.load(Relaxed) == 0 {
+                memory.push(name);
             }
             if component.core.is_some_and(|core| core < 32 && block.cores.load(Relaxed) != 1 << core) {
                 core.push(component.name.as_str());
             }
         }
-        [("real-time priority", priority), ("locked memory", memory), ("the core asked for", core)]
-            .into_iter()
+        let lost = [
+            ("real-time priority", priority),
+            ("time of its own in every period", deadline),
+            ("locked memory", memory),
+            ("the core asked for", core),
+        ];
+        lost.into_iter()
             .filter(|(_, names)| !names.is_empty())
             .map(|(what, names)| format!("{what} ({})", names.join(", ")))
             .collect()

@@ -132,7 +132,7 @@ impl Launch<'_> {
     /// Wakes components that wait for a publication, so that they see the command.
     pub(super) fn wake_triggered(&self, services: &Services) {
         for waker in &services.wakers {
-            let _ = waker.notify();
+            waker.wake();
         }
     }
 }

@@ -17,22 +17,22 @@ mod status;
 mod supervise;
 
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::atomic::Ordering::{Relaxed, Release};
 use std::time::Duration;
 
 use iceoryx2::node::Node;
-use iceoryx2::port::notifier::Notifier;
 
 use crate::component::Registry;
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan, Program};
 use crate::region::{Command, Region};
 use crate::run_folder::{RunFolder, RunFolderError};
-use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService};
+use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService, Waker};
 use child::Child;
 
 pub use event::Event;
-pub use report::{ComponentReport, Exit, LatencyReport, REPORT_VERSION, Report};
+pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
 pub use status::{ComponentStatus, Status};
 
 /// How to launch.
@@ -142,7 +142,7 @@ struct Services {
     node: Node<Shared>,
     _topics: Vec<TopicService>,
     _parameters: Vec<ParameterService>,
-    wakers: Vec<Notifier<Shared>>,
+    wakers: Vec<Rc<Waker>>,
 }
 
 impl Launch<'_> {

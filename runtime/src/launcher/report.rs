@@ -7,13 +7,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Launch;
-use crate::plan::ClockKind;
-use crate::region::{ComponentBlock, Misses};
+use crate::plan::{ClockKind, Plan};
+use crate::region::{ComponentBlock, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
 
 /// Version of the report's format; raised when a field changes its meaning or goes.
-pub const REPORT_VERSION: u32 = 1;
+pub const REPORT_VERSION: u32 = 2;
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -53,6 +53,8 @@ pub struct Report {
     pub components: Vec<ComponentReport>,
     /// Each latency budget, in the order of the graph file.
     pub latencies: Vec<LatencyReport>,
+    /// Each topic and each of its readers.
+    pub edges: Vec<EdgeReport>,
     /// What components had to say, by name.
     pub results: BTreeMap<String, serde_json::Value>,
 }
@@ -70,8 +72,14 @@ pub struct ComponentReport {
     pub rate_hz: f64,
     /// From release (or triggering publication) to the beginning of the step, ns.
     pub lateness_ns: Percentiles,
-    /// From the beginning to the end of the step, ns.
+    /// From the beginning to the end of the step, on the clock on the wall, ns.
     pub execution_ns: Percentiles,
+    /// Time of the core that each step took: its waiting and waking included, its spinning not, ns.
+    pub cpu_ns: Percentiles,
+    /// How long it spun before a release at the end of the run, ns.
+    pub spin_ns: u64,
+    /// What it saw of the machine while it spun: for how long, and how often, the core stood still.
+    pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
     /// Steps that returned an error and were tolerated.
@@ -86,8 +94,10 @@ pub struct ComponentReport {
     pub allocations_apart: Option<u64>,
     /// Page faults of its thread after the first 100 steps.
     pub page_faults: u64,
-    /// `SCHED_FIFO` priority read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority read back; 0 for any other class.
     pub fifo_priority: u32,
+    /// Whether it ran under `SCHED_DEADLINE`, read back.
+    pub deadline: bool,
     /// Whether its memory was locked, read back.
     pub memory_locked: bool,
 }
@@ -109,6 +119,50 @@ pub struct LatencyReport {
     pub count: u64,
 }
 
+/// A topic and one of its readers in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EdgeReport {
+    /// The topic.
+    pub topic: String,
+    /// The component that reads it.
+    pub reader: String,
+    /// Samples it read.
+    pub read: u64,
+    /// Age of each sample when it was first looked at, since its publication, ns; 0 in lockstep, where a tick takes no
+    /// time.
+    pub age_ns: Percentiles,
+}
+
+/// The edges of a run.
+pub(super) fn edges(plan: &Plan, region: &Region) -> Vec<EdgeReport> {
+    plan.edges()
+        .into_iter()
+        .zip(region.edges())
+        .map(|((topic, reader), block)| EdgeReport {
+            topic: plan.topics[topic].name.clone(),
+            reader: plan.components[reader].name.clone(),
+            read: block.age.count(),
+            age_ns: block.age.percentiles(),
+        })
+        .collect()
+}
+
+/// The latency budgets of a run.
+pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
+    plan.latencies
+        .iter()
+        .zip(region.latencies())
+        .map(|(latency, block)| LatencyReport {
+            from: plan.topics[latency.from].name.clone(),
+            to: plan.topics[latency.to].name.clone(),
+            max_ns: latency.max_ns,
+            latency_ns: block.latency.percentiles(),
+            missed: block.missed.load(Relaxed),
+            count: block.latency.count(),
+        })
+        .collect()
+}
+
 impl Launch<'_> {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
@@ -123,20 +177,8 @@ impl Launch<'_> {
             exit,
             lost: self.lost.clone(),
             components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
-            latencies: self
-                .plan
-                .latencies
-                .iter()
-                .zip(self.region.latencies())
-                .map(|(plan, block)| LatencyReport {
-                    from: self.plan.topics[plan.from].name.clone(),
-                    to: self.plan.topics[plan.to].name.clone(),
-                    max_ns: plan.max_ns,
-                    latency_ns: block.latency.percentiles(),
-                    missed: block.missed.load(Relaxed),
-                    count: block.latency.count(),
-                })
-                .collect(),
+            latencies: latencies(&self.plan, &self.region),
+            edges: edges(&self.plan, &self.region),
             results: self
                 .plan
                 .components
@@ -173,6 +215,9 @@ fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
         rate_hz: rate_hz(block),
         lateness_ns: block.lateness.percentiles(),
         execution_ns: block.execution.percentiles(),
+        cpu_ns: block.cpu.percentiles(),
+        spin_ns: block.spin_ns.load(Relaxed),
+        stalls: block.stalls(),
         misses: block.misses(),
         errors: block.errors.load(Relaxed),
         refused: block.refused.load(Relaxed),
@@ -181,6 +226,7 @@ fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
         allocations_apart: counts.then(|| block.allocations_apart.load(Relaxed)),
         page_faults: block.page_faults.load(Relaxed),
         fifo_priority: block.fifo_priority.load(Relaxed),
+        deadline: block.deadline.load(Relaxed) != 0,
         memory_locked: block.memory_locked.load(Relaxed) != 0,
     }
 }

@@ -4,10 +4,10 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use serde::Serialize;
 
-use super::{Launch, report};
+use super::{EdgeReport, LatencyReport, Launch, report};
 use crate::os::monotonic_ns;
 use crate::plan::Plan;
-use crate::region::{Misses, Phase, Region};
+use crate::region::{Misses, Phase, Region, Stalls};
 use crate::telemetry::Percentiles;
 
 /// How a running graph is doing.
@@ -17,6 +17,10 @@ pub struct Status {
     pub elapsed_ns: u64,
     /// Each component, in the order of the graph file.
     pub components: Vec<ComponentStatus>,
+    /// Each latency budget, in the order of the graph file.
+    pub latencies: Vec<LatencyReport>,
+    /// Each topic and each of its readers.
+    pub edges: Vec<EdgeReport>,
 }
 
 /// How a component is doing.
@@ -34,8 +38,14 @@ pub struct ComponentStatus {
     pub rate_hz: f64,
     /// Release lateness, ns.
     pub lateness_ns: Percentiles,
-    /// Execution time, ns.
+    /// Execution time on the clock on the wall, ns.
     pub execution_ns: Percentiles,
+    /// Time of the core that each step took, ns.
+    pub cpu_ns: Percentiles,
+    /// How long it now spins before a release, ns.
+    pub spin_ns: u64,
+    /// What it saw of the machine while it spun.
+    pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
     /// How often it was restarted.
@@ -60,12 +70,20 @@ impl Status {
                 rate_hz: report::rate_hz(block),
                 lateness_ns: block.lateness.percentiles(),
                 execution_ns: block.execution.percentiles(),
+                cpu_ns: block.cpu.percentiles(),
+                spin_ns: block.spin_ns.load(Relaxed),
+                stalls: block.stalls(),
                 misses: block.misses(),
                 restarts: block.restarts.load(Relaxed),
                 safe: block.safe.load(Relaxed) != 0,
             })
             .collect();
-        Self { elapsed_ns: monotonic_ns().saturating_sub(start), components }
+        Self {
+            elapsed_ns: monotonic_ns().saturating_sub(start),
+            components,
+            latencies: report::latencies(plan, region),
+            edges: report::edges(plan, region),
+        }
     }
 }
 

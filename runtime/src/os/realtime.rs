@@ -24,8 +24,10 @@ pub struct Request {
 /// What it got, read back from the kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Applied {
-    /// `SCHED_FIFO` priority, or 0 for normal time sharing.
+    /// `SCHED_FIFO` priority, or 0 for any other class.
     pub fifo_priority: u8,
+    /// Whether it runs under `SCHED_DEADLINE`.
+    pub deadline: bool,
     /// Cores it may run on.
     pub cores: Vec<usize>,
     /// Whether its memory is locked.
@@ -38,6 +40,16 @@ pub enum Denied {
     /// No real-time priority.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
+    /// No time of its own in every period: no privilege, or more than the kernel has left to promise.
+    #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
+    Deadline {
+        /// Time asked for, ns.
+        runtime_ns: u64,
+        /// In each period of this length, ns.
+        period_ns: u64,
+        /// What the system said.
+        reason: String,
+    },
     /// Not those cores.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
@@ -49,8 +61,11 @@ pub enum Denied {
 /// Applies a request to the calling thread and process, reads back what holds, and names what was denied.
 pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     let mut denied = Vec::new();
+    let deadline = matches!(request.class, SchedulingClass::Deadline { .. });
     let mut cores = CpuSet::new();
-    request.cores.iter().for_each(|core| cores.set(*core));
+    // The kernel promises time on any core, so it wants a thread that may run on any.
+    let wanted = if deadline { (0..CpuSet::MAX_CPU).collect() } else { request.cores.clone() };
+    wanted.iter().for_each(|core| cores.set(*core));
     if let Err(error) = sched_setaffinity(None, &cores) {
         denied.push(Denied::Cores(request.cores.clone(), error.to_string()));
     }
@@ -64,8 +79,14 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     {
         denied.push(Denied::Priority(priority, error.to_string()));
     }
+    if let SchedulingClass::Deadline { runtime_ns, period_ns } = request.class
+        && let Err(error) = set_deadline(runtime_ns, period_ns)
+    {
+        denied.push(Denied::Deadline { runtime_ns, period_ns, reason: error.to_string() });
+    }
     let applied = Applied {
         fifo_priority: fifo_priority(),
+        deadline: policy() == libc::SCHED_DEADLINE,
         cores: sched_getaffinity(None)
             .map(|set| (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect())
             .unwrap_or_default(),
@@ -78,7 +99,16 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
         {
             denied.push(Denied::Priority(priority, format!("read back {}", applied.fifo_priority)));
         }
-        if applied.cores != request.cores {
+        if let SchedulingClass::Deadline { runtime_ns, period_ns } = request.class
+            && !applied.deadline
+        {
+            denied.push(Denied::Deadline {
+                runtime_ns,
+                period_ns,
+                reason: "read back another class".to_string(),
+            });
+        }
+        if !deadline && applied.cores != request.cores {
             denied.push(Denied::Cores(request.cores.clone(), format!("read back {:?}", applied.cores)));
         }
         if request.lock_memory && !applied.memory_locked {
@@ -96,13 +126,35 @@ fn set_fifo(priority: u8) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
+fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
+    // SAFETY: zero is a valid value of the plain struct.
+    let mut attributes: libc::sched_attr = unsafe { core::mem::zeroed() };
+    attributes.size = size_of::<libc::sched_attr>() as u32;
+    attributes.sched_policy = libc::SCHED_DEADLINE as u32;
+    // A thread with a deadline may not make others that have one too.
+    attributes.sched_flags = libc::SCHED_FLAG_RESET_ON_FORK as u64;
+    (attributes.sched_runtime, attributes.sched_deadline, attributes.sched_period) =
+        (runtime_ns, period_ns, period_ns);
+    // SAFETY: `attributes` is initialised and outlives the call; 0 is the calling thread.
+    let result = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Scheduling policy of the calling thread.
+fn policy() -> i32 {
+    // SAFETY: a system call on an integer.
+    unsafe { libc::sched_getscheduler(0) & !libc::SCHED_RESET_ON_FORK }
+}
+
 fn fifo_priority() -> u8 {
     let mut parameters = libc::sched_param { sched_priority: 0 };
-    // SAFETY: both calls read the calling thread's scheduling; `parameters` outlives them.
-    let (policy, read) =
-        unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut parameters)) };
-    let fifo = policy & !libc::SCHED_RESET_ON_FORK == libc::SCHED_FIFO;
-    if fifo && read == 0 { u8::try_from(parameters.sched_priority).unwrap_or(0) } else { 0 }
+    // SAFETY: the call reads the calling thread's scheduling; `parameters` outlives it.
+    let read = unsafe { libc::sched_getparam(0, &raw mut parameters) };
+    if policy() == libc::SCHED_FIFO && read == 0 {
+        u8::try_from(parameters.sched_priority).unwrap_or(0)
+    } else {
+        0
+    }
 }
 
 fn locked_memory() -> bool {
@@ -116,11 +168,21 @@ fn locked_memory() -> bool {
 
 /// Page faults of the calling thread so far: minor and major together.
 pub fn page_faults() -> u64 {
+    let usage = usage();
+    (usage.ru_minflt + usage.ru_majflt) as u64
+}
+
+/// How often the calling thread went to sleep so far: waiting, blocking, not being interrupted.
+pub fn times_asleep() -> u64 {
+    usage().ru_nvcsw as u64
+}
+
+fn usage() -> libc::rusage {
     // SAFETY: zero is a valid value of the plain struct, which outlives the call.
     unsafe {
         let mut usage: libc::rusage = core::mem::zeroed();
         libc::getrusage(libc::RUSAGE_THREAD, &raw mut usage);
-        (usage.ru_minflt + usage.ru_majflt) as u64
+        usage
     }
 }
 

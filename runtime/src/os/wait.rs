@@ -36,6 +36,11 @@ pub fn futex_wake(word: &AtomicU32) {
     let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
 }
 
+/// The core the calling thread is on at this moment. No system call.
+pub fn current_core() -> usize {
+    rustix::thread::sched_getcpu()
+}
+
 /// Lets others of the same priority run on this core first.
 pub fn yield_core() {
     rustix::thread::sched_yield();

@@ -65,6 +65,7 @@ pub struct Header {
     pub(super) components: AtomicU32,
     pub(super) topics: AtomicU32,
     pub(super) latencies: AtomicU32,
+    pub(super) edges: AtomicU32,
     command: AtomicU32,
     /// Time zero of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
@@ -100,10 +101,13 @@ impl Header {
 /// Why a step missed its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
-    /// The system woke the component late.
+    /// The component was ready to run, and another thread of this system had its core.
     LateWake,
     /// The step itself took too long.
     LongStep,
+    /// Nobody in this system had the core, and still the component did not run: the host of a virtual machine had it, or
+    /// the hardware woke late.
+    Stolen,
     /// An input that should have been there was stale.
     LateInput,
 }
@@ -111,16 +115,39 @@ pub enum MissCause {
 /// Missed steps by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Misses {
-    /// The system woke the component so late that the step ended after its deadline.
+    /// The step ended after its deadline because others had the core for too long.
     pub late_wake: u64,
     /// The step ran past its deadline by its own length.
     pub long_step: u64,
+    /// The step ended after its deadline because the host of the virtual machine, or idle hardware, took too long to run
+    /// it at all.
+    pub stolen: u64,
     /// An actuator found its command stale and applied the safe state instead.
     pub late_input: u64,
     /// Releases dropped by the overrun policy in consequence.
     pub skipped: u64,
     /// Steps longer than the budget, whether or not they met their deadline.
     pub over_budget: u64,
+}
+
+impl Misses {
+    /// Steps that missed their time, whatever the cause.
+    pub fn missed(&self) -> u64 {
+        self.late_wake + self.long_step + self.stolen + self.late_input
+    }
+}
+
+/// What a component saw of the machine while it did nothing but read the clock: spinning before its releases.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Stalls {
+    /// For how long it watched, ns.
+    pub watched_ns: u64,
+    /// Times it was stopped for longer than 10 us.
+    pub count: u64,
+    /// For how long in all, ns.
+    pub total_ns: u64,
+    /// The longest, ns.
+    pub longest_ns: u64,
 }
 
 /// What one component says of itself. Written by its worker, but for the fields named otherwise.
@@ -148,6 +175,7 @@ pub struct ComponentBlock {
     pub last_step_ns: AtomicU64,
     late_wake: AtomicU64,
     long_step: AtomicU64,
+    stolen: AtomicU64,
     late_input: AtomicU64,
     /// Releases dropped.
     pub skipped: AtomicU64,
@@ -169,6 +197,14 @@ pub struct ComponentBlock {
     pub safe_since_ns: AtomicU64,
     /// Page faults of the stepping thread, after the warm-up.
     pub page_faults: AtomicU64,
+    stall_watched_ns: AtomicU64,
+    stall_count: AtomicU64,
+    stall_total_ns: AtomicU64,
+    stall_longest_ns: AtomicU64,
+    /// How long it now spins before a release, ns.
+    pub spin_ns: AtomicU64,
+    /// 1 if it runs under `SCHED_DEADLINE`, read back.
+    pub deadline: AtomicU32,
     /// `SCHED_FIFO` priority read back, 0 for none.
     pub fifo_priority: AtomicU32,
     /// Cores read back, as a mask of the first 32.
@@ -181,8 +217,10 @@ pub struct ComponentBlock {
     failure: [AtomicU8; 2048],
     /// Release lateness, ns.
     pub lateness: Histogram,
-    /// Execution time of steps, ns.
+    /// Execution time of steps on the clock on the wall, ns.
     pub execution: Histogram,
+    /// Time of the core that each step took, its waiting and waking included, its spinning not, ns.
+    pub cpu: Histogram,
     /// What a restarted component may resume from.
     pub checkpoint: CheckpointBlock,
 }
@@ -209,6 +247,7 @@ impl ComponentBlock {
         let cell = match cause {
             MissCause::LateWake => &self.late_wake,
             MissCause::LongStep => &self.long_step,
+            MissCause::Stolen => &self.stolen,
             MissCause::LateInput => &self.late_input,
         };
         add(cell, 1);
@@ -219,9 +258,34 @@ impl ComponentBlock {
         Misses {
             late_wake: self.late_wake.load(Relaxed),
             long_step: self.long_step.load(Relaxed),
+            stolen: self.stolen.load(Relaxed),
             late_input: self.late_input.load(Relaxed),
             skipped: self.skipped.load(Relaxed),
             over_budget: self.over_budget.load(Relaxed),
+        }
+    }
+
+    /// Counts time spent reading nothing but the clock.
+    pub(crate) fn watched(&self, ns: u64) {
+        add(&self.stall_watched_ns, ns);
+    }
+
+    /// Counts a time for which it was stopped while reading nothing but the clock.
+    pub(crate) fn stalled(&self, ns: u64) {
+        add(&self.stall_count, 1);
+        add(&self.stall_total_ns, ns);
+        if ns > self.stall_longest_ns.load(Relaxed) {
+            self.stall_longest_ns.store(ns, Relaxed);
+        }
+    }
+
+    /// What it saw of the machine so far.
+    pub fn stalls(&self) -> Stalls {
+        Stalls {
+            watched_ns: self.stall_watched_ns.load(Relaxed),
+            count: self.stall_count.load(Relaxed),
+            total_ns: self.stall_total_ns.load(Relaxed),
+            longest_ns: self.stall_longest_ns.load(Relaxed),
         }
     }
 
@@ -263,6 +327,14 @@ pub struct TopicBlock {
     pub digest: AtomicU64,
     /// Samples that readers of a stream lost.
     pub dropped: AtomicU64,
+}
+
+/// Measurements of one edge of the graph: a topic and one of its readers. Written by the reader.
+#[derive(Debug)]
+#[repr(C, align(64))]
+pub struct EdgeBlock {
+    /// Age of each sample when the reader first looked at it, since its publication, ns.
+    pub age: Histogram,
 }
 
 /// Measurements of one latency budget. Written by the component that publishes the end of the chain.

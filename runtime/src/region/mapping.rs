@@ -8,10 +8,11 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use memmap2::{MmapOptions, MmapRaw};
 
-use super::{ComponentBlock, Header, LatencyBlock, TopicBlock};
+use super::{ComponentBlock, EdgeBlock, Header, LatencyBlock, TopicBlock};
+use crate::plan::Plan;
 
 /// First word of every region; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_0001;
+const MAGIC: u64 = 0x6d6f_746f_7269_0002;
 
 /// A region could not be made or opened.
 #[derive(Debug, thiserror::Error)]
@@ -34,38 +35,65 @@ pub enum RegionError {
     },
 }
 
+/// How many blocks of each sort a region holds.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    components: usize,
+    topics: usize,
+    latencies: usize,
+    edges: usize,
+}
+
+impl Counts {
+    fn bytes(self) -> usize {
+        self.edges_at() + self.edges * size_of::<EdgeBlock>()
+    }
+
+    fn topics_at(self) -> usize {
+        size_of::<Header>() + self.components * size_of::<ComponentBlock>()
+    }
+
+    fn latencies_at(self) -> usize {
+        self.topics_at() + self.topics * size_of::<TopicBlock>()
+    }
+
+    fn edges_at(self) -> usize {
+        self.latencies_at() + self.latencies * size_of::<LatencyBlock>()
+    }
+}
+
 /// The mapped region of a run.
 #[derive(Debug)]
 pub struct Region {
     memory: MmapRaw,
-    components: usize,
-    topics: usize,
-    latencies: usize,
+    counts: Counts,
 }
 
 impl Region {
-    /// Makes the region of a run with so many components, topics and latency budgets.
+    /// Makes the region of a run.
     ///
     /// # Errors
     /// The file cannot be made: no space, no permission, or it exists.
-    pub fn create(
-        path: &Path,
-        components: usize,
-        topics: usize,
-        latencies: usize,
-    ) -> Result<Self, RegionError> {
+    pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
+        let counts = Counts {
+            components: plan.components.len(),
+            topics: plan.topics.len(),
+            latencies: plan.latencies.len(),
+            edges: plan.edges().len(),
+        };
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
-        let size = Self::size(components, topics, latencies);
+        let size = counts.bytes();
         // Reserve the memory now: a sparse file on a full file system would kill a writer with SIGBUS later.
         rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, size as u64)
             .map_err(|error| io(error.into()))?;
         let memory = MmapOptions::new().len(size).map_raw(&file).map_err(io)?;
-        let region = Self { memory, components, topics, latencies };
+        let region = Self { memory, counts };
         let header = region.header();
-        header.components.store(components as u32, Relaxed);
-        header.topics.store(topics as u32, Relaxed);
-        header.latencies.store(latencies as u32, Relaxed);
+        header.components.store(counts.components as u32, Relaxed);
+        header.topics.store(counts.topics as u32, Relaxed);
+        header.latencies.store(counts.latencies as u32, Relaxed);
+        header.edges.store(counts.edges as u32, Relaxed);
         header.magic.store(MAGIC, Release);
         Ok(region)
     }
@@ -83,27 +111,25 @@ impl Region {
             return Err(wrong(format!("{size} bytes")));
         }
         let memory = MmapOptions::new().len(size).map_raw(&file).map_err(io)?;
-        let mut region = Self { memory, components: 0, topics: 0, latencies: 0 };
+        let mut region = Self { memory, counts: Counts::default() };
         let header = region.header();
         let magic = header.magic.load(Acquire);
         if magic != MAGIC {
             return Err(wrong(format!("version mark {magic:016x}")));
         }
         let load = |count: &std::sync::atomic::AtomicU32| count.load(Relaxed) as usize;
-        let counts = (load(&header.components), load(&header.topics), load(&header.latencies));
-        let expected = Self::size(counts.0, counts.1, counts.2);
+        let counts = Counts {
+            components: load(&header.components),
+            topics: load(&header.topics),
+            latencies: load(&header.latencies),
+            edges: load(&header.edges),
+        };
+        let expected = counts.bytes();
         if size < expected {
             return Err(wrong(format!("{size} bytes where its counts need {expected}")));
         }
-        (region.components, region.topics, region.latencies) = counts;
+        region.counts = counts;
         Ok(region)
-    }
-
-    fn size(components: usize, topics: usize, latencies: usize) -> usize {
-        size_of::<Header>()
-            + components * size_of::<ComponentBlock>()
-            + topics * size_of::<TopicBlock>()
-            + latencies * size_of::<LatencyBlock>()
     }
 
     /// The header.
@@ -115,20 +141,22 @@ impl Region {
 
     /// The block of each component, in the order of the plan.
     pub fn components(&self) -> &[ComponentBlock] {
-        self.blocks(size_of::<Header>(), self.components)
+        self.blocks(size_of::<Header>(), self.counts.components)
     }
 
     /// The block of each topic, in the order of the plan.
     pub fn topics(&self) -> &[TopicBlock] {
-        self.blocks(size_of::<Header>() + self.components * size_of::<ComponentBlock>(), self.topics)
+        self.blocks(self.counts.topics_at(), self.counts.topics)
     }
 
     /// The block of each latency budget, in the order of the plan.
     pub fn latencies(&self) -> &[LatencyBlock] {
-        let offset = size_of::<Header>()
-            + self.components * size_of::<ComponentBlock>()
-            + self.topics * size_of::<TopicBlock>();
-        self.blocks(offset, self.latencies)
+        self.blocks(self.counts.latencies_at(), self.counts.latencies)
+    }
+
+    /// The block of each edge, in the order of [`Plan::edges`].
+    pub fn edges(&self) -> &[EdgeBlock] {
+        self.blocks(self.counts.edges_at(), self.counts.edges)
     }
 
     fn blocks<T>(&self, offset: usize, count: usize) -> &[T] {

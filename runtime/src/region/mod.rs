@@ -8,6 +8,8 @@ mod checkpoint;
 mod mapping;
 
 pub(crate) use blocks::add;
-pub use blocks::{Command, ComponentBlock, Header, LatencyBlock, MissCause, Misses, Phase, TopicBlock};
+pub use blocks::{
+    Command, ComponentBlock, EdgeBlock, Header, LatencyBlock, MissCause, Misses, Phase, Stalls, TopicBlock,
+};
 pub use checkpoint::{CHECKPOINT_BYTES, CheckpointBlock};
 pub use mapping::{Region, RegionError};

@@ -9,7 +9,7 @@ use crate::plan::Plan;
 /// Load of one core.
 pub(super) fn load(plan: &Plan, tasks: &StaticPlan, core: usize, limit: &RtLimit) -> CoreLoad {
     let mut terms = Vec::new();
-    let mut known = true;
+    let mut known = !plan.components.iter().any(super::tasks::has_deadline);
     for task in tasks.on_core(core).into_iter().map(|index| &tasks.tasks[index]) {
         let mut add = |component: usize, activity, cost_ns: u64| {
             terms.push(LoadTerm {

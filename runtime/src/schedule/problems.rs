@@ -147,6 +147,12 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         "schedule both in the same way",
     );
     warn(&unknown.without_core, "may run on several cores", "may run on several cores", "add `core = 1`");
+    warn(
+        &unknown.by_deadline,
+        "is scheduled by its deadline: it comes before all priorities, on whatever core",
+        "are scheduled by their deadlines: they come before all priorities, on whatever core",
+        "schedule it as `fifo` to have times proved; the kernel itself refuses more deadlines than it can keep",
+    );
 }
 
 fn unprovable_latencies(admission: &Admission, problems: &mut Vec<Problem>) {

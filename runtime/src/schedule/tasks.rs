@@ -140,7 +140,7 @@ impl StaticPlan {
     fn place(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
         let component = &plan.components[index];
         let (Some(priority), Some(core)) = (priority(component), core(plan, component)) else { return };
-        let spin_ns = plan.scheduling.spin_ns;
+        let spin_ns = component.spin.at_most_ns();
         let mut step =
             Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };
         let release = match component.activation {
@@ -201,6 +201,11 @@ pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
         SchedulingClass::Fifo(priority) => Some(priority),
         _ => None,
     }
+}
+
+/// Whether the kernel schedules a component by its deadline.
+pub(super) fn has_deadline(component: &ComponentPlan) -> bool {
+    matches!(component.class, SchedulingClass::Deadline { .. })
 }
 
 /// The one core that a component may run on, if it is one.

@@ -80,6 +80,12 @@ impl Histogram {
         }
     }
 
+    /// The buckets that hold something: the largest value each takes, ns, and how many there are.
+    pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        let counts = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).enumerate();
+        counts.filter(|(_, count)| *count > 0).map(|(i, count)| (upper_bound(i), count))
+    }
+
     /// The smallest bucket bound that at least this share of all values does not exceed, ns.
     pub fn quantile(&self, share: f64) -> u64 {
         let total: u64 = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).sum();

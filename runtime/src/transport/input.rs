@@ -28,6 +28,8 @@ pub struct Input<T: StateBuffer> {
     lost: u64,
     /// Index of the topic if it is a stream: what is lost of it counts.
     stream: Option<usize>,
+    /// Index of the edge from the topic to this component.
+    edge: Option<usize>,
 }
 
 /// A sample, borrowed from shared memory.
@@ -68,6 +70,7 @@ impl<T: StateBuffer> Input<T> {
             last_sequence: 0,
             lost: 0,
             stream: None,
+            edge: None,
         }
     }
 
@@ -76,6 +79,7 @@ impl<T: StateBuffer> Input<T> {
         topic: (usize, &TopicPlan),
         port: &str,
         is_cause: bool,
+        edge: Option<usize>,
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
@@ -84,7 +88,7 @@ impl<T: StateBuffer> Input<T> {
             .subscriber_builder()
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, stream, ..Self::unwired(context) })
+        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, stream, edge, ..Self::unwired(context) })
     }
 
     /// What must be connected before the first step.
@@ -153,6 +157,10 @@ impl<T: StateBuffer> Input<T> {
             }
         }
         (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
+        if let Some(edge) = self.edge {
+            let age = self.context.now_ns().saturating_sub(stamp.publish_time);
+            self.context.region().edges()[edge].age.record(age);
+        }
         true
     }
 

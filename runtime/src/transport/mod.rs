@@ -3,7 +3,9 @@
 //! [`Domain`] keeps runs apart, [`Shared`] is the choice of mechanisms, [`Input`] and [`Output`] are the ports a
 //! component steps with, [`Observer`] is how tools look on without taking part.
 
+mod bell;
 mod domain;
+mod exchange;
 mod input;
 mod observer;
 mod output;
@@ -12,9 +14,11 @@ mod pooled;
 #[cfg(test)]
 mod tests;
 mod topic;
+mod trigger;
 mod variant;
 
 pub use domain::{Domain, DomainError};
+pub use exchange::{Exchange, ExchangeError, Seat};
 pub use input::{Input, Reading};
 pub use observer::{Observed, Observer};
 pub(crate) use output::{Connect, Probe};
@@ -23,6 +27,8 @@ pub use parameter::{AnyParameter, Parameter, ParameterError, ParameterTable};
 pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};
+pub use trigger::Trigger;
+pub(crate) use trigger::Waker;
 pub use variant::Shared;
 
 /// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.

@@ -6,13 +6,12 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use iceoryx2::node::Node;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
 
-use super::topic::{open, open_notifier, refused};
-use super::{PortError, Shared};
+use super::topic::{open, open_waker, refused};
+use super::{PortError, Shared, Waker};
 use crate::component::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
@@ -46,7 +45,7 @@ pub struct Output<T: StateBuffer> {
 struct Wired<T: StateBuffer> {
     topic: usize,
     publisher: Rc<Publisher<Shared, T, Stamp>>,
-    notifier: Option<Notifier<Shared>>,
+    waker: Option<Waker>,
     probes: Vec<Probe>,
     digest: Digest,
 }
@@ -78,9 +77,9 @@ impl<T: StateBuffer> Output<T> {
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let notifier = if context.is_lockstep() { None } else { open_notifier(node, topic)? };
+        let waker = if context.is_lockstep() { None } else { open_waker(node, topic)? };
         let publisher = Rc::new(publisher);
-        let wired = Wired { topic: index, publisher, notifier, probes, digest: Digest::default() };
+        let wired = Wired { topic: index, publisher, waker, probes, digest: Digest::default() };
         Ok(Self { wired: Some(wired), ..Self::unwired(port, context) })
     }
 
@@ -200,9 +199,8 @@ impl<T: StateBuffer> Loan<'_, T> {
                 }
             }
         }
-        if let Some(notifier) = &wired.notifier {
-            // A listener that is just dying cannot be woken, and need not be.
-            let _ = notifier.notify();
+        if let Some(waker) = &wired.waker {
+            waker.wake();
         }
         Ok(())
     }

@@ -24,6 +24,7 @@ fn component(name: &str) -> ComponentPlan {
         activation: Activation::Periodic { period_ns: 1_000_000, phase_ns: 0 },
         budget_ns: None,
         core: None,
+        spin: Spin::Fixed { ns: 0 },
         class: SchedulingClass::Normal,
         inputs: Vec::new(),
         outputs: Vec::new(),
@@ -38,6 +39,7 @@ fn component(name: &str) -> ComponentPlan {
         actuator: false,
         seed: 0,
         on_overrun: OnOverrun::Skip,
+        overruns_tolerated: None,
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,
         restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
@@ -75,7 +77,7 @@ impl Bench {
             components: vec![component("writer"), component("reader")],
             topics: vec![topic],
             latencies: Vec::new(),
-            scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, spin_ns: 0 },
+            scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
             safety: SafetyPlan { stale_after_ns: 1, safe_state: SafeState::Hold, settle_ns: 1 },
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();
@@ -94,7 +96,7 @@ impl Bench {
     }
 
     fn input<T: StateBuffer>(&self) -> Input<T> {
-        Input::open(&self.node, (0, self.topic()), "input", false, self.context(1)).unwrap()
+        Input::open(&self.node, (0, self.topic()), "input", false, Some(0), self.context(1)).unwrap()
     }
 
     fn output<T: StateBuffer>(&self) -> Output<T> {
@@ -256,8 +258,14 @@ mod swapped {
 #[test]
 fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let opened =
-        Input::<swapped::Wrench>::open(&bench.node, (0, bench.topic()), "input", false, bench.context(1));
+    let opened = Input::<swapped::Wrench>::open(
+        &bench.node,
+        (0, bench.topic()),
+        "input",
+        false,
+        Some(0),
+        bench.context(1),
+    );
     let text = opened.unwrap_err().to_string();
     assert!(text.contains("0  torque: [f64; 3]") && text.contains("0  force: [f64; 3]"), "{text}");
     assert!(text.contains("this program") && text.contains("the topic"), "{text}");

@@ -2,15 +2,15 @@
 
 #![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
 
+use std::rc::Rc;
+
 use iceoryx2::node::Node;
-use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
-use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier, EventId, ServiceName};
+use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier, ServiceName};
 use iceoryx2::service::marker::CustomPayloadMarker;
-use iceoryx2::service::port_factory::{event, publish_subscribe};
+use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
-use super::Shared;
+use super::{Shared, Trigger, Waker};
 use crate::component::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
@@ -75,7 +75,7 @@ pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortEr
 #[derive(Debug)]
 pub(crate) struct TopicService {
     _samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
-    event: Option<event::PortFactory<Shared>>,
+    waker: Option<Rc<Waker>>,
 }
 
 impl TopicService {
@@ -113,26 +113,14 @@ impl TopicService {
             .max_nodes(2 * parties + 4)
             .create_with_attributes(&attributes)
             .map_err(|error| refused(name, "creating")(&error))?;
-        let event = if topic.triggers.is_empty() {
-            None
-        } else {
-            let event = node
-                .service_builder(&service_name("event", name)?)
-                .event()
-                .max_notifiers(4)
-                .max_listeners(2 * topic.triggers.len())
-                .max_nodes(2 * parties + 4)
-                .event_id_max_value(1)
-                .create()
-                .map_err(|error| refused(name, "creating its event")(&error))?;
-            Some(event)
-        };
-        Ok(Self { _samples: samples, event })
+        let wakes = !topic.triggers.is_empty();
+        let waker = wakes.then(|| Waker::create(node, topic)).transpose()?.map(Rc::new);
+        Ok(Self { _samples: samples, waker })
     }
 
-    /// A port that wakes the components this topic triggers, so that they look at the run's command.
-    pub(crate) fn waker(&self) -> Option<Notifier<Shared>> {
-        self.event.as_ref()?.notifier_builder().default_event_id(EventId::new(1)).create().ok()
+    /// What wakes the components this topic triggers, so that they look at the run's command.
+    pub(crate) fn waker(&self) -> Option<Rc<Waker>> {
+        self.waker.clone()
     }
 }
 
@@ -170,32 +158,12 @@ pub(super) fn open<T: StateBuffer>(
         .map_err(|error| bad(&error))
 }
 
-fn open_event(node: &Node<Shared>, topic: &TopicPlan) -> Result<event::PortFactory<Shared>, PortError> {
-    node.service_builder(&service_name("event", &topic.name)?)
-        .event()
-        .open()
-        .map_err(|error| refused(&topic.name, "opening its event")(&error))
-}
-
 /// The publishing side of a topic's wake-up, if anything is triggered by it.
-pub(super) fn open_notifier(
-    node: &Node<Shared>,
-    topic: &TopicPlan,
-) -> Result<Option<Notifier<Shared>>, PortError> {
-    if topic.triggers.is_empty() {
-        return Ok(None);
-    }
-    let notifier = open_event(node, topic)?
-        .notifier_builder()
-        .create()
-        .map_err(|error| refused(&topic.name, "making a notifier")(&error))?;
-    Ok(Some(notifier))
+pub(super) fn open_waker(node: &Node<Shared>, topic: &TopicPlan) -> Result<Option<Waker>, PortError> {
+    (!topic.triggers.is_empty()).then(|| Waker::open(node, topic)).transpose()
 }
 
 /// The waiting side of a topic's wake-up.
-pub(crate) fn open_trigger(node: &Node<Shared>, topic: &TopicPlan) -> Result<Listener<Shared>, PortError> {
-    open_event(node, topic)?
-        .listener_builder()
-        .create()
-        .map_err(|error| refused(&topic.name, "making a listener")(&error))
+pub(crate) fn open_trigger(node: &Node<Shared>, topic: &TopicPlan) -> Result<Trigger, PortError> {
+    Trigger::open(node, topic)
 }

@@ -10,6 +10,7 @@ use crate::os::{futex_wait, futex_wake, monotonic_ns};
 
 /// Steps whenever the launcher hands out a tick, until the run ends.
 pub(super) fn run<C: Component>(stepper: &mut Stepper<C>) -> Result<(), Failure> {
+    stepper.open_accounts();
     let mut seen = stepper.context().block().tick_done.load(Acquire);
     loop {
         let block = stepper.context().block();
@@ -26,9 +27,8 @@ pub(super) fn run<C: Component>(stepper: &mut Stepper<C>) -> Result<(), Failure>
         let timing = Timing { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX, behind: false };
         let began = monotonic_ns();
         stepper.step(timing)?;
+        stepper.account_lockstep(monotonic_ns() - began);
         let block = stepper.context().block();
-        block.execution.record(monotonic_ns() - began);
-        block.lateness.record(0);
         block.tick_done.store(given, Release);
         futex_wake(&block.tick_done);
     }

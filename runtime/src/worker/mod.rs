@@ -3,14 +3,17 @@
 //! The same loop serves a component in a process of its own and one hosted beside others, in real time and in
 //! lockstep.
 
+mod account;
 mod context;
 mod failure;
 mod grid;
 mod lockstep;
+mod margin;
 mod program;
 mod realtime;
 mod setup;
 mod stepper;
+mod verdict;
 mod watcher;
 
 pub use crate::transport::{Input, Loan, Output, Parameter, Reading};
@@ -152,7 +155,12 @@ fn live<C: Component>(
                 realtime::run_triggered(&mut stepper, *topic, &listener)?;
             }
             (ClockKind::Realtime, Activation::Periodic { period_ns, phase_ns }, _) => {
-                realtime::run_periodic(&mut stepper, *period_ns, *phase_ns, plan.scheduling.spin_ns)?;
+                realtime::run_periodic(
+                    &mut stepper,
+                    *period_ns,
+                    *phase_ns,
+                    margin::Margin::new(component.spin),
+                )?;
             }
             (ClockKind::Realtime, Activation::Triggered { .. }, None) => {
                 return Err(at_setup("its trigger was not opened".to_string()));
@@ -186,9 +194,10 @@ fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool)
     let cores = core.map_or_else(|| plan.scheduling.shared_cores.clone(), |core| vec![core]);
     let realtime = plan.clock == ClockKind::Realtime && own_process;
     let class = if realtime { component.class } else { crate::plan::SchedulingClass::Normal };
-    let lock_memory = realtime && matches!(component.class, crate::plan::SchedulingClass::Fifo(_));
+    let lock_memory = class != crate::plan::SchedulingClass::Normal;
     let (applied, denied) = os::apply(&Request { class, cores, lock_memory });
     block.fifo_priority.store(u32::from(applied.fifo_priority), Relaxed);
+    block.deadline.store(u32::from(applied.deadline), Relaxed);
     block.cores.store(applied.cores.iter().filter(|c| **c < 32).fold(0, |mask, c| mask | 1 << c), Relaxed);
     block.memory_locked.store(u32::from(applied.memory_locked), Relaxed);
     denied

@@ -2,29 +2,32 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::port::listener::Listener;
-
 use super::Failure;
 use super::grid::Grid;
+use super::margin::Margin;
 use super::stepper::{Stepper, Timing};
 use crate::component::Component;
 use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
-use crate::transport::Shared;
+use crate::transport::Trigger;
+
+/// While spinning the clock is read every few ten nanoseconds; after a longer gap than this, ns, the thread was stopped.
+const STALL_NS: u64 = 10_000;
 
 /// Steps at `start + phase + n * period` until the run ends.
 pub(super) fn run_periodic<C: Component>(
     stepper: &mut Stepper<C>,
     period_ns: u64,
     phase_ns: u64,
-    spin_ns: u64,
+    mut margin: Margin,
 ) -> Result<(), Failure> {
     let origin = stepper.context().start_ns() + phase_ns;
     // A component that joins later needs the time to get there.
     let mut grid = Grid::new(origin, period_ns, monotonic_ns());
     let mut last_end = 0;
+    stepper.open_accounts();
     loop {
-        let Some(wake_ns) = wait_until(stepper, grid.release_ns(), spin_ns) else { return Ok(()) };
+        let Some(wake_ns) = wait_until(stepper, grid.release_ns(), &mut margin) else { return Ok(()) };
         let (release_ns, deadline_ns) = (grid.release_ns(), grid.deadline_ns());
         let timing = Timing { release_ns, wake_ns, deadline_ns, behind: last_end > release_ns };
         let end = stepper.step(timing)?;
@@ -38,24 +41,39 @@ pub(super) fn run_periodic<C: Component>(
 }
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
-fn wait_until<C: Component>(stepper: &Stepper<C>, release_ns: u64, spin_ns: u64) -> Option<u64> {
+fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &mut Margin) -> Option<u64> {
     let mut let_others_run = false;
+    let mut spinning: Option<(u64, u64)> = None;
     loop {
         if stepper.context().must_leave() {
             return None;
         }
         let now = monotonic_ns();
+        if let Some((_, last)) = &mut spinning {
+            if now - *last > STALL_NS {
+                stepper.context().block().stalled(now - *last);
+            }
+            *last = now;
+        }
         if now >= release_ns && let_others_run {
+            stepper.spun(margin.ns(), spinning.map_or(0, |(began, _)| now - began));
             return Some(now);
         }
-        if now + spin_ns < release_ns {
-            sleep_until(release_ns - spin_ns);
-            let_others_run = true;
+        let sleep_to = release_ns.saturating_sub(margin.ns());
+        if now < sleep_to {
+            sleep_until(sleep_to);
+            stepper.slept();
+            let woken = monotonic_ns();
+            if woken >= sleep_to {
+                margin.woke(woken - sleep_to);
+            }
+            (let_others_run, spinning) = (true, None);
         } else if !let_others_run {
             // Behind its time, it does not sleep: those it has just woken on this core must still get their turn.
             yield_core();
             let_others_run = true;
         } else {
+            spinning.get_or_insert((now, now));
             core::hint::spin_loop();
         }
     }
@@ -65,14 +83,16 @@ fn wait_until<C: Component>(stepper: &Stepper<C>, release_ns: u64, spin_ns: u64)
 pub(super) fn run_triggered<C: Component>(
     stepper: &mut Stepper<C>,
     topic: usize,
-    listener: &Listener<Shared>,
+    trigger: &Trigger,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
     let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
     let mut last_end = 0;
+    stepper.open_accounts();
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
-        let _ = listener.blocking_wait(|_| {});
+        trigger.wait();
+        stepper.slept();
         let wake_ns = monotonic_ns();
         if stepper.context().must_leave() {
             return Ok(());

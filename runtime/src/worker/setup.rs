@@ -4,7 +4,6 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
-use iceoryx2::port::listener::Listener;
 
 use super::Context;
 use crate::component::{ConfigureError, RobotReference};
@@ -14,7 +13,8 @@ use crate::run_folder::RunFolder;
 use crate::safety::CommandGuard;
 use crate::state::StateBuffer;
 use crate::transport::{
-    AnyParameter, Connect, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared, open_trigger,
+    AnyParameter, Connect, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared, Trigger,
+    open_trigger,
 };
 
 /// Hands a component what it declared.
@@ -27,10 +27,10 @@ pub struct Setup {
     context: Rc<Context>,
     parameters: ParameterReader,
     ports: Vec<Rc<dyn Connect>>,
-    trigger: Option<Listener<Shared>>,
+    trigger: Option<Trigger>,
 }
 
-type Finished = (Vec<Rc<dyn Connect>>, ParameterReader, Option<Listener<Shared>>);
+type Finished = (Vec<Rc<dyn Connect>>, ParameterReader, Option<Trigger>);
 
 impl Setup {
     pub(super) fn new(
@@ -95,8 +95,9 @@ impl Setup {
         same_type::<T>(plan)?;
         let Some(topic) = plan.topic else { return Ok(Input::unwired(self.context.clone())) };
         let is_cause = component.cause == Some(index);
+        let edge = self.plan.edges().iter().position(|edge| *edge == (topic, self.index));
         let topic = (topic, &self.plan.topics[topic]);
-        let input = Input::<T>::open(&self.node, topic, port, is_cause, self.context.clone())?;
+        let input = Input::<T>::open(&self.node, topic, port, is_cause, edge, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
     }

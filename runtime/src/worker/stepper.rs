@@ -4,11 +4,12 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
+use super::account::{self, Accounts, Consequence};
 use super::{Context, Failure, failure};
 use crate::component::{Component, StepError, Tick};
 use crate::os;
 use crate::plan::{ComponentPlan, OnError, OnOverrun};
-use crate::region::{Command, MissCause, add};
+use crate::region::{Command, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
 use crate::transport::ParameterReader;
@@ -25,6 +26,7 @@ pub(super) struct Stepper<C> {
     period: Duration,
     own_steps: u64,
     faults_before: u64,
+    accounts: Accounts,
 }
 
 /// A step that failed.
@@ -58,7 +60,17 @@ impl<C: Component> Stepper<C> {
     ) -> Self {
         let period = Duration::from_nanos(plan.period_ns());
         context.block().counts_allocations.store(u32::from(counts_allocations()), Relaxed);
-        Self { component, context, parameters, plan: plan.clone(), period, own_steps: 0, faults_before: 0 }
+        let accounts = Accounts::new(plan);
+        Self {
+            component,
+            context,
+            parameters,
+            plan: plan.clone(),
+            period,
+            own_steps: 0,
+            faults_before: 0,
+            accounts,
+        }
     }
 
     pub(super) fn context(&self) -> &Context {
@@ -138,24 +150,35 @@ impl<C: Component> Stepper<C> {
         }
     }
 
+    /// The accounts begin with the first step to come.
+    pub(super) fn open_accounts(&mut self) {
+        self.accounts.open();
+    }
+
+    /// The worker has slept for the step to come.
+    pub(super) fn slept(&mut self) {
+        self.accounts.slept();
+    }
+
+    /// Time spent spinning before the release of the step to come.
+    pub(super) fn spun(&mut self, margin_ns: u64, spun_ns: u64) {
+        account::show_spin(self.context.block(), margin_ns, spun_ns);
+        self.accounts.spun(spun_ns);
+    }
+
     /// Records the timing of a finished step in real time.
-    pub(super) fn account(&self, timing: Timing, end_ns: u64) {
+    pub(super) fn account(&mut self, timing: Timing, end_ns: u64) {
+        if self.accounts.enter(self.context.block(), timing, end_ns) == Consequence::SafeStop {
+            self.context.region().header().order(Command::SafeStop);
+        }
+    }
+
+    /// Records the length of a finished step in lockstep.
+    pub(super) fn account_lockstep(&mut self, execution_ns: u64) {
         let block = self.context.block();
-        let lateness = timing.wake_ns.saturating_sub(timing.release_ns);
-        let execution = end_ns.saturating_sub(timing.wake_ns);
-        block.lateness.record(lateness);
-        block.execution.record(execution);
-        if self.plan.budget_ns.is_some_and(|budget| execution > budget) {
-            add(&block.over_budget, 1);
-        }
-        if end_ns > timing.deadline_ns {
-            // The step (or the one before) is to blame if this would have been late even when woken in time.
-            let in_time = timing.release_ns + execution <= timing.deadline_ns && !timing.behind;
-            block.miss(if in_time { MissCause::LateWake } else { MissCause::LongStep });
-            if self.plan.on_overrun == OnOverrun::SafeStop {
-                self.context.region().header().order(Command::SafeStop);
-            }
-        }
+        self.accounts.charge(block);
+        block.execution.record(execution_ns);
+        block.lateness.record(0);
     }
 
     /// Ends the component in good order and leaves its result.

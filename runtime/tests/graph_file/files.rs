@@ -5,10 +5,16 @@ use serde_json::Value as Json;
 
 use super::{anywhere, good, graphs, load, stem};
 
+/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time than there
+/// is: that it is refused too is tested where admission is.
+fn refused(folder: &str) -> impl Iterator<Item = std::path::PathBuf> {
+    graphs(folder).into_iter().filter(|path| stem(path) != "overloaded")
+}
+
 #[test]
 fn every_broken_graph_gives_its_error() {
     for folder in ["graphs/broken", "runtime/tests/graph_file/broken"] {
-        for path in graphs(folder) {
+        for path in refused(folder) {
             let error = match load(&path) {
                 Ok(_) => panic!("{} should be refused", path.display()),
                 Err(error) => error,
@@ -20,7 +26,7 @@ fn every_broken_graph_gives_its_error() {
 
 #[test]
 fn every_error_has_its_place_and_advice() {
-    for path in graphs("graphs/broken") {
+    for path in refused("graphs/broken") {
         let error = load(&path).expect_err("a broken graph");
         assert!(error.diagnostics().iter().any(|diagnostic| diagnostic.severity() == Severity::Error));
         for report in error.reports() {

@@ -30,7 +30,7 @@ fn the_schema_accepts_good_graphs() {
 }
 
 /// Mistakes that an editor sees while the file is written, since they need no knowledge but the schema.
-const SEEN_BY_EDITORS: [&str; 35] = [
+const SEEN_BY_EDITORS: [&str; 36] = [
     "bad-component-name",
     "bad-graph-name",
     "bad-topic-name",
@@ -59,6 +59,7 @@ const SEEN_BY_EDITORS: [&str; 35] = [
     "rate-without-unit",
     "restart-at-most-zero",
     "robot-without-model",
+    "spin-share-of-nothing",
     "text-where-a-table-belongs",
     "unknown-choice",
     "unknown-config-key",
@@ -157,7 +158,7 @@ fn the_words_that_are_read_are_those_of_the_schema() {
         assert!(words.len() > 1, "{name}");
         for word in words {
             let set = format!("{override_path}={word}");
-            let loaded = super::load_with(&super::good("panda-reach"), &[&set]);
+            let loaded = super::load_with(&super::good("panda-reach"), &["policy.budget=50 us", &set]);
             assert!(loaded.is_ok(), "{set}: {}", loaded.expect_err("refused").render(false));
         }
     }
@@ -169,12 +170,16 @@ fn defaults_of_the_schema_are_those_of_the_plan() {
     let text = |pointer: &str| document.pointer(pointer).cloned().unwrap_or_default();
     let plan = super::load(&super::good("minimal")).expect("a good graph").plan;
     let component = &plan.components[0];
+    let tuned = matches!(component.spin, motorium::plan::Spin::Tuned { .. });
+    let spin_share = component.spin.at_most_ns() as f64 / component.period_ns() as f64;
+    let spin_share = (spin_share * 1e3).round() / 1e3;
     let shown = |ns: u64| json!(motorium::graph::units::TimeSpan { ns }.to_string());
     let data = |value: &dyn erased::Data| value.data();
     for (pointer, actual) in [
         ("/properties/clock/default", data(&plan.clock)),
         ("/properties/seed/default", data(&plan.seed)),
-        ("/definitions/Realtime/properties/spin/default", shown(plan.scheduling.spin_ns)),
+        ("/definitions/Realtime/properties/spin/default", json!(if tuned { "auto" } else { "fixed" })),
+        ("/definitions/Realtime/properties/spin_share/default", json!(spin_share)),
         ("/definitions/Realtime/properties/on_denied/default", data(&plan.scheduling.on_denied)),
         ("/definitions/Component/properties/on_overrun/default", data(&component.on_overrun)),
         ("/definitions/Component/properties/on_error/default", data(&component.on_error)),

@@ -64,7 +64,7 @@ fn draw_card(svg: &mut String, component: usize, card: &Card, plan: &Plan) {
         "<rect class=\"card\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" rx=\"7\"/>"
     );
     let class = match described.class {
-        SchedulingClass::Fifo(_) => "realtime",
+        SchedulingClass::Fifo(_) | SchedulingClass::Deadline { .. } => "realtime",
         SchedulingClass::Normal => "shared",
     };
     let _ = writeln!(

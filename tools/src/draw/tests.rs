@@ -4,7 +4,7 @@ use motorium::component::TopicPattern;
 use motorium::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
     PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,
-    TopicPlan,
+    Spin, TopicPlan,
 };
 use motorium::state::{JointState, StateBuffer as _};
 
@@ -39,6 +39,7 @@ fn component(
         activation,
         budget_ns: Some(150_000),
         core: Some(1),
+        spin: Spin::Fixed { ns: 100_000 },
         class: if index % 3 == 2 { SchedulingClass::Normal } else { SchedulingClass::Fifo(80) },
         inputs: inputs.iter().enumerate().map(|(i, topic)| port(format!("in{i}"), *topic)).collect(),
         outputs: outputs.iter().enumerate().map(|(i, topic)| port(format!("out{i}"), Some(*topic))).collect(),
@@ -48,6 +49,7 @@ fn component(
         actuator,
         seed: 0,
         on_overrun: OnOverrun::Skip,
+        overruns_tolerated: None,
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,
         restart: RestartPlan { when: RestartWhen::Never, at_most: 5, window_ns: 1, within_ns: 1 },
@@ -91,7 +93,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         components,
         latencies: latencies.collect(),
         topics,
-        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, spin_ns: 100_000 },
+        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
         safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
     }
 }

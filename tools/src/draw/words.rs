@@ -45,6 +45,7 @@ pub(super) fn scheduling(component: &ComponentPlan) -> String {
     let core = component.core.map_or_else(|| "shared cores".to_string(), |core| format!("core {core}"));
     match component.class {
         SchedulingClass::Fifo(priority) => format!("{core}, FIFO {priority}"),
+        SchedulingClass::Deadline { .. } => "any core, DEADLINE".to_string(),
         SchedulingClass::Normal => format!("{core}, not real-time"),
     }
 }

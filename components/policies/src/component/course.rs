@@ -142,9 +142,9 @@ fn shape(config: &ShapeConfig) -> Result<PathShape, String> {
     match config {
         ShapeConfig::Straight => Ok(PathShape::Straight),
         ShapeConfig::Arc(apex) => Ok(PathShape::Arc { apex: Vector3::from(*apex) }),
-        ShapeConfig::Primitive(stored) => {
-            DmpModel::try_from(stored.clone()).map(PathShape::Learned).map_err(|error| error.to_string())
-        }
+        ShapeConfig::Primitive(stored) => DmpModel::try_from(stored.clone())
+            .map(|model| PathShape::Learned(Box::new(model)))
+            .map_err(|error| error.to_string()),
     }
 }
 

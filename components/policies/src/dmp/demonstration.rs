@@ -141,7 +141,7 @@ impl Demonstration {
     }
 }
 
-fn check(duration: f64, samples: &DMatrix<f64>) -> Result<(), DemonstrationError> {
+pub(super) fn check(duration: f64, samples: &DMatrix<f64>) -> Result<(), DemonstrationError> {
     if samples.nrows() < 4 {
         return Err(DemonstrationError::TooShort { found: samples.nrows() });
     }

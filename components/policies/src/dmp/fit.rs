@@ -7,7 +7,7 @@ use super::kernels::Kernels;
 use super::model::DmpModel;
 use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
-use super::settings::{ModelError, Settings, Variant};
+use super::settings::{ModelError, Scaling, Settings, Variant};
 
 /// How weights are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +116,7 @@ impl DmpModel {
 
 /// What one demonstration asks of the weights: `features * (factors[d] * w_d) = targets_d` for every dimension d.
 struct Block {
-    /// Samples x kernels.
+    /// Kernels x samples.
     features: DMatrix<f64>,
     /// Samples x dimensions.
     targets: DMatrix<f64>,
@@ -134,11 +134,13 @@ impl Block {
             (0..demo.dimensions()).map(|d| (demo.start(d), demo.goal(d))).unzip();
         let mut scale = ForcingScale::new(model.settings().scaling, demo.dimensions());
         scale.prepare(model.displacement(), &start, &goal);
-        let mut row = start;
-        for k in 0..targets.nrows() {
-            row.iter_mut().enumerate().for_each(|(d, value)| *value = targets[(k, d)]);
-            scale.unrotate(&mut row);
-            row.iter().enumerate().for_each(|(d, value)| targets[(k, d)] = *value);
+        if matches!(model.settings().scaling, Scaling::Similarity { .. }) {
+            let mut row = start;
+            for k in 0..targets.nrows() {
+                row.iter_mut().enumerate().for_each(|(d, value)| *value = targets[(k, d)]);
+                scale.unrotate(&mut row);
+                row.iter().enumerate().for_each(|(d, value)| targets[(k, d)] = *value);
+            }
         }
         Self { features, targets, factors: (0..demo.dimensions()).map(|d| scale.factor(d)).collect() }
     }
@@ -148,30 +150,28 @@ fn progress_of(sample: usize, samples: usize) -> f64 {
     sample as f64 / (samples - 1) as f64
 }
 
-/// The features of the forcing term at every sample, samples x kernels.
+/// The features of the forcing term at every sample, kernels x samples.
 fn activations(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     let kernels = model.kernels();
-    let mut features = DMatrix::zeros(samples, kernels.count());
-    let mut row = vec![0.0; kernels.count()];
-    for k in 0..samples {
-        kernels.features_into(progress_of(k, samples), &mut row);
-        row.iter().enumerate().for_each(|(i, value)| features[(k, i)] = *value);
+    let mut features = DMatrix::zeros(kernels.count(), samples);
+    for (k, row) in features.as_mut_slice().chunks_exact_mut(kernels.count()).enumerate() {
+        kernels.features_into(progress_of(k, samples), row);
     }
     features
 }
 
-/// The position at every sample when one kernel after the other drives the resting spring with weight 1, samples x kernels.
+/// The position at every sample when one kernel after the other drives the resting spring with weight 1, kernels x samples.
 fn responses(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     let substeps = 1000_usize.div_ceil(samples - 1);
     let fine = activations(model, (samples - 1) * substeps + 1) / model.forcing_divisor();
-    let stride = model.spring().stride(progress_of(1, fine.nrows()));
-    let mut responses = DMatrix::zeros(samples, fine.ncols());
-    for (i, input) in fine.column_iter().enumerate() {
+    let stride = model.spring().stride(progress_of(1, fine.ncols()));
+    let mut responses = DMatrix::zeros(fine.nrows(), samples);
+    for (i, input) in fine.row_iter().enumerate() {
         let mut state = (0.0, 0.0);
-        for k in 1..fine.nrows() {
+        for k in 1..fine.ncols() {
             state = stride.advance(state, input[k - 1], input[k]);
             if k % substeps == 0 {
-                responses[(k / substeps, i)] = state.0;
+                responses[(i, k / substeps)] = state.0;
             }
         }
     }
@@ -182,33 +182,46 @@ fn responses(model: &DmpModel, samples: usize) -> DMatrix<f64> {
 fn forcing_terms(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let (spring, duration) = (model.spring(), demo.duration());
     let variant = model.settings().variant;
-    DMatrix::from_fn(demo.samples(), demo.dimensions(), |k, d| {
-        let progress = progress_of(k, demo.samples());
+    let samples = demo.samples();
+    let pull =
+        |jet: Jet, equilibrium| jet.acceleration - spring.acceleration(jet.value, jet.rate, equilibrium);
+    let mut forcing = DMatrix::zeros(samples, demo.dimensions());
+    for (d, column) in forcing.as_mut_slice().chunks_exact_mut(samples).enumerate() {
         let (start, goal) = (demo.start(d), demo.goal(d));
-        let jet = normalised(demo, k, d, duration);
-        let pull =
-            |jet: Jet, equilibrium| jet.acceleration - spring.acceleration(jet.value, jet.rate, equilibrium);
-        match variant {
-            Variant::Classic => pull(jet, goal),
-            Variant::GoalSafe => {
-                let phase = model.kernels().phase(progress);
-                pull(jet, goal) / spring.stiffness() + (goal - start) * phase
+        let jets = (0..samples).map(|k| normalised(demo, k, d, duration));
+        if variant.plans_goal() {
+            let reference = reference(model, demo, d);
+            for (k, (forcing, jet)) in column.iter_mut().zip(jets).enumerate() {
+                *forcing = pull(deviation(jet, &reference, progress_of(k, samples)), 0.0);
             }
-            Variant::QuinticGoal => pull(deviation(demo, k, d), 0.0),
+        } else if variant.eases_in() {
+            for (k, (forcing, jet)) in column.iter_mut().zip(jets).enumerate() {
+                let phase = model.kernels().phase(progress_of(k, samples));
+                *forcing = pull(jet, goal) / spring.stiffness() + (goal - start) * phase;
+            }
+        } else {
+            column.iter_mut().zip(jets).for_each(|(forcing, jet)| *forcing = pull(jet, goal));
         }
-    })
+    }
+    forcing
 }
 
 /// What the forcing term must add to the position of the unforced movement, samples x dimensions.
 fn forced_positions(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let (samples, variant) = (demo.samples(), model.settings().variant);
-    if variant == Variant::QuinticGoal {
-        return DMatrix::from_fn(samples, demo.dimensions(), |k, d| deviation(demo, k, d).value);
+    let mut targets = demo.positions().clone();
+    if variant.plans_goal() {
+        for d in 0..demo.dimensions() {
+            let reference = reference(model, demo, d);
+            for k in 0..samples {
+                targets[(k, d)] -= reference.sample(progress_of(k, samples)).value;
+            }
+        }
+        return targets;
     }
     let substeps = 1000_usize.div_ceil(samples - 1);
     let fine = (samples - 1) * substeps + 1;
     let stride = model.spring().stride(progress_of(1, fine));
-    let mut targets = demo.positions().clone();
     for d in 0..demo.dimensions() {
         let (start, goal) = (demo.start(d), demo.goal(d));
         let equilibrium = |k: usize| match variant {
@@ -238,12 +251,16 @@ fn normalised(demo: &Demonstration, sample: usize, dimension: usize, duration: f
     }
 }
 
-/// A sample less the minimum-jerk movement with the same start and goal.
-fn deviation(demo: &Demonstration, sample: usize, dimension: usize) -> Jet {
+/// The polynomial with the start and end of a demonstration: to rest, or with its final velocity if the variant has one.
+pub(super) fn reference(model: &DmpModel, demo: &Demonstration, dimension: usize) -> Quintic {
     let first = normalised(demo, 0, dimension, demo.duration());
-    let quintic = Quintic::new(0.0, 1.0, first, demo.goal(dimension));
-    let reference = quintic.sample(progress_of(sample, demo.samples()));
-    let jet = normalised(demo, sample, dimension, demo.duration());
+    let last = normalised(demo, demo.samples() - 1, dimension, demo.duration());
+    let final_rate = if model.settings().variant.may_end_in_motion() { last.rate } else { 0.0 };
+    Quintic::passing(0.0, 1.0, first, last.value, final_rate)
+}
+
+fn deviation(jet: Jet, reference: &Quintic, progress: f64) -> Jet {
+    let reference = reference.sample(progress);
     Jet {
         value: jet.value - reference.value,
         rate: jet.rate - reference.rate,
@@ -251,43 +268,89 @@ fn deviation(demo: &Demonstration, sample: usize, dimension: usize) -> Jet {
     }
 }
 
-/// Ridge regression as least squares on the features with `sqrt(lambda)` times the identity below them, by Householder
-/// QR: the condition of the features is not squared, which narrow, overlapping kernels would not survive.
+/// Ridge regression: by the normal equations where the penalty keeps them well enough conditioned, else by QR.
 fn ridge(blocks: &[Block], dimensions: usize, lambda: f64) -> Result<DMatrix<f64>, FitError> {
-    let kernels = blocks[0].features.ncols();
-    let samples: usize = blocks.iter().map(|block| block.features.nrows()).sum();
+    let uniform = |block: &Block| block.factors.iter().all(|factor| *factor == block.factors[0]);
+    let each: Vec<(usize, usize)> = if blocks.iter().all(uniform) {
+        vec![(0, dimensions)]
+    } else {
+        (0..dimensions).map(|d| (d, 1)).collect()
+    };
+    let mut weights = DMatrix::zeros(blocks[0].features.nrows(), dimensions);
+    for (first, columns) in each {
+        let solution = match normal_equations(blocks, first, columns, lambda) {
+            Some(solution) => solution,
+            None => orthogonal(blocks, first, columns, lambda)?,
+        };
+        weights.columns_mut(first, columns).copy_from(&solution);
+    }
+    Ok(weights)
+}
+
+/// `(F F^T + lambda I) w = F t` by Cholesky. Squares the condition of the features, so only when the penalty is large
+/// enough beside them to bound the condition by 1e14: what is lost then lies where the features hardly see it, and
+/// changes the forcing term by some 1e-9 of itself.
+fn normal_equations(blocks: &[Block], first: usize, columns: usize, lambda: f64) -> Option<DMatrix<f64>> {
+    let kernels = blocks[0].features.nrows();
+    let mut normal = DMatrix::zeros(kernels, kernels);
+    let mut right = DMatrix::zeros(kernels, columns);
+    for block in blocks {
+        let factor = block.factors[first];
+        let samples = block.features.ncols();
+        // the last kernels sleep in the first samples: a sixth of the samples at a time, and only the kernels awake
+        let part = samples.div_ceil(6).max(8);
+        for from in (0..samples).step_by(part) {
+            let count = part.min(samples - from);
+            let features = block.features.columns(from, count);
+            let awake = (0..kernels)
+                .rev()
+                .find(|i| features.row(*i).iter().any(|feature| *feature != 0.0))
+                .map_or(0, |last| last + 1);
+            let features = features.rows(0, awake);
+            let transposed = features.transpose();
+            normal.view_mut((0, 0), (awake, awake)).gemm(factor * factor, &features, &transposed, 1.0);
+            let targets = block.targets.view((from, first), (count, columns));
+            right.rows_mut(0, awake).gemm(factor, &features, &targets, 1.0);
+        }
+    }
+    if lambda < 1e-14 * normal.trace() {
+        return None;
+    }
+    for i in 0..kernels {
+        normal[(i, i)] += lambda;
+    }
+    let solution = normal.cholesky()?.solve(&right);
+    solution.iter().all(|value| value.is_finite()).then_some(solution)
+}
+
+/// Least squares on the features with `sqrt(lambda)` times the identity below them, by Householder QR: the condition of
+/// the features is not squared, which narrow, overlapping kernels would not survive without a penalty.
+fn orthogonal(blocks: &[Block], first: usize, columns: usize, lambda: f64) -> Result<DMatrix<f64>, FitError> {
+    let kernels = blocks[0].features.nrows();
+    let samples: usize = blocks.iter().map(|block| block.features.ncols()).sum();
     let undetermined = || FitError::Undetermined { samples, kernels };
     if lambda == 0.0 && samples < kernels {
         return Err(undetermined());
     }
-    let solve = |dimension: usize, columns: usize| {
-        let mut left = DMatrix::zeros(samples + kernels, kernels);
-        let mut right = DMatrix::zeros(samples + kernels, columns);
-        let mut top = 0;
-        for block in blocks {
-            let rows = block.features.nrows();
-            left.rows_mut(top, rows).copy_from(&(&block.features * block.factors[dimension]));
-            right.rows_mut(top, rows).copy_from(&block.targets.columns(dimension, columns));
-            top += rows;
-        }
-        left.rows_mut(samples, kernels).fill_diagonal(lambda.sqrt());
-        let factored = left.qr();
-        factored.q_tr_mul(&mut right);
-        let triangle = factored.r();
-        let solution = right.rows(0, kernels).into_owned();
-        let largest = triangle.diagonal().amax();
-        if triangle.diagonal().iter().any(|pivot| pivot.abs() <= largest * f64::EPSILON) {
-            return None;
-        }
-        triangle.solve_upper_triangular(&solution)
-    };
-    let uniform = |block: &Block| block.factors.iter().all(|factor| *factor == block.factors[0]);
-    if blocks.iter().all(uniform) {
-        return solve(0, dimensions).ok_or_else(undetermined);
+    let mut left = DMatrix::zeros(samples + kernels, kernels);
+    let mut right = DMatrix::zeros(samples + kernels, columns);
+    let mut top = 0;
+    for block in blocks {
+        let rows = block.features.ncols();
+        left.rows_mut(top, rows).copy_from(&(block.features.transpose() * block.factors[first]));
+        right.rows_mut(top, rows).copy_from(&block.targets.columns(first, columns));
+        top += rows;
     }
-    let columns: Option<Vec<_>> = (0..dimensions).map(|d| solve(d, 1)).collect();
-    let columns = columns.ok_or_else(undetermined)?;
-    Ok(DMatrix::from_fn(kernels, dimensions, |i, d| columns[d][(i, 0)]))
+    left.rows_mut(samples, kernels).fill_diagonal(lambda.sqrt());
+    let factored = left.qr();
+    factored.q_tr_mul(&mut right);
+    let triangle = factored.r();
+    let solution = right.rows(0, kernels).into_owned();
+    let largest = triangle.diagonal().amax();
+    if triangle.diagonal().iter().any(|pivot| pivot.abs() <= largest * f64::EPSILON) {
+        return Err(undetermined());
+    }
+    triangle.solve_upper_triangular(&solution).ok_or_else(undetermined)
 }
 
 fn locally_weighted(kernels: &Kernels, blocks: &[Block], dimensions: usize) -> DMatrix<f64> {

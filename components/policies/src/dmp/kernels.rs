@@ -1,5 +1,9 @@
 //! The canonical system in closed form and the normalised kernels that ride on it.
 
+use std::ops::Range;
+
+use super::exponential::exp_of_negative;
+
 /// How the forcing term fades as the movement ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
@@ -25,10 +29,19 @@ pub struct Kernels {
     final_phase: f64,
     centres: Vec<f64>,
     widths: Vec<f64>,
+    /// How many kernels before and after the nearest one are worth anything beside it.
+    reach: [usize; 2],
+}
+
+/// The kernels that are worth anything at a progress, and the phase there.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Activation {
+    pub(super) kernels: Range<usize>,
+    pub(super) phase: f64,
 }
 
 /// Exponents below this one are worth less than a rounding error beside the largest kernel.
-const NEGLIGIBLE: f64 = -50.0;
+const NEGLIGIBLE: f64 = -40.0;
 
 impl Kernels {
     /// `count >= 2` kernels; `decay > 0`; `overlap` in (0, 1). The caller has checked the ranges.
@@ -37,7 +50,24 @@ impl Kernels {
         let mut widths: Vec<f64> =
             centres.windows(2).map(|pair| -overlap.ln() / (pair[1] - pair[0]).powi(2)).collect();
         widths.extend(widths.last().copied());
-        Self { decay, gate, final_phase: (-decay).exp(), centres, widths }
+        let mut kernels =
+            Self { decay, gate, final_phase: (-decay).exp(), centres, widths, reach: [count, count] };
+        kernels.reach = [kernels.reach_of(false), kernels.reach_of(true)];
+        kernels
+    }
+
+    /// The least distance, in kernels, from which on a kernel is negligible at the centre of any kernel before (or
+    /// after) it, and therefore at any phase still farther away.
+    fn reach_of(&self, later: bool) -> usize {
+        let count = self.count();
+        let negligible = |distance: usize| {
+            (0..count.saturating_sub(distance)).all(|i| {
+                let (at, kernel) = if later { (i, i + distance) } else { (i + distance, i) };
+                let d = self.centres[at] - self.centres[kernel];
+                -self.widths[kernel] * d * d < NEGLIGIBLE
+            })
+        };
+        (1..count).find(|distance| negligible(*distance)).unwrap_or(count)
     }
 
     /// Number of kernels.
@@ -52,7 +82,10 @@ impl Kernels {
 
     /// The factor that fades the forcing term at a progress.
     pub fn gate(&self, progress: f64) -> f64 {
-        let phase = self.phase(progress);
+        self.gate_at(progress, self.phase(progress))
+    }
+
+    fn gate_at(&self, progress: f64, phase: f64) -> f64 {
         match self.gate {
             Gate::Phase => phase,
             Gate::Finite if progress < 1.0 => (phase - self.final_phase) / (1.0 - self.final_phase),
@@ -71,27 +104,68 @@ impl Kernels {
     /// The exponents are taken relative to the largest one, so the sum is at least 1 and the quotient stays defined
     /// however far the phase has run past the last centre.
     pub fn features_into(&self, progress: f64, features: &mut [f64]) {
-        debug_assert_eq!(features.len(), self.count());
-        let gate = self.gate(progress);
-        if gate == 0.0 {
-            features.fill(0.0);
-            return;
-        }
-        let phase = self.phase(progress);
-        let mut largest = f64::NEG_INFINITY;
-        for ((feature, centre), width) in features.iter_mut().zip(&self.centres).zip(&self.widths) {
-            *feature = -width * (phase - centre) * (phase - centre);
-            largest = largest.max(*feature);
-        }
-        let mut sum = 0.0;
-        for feature in features.iter_mut() {
-            let exponent = *feature - largest;
-            *feature = if exponent < NEGLIGIBLE { 0.0 } else { exponent.exp() };
-            sum += *feature;
-        }
-        let factor = gate / sum;
-        features.iter_mut().for_each(|feature| *feature *= factor);
+        let active = self.activate(progress, features);
+        features[..active.kernels.start].fill(0.0);
+        features[active.kernels.end..].fill(0.0);
     }
+
+    /// As [`features_into`](Self::features_into), but writes only the activations that are worth anything.
+    pub(super) fn activate(&self, progress: f64, features: &mut [f64]) -> Activation {
+        debug_assert_eq!(features.len(), self.count());
+        let phase = self.phase(progress);
+        let gate = self.gate_at(progress, phase);
+        if gate == 0.0 {
+            return Activation { kernels: 0..0, phase };
+        }
+        let kernels = self.window(progress);
+        let (centres, widths) = (&self.centres[kernels.clone()], &self.widths[kernels.clone()]);
+        let features = &mut features[kernels.clone()];
+        let mut largest = f64::NEG_INFINITY;
+        for ((feature, centre), width) in features.iter_mut().zip(centres).zip(widths) {
+            let distance = phase - centre;
+            *feature = -width * distance * distance;
+            largest = if *feature > largest { *feature } else { largest };
+        }
+        for feature in features.iter_mut() {
+            *feature = exp_of_negative(*feature - largest);
+        }
+        let factor = gate / sum(features);
+        features.iter_mut().for_each(|feature| *feature *= factor);
+        Activation { kernels, phase }
+    }
+
+    /// The kernels that are not negligible at a progress.
+    fn window(&self, progress: f64) -> Range<usize> {
+        let count = self.count();
+        // far past the end the early, wide kernels are worth as much again as the last one
+        if !(0.0..=1.0).contains(&progress) {
+            return 0..count;
+        }
+        let before = ((progress * (count - 1) as f64) as usize).min(count - 1);
+        (before + 1).saturating_sub(self.reach[0])..(before + 1 + self.reach[1]).min(count)
+    }
+}
+
+/// The sum of numbers, in several strands that do not wait for each other.
+fn sum(values: &[f64]) -> f64 {
+    let (blocks, rest) = values.as_chunks::<8>();
+    let mut strands = [0.0; 8];
+    for block in blocks {
+        strands.iter_mut().zip(block).for_each(|(strand, value)| *strand += value);
+    }
+    strands.iter().sum::<f64>() + rest.iter().sum::<f64>()
+}
+
+/// The inner product of two vectors of one length, in several strands that do not wait for each other.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut strands = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..8 {
+            strands[k] += a[k] * b[k];
+        }
+    }
+    strands.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -126,5 +200,24 @@ mod tests {
         let mut features = [1.0; 5];
         kernels.features_into(1.0, &mut features);
         assert_eq!(features, [0.0; 5]);
+    }
+
+    /// Against the formula itself, every kernel computed.
+    #[test]
+    fn the_kernels_left_out_are_worth_less_than_rounding() {
+        for (count, decay, overlap) in [(50, 4.6, 0.8), (20, 8.0, 0.3), (2, 4.6, 0.8), (200, 1.0, 0.9)] {
+            let kernels = Kernels::new(count, decay, overlap, Gate::Phase);
+            let mut features = vec![0.0; count];
+            for k in 0..=300 {
+                let progress = f64::from(k) / 250.0;
+                kernels.features_into(progress, &mut features);
+                let phase = kernels.phase(progress);
+                let all: Vec<f64> = (0..count).map(|i| kernels.kernel(i, phase)).collect();
+                let sum: f64 = all.iter().sum();
+                for (feature, kernel) in features.iter().zip(&all) {
+                    assert!((feature - phase * kernel / sum).abs() < 4e-16 * count as f64);
+                }
+            }
+        }
     }
 }

@@ -10,9 +10,9 @@ use super::spring::CriticalSpring;
 
 /// A discrete primitive without its state: constant while it runs.
 ///
-/// Weights are in the unit of the movement: for [`Variant::Classic`] and [`Variant::QuinticGoal`] the forcing term is an
-/// acceleration in normalised time (unit of y per duration squared), for [`Variant::GoalSafe`] a displacement (unit of y).
-/// They do not depend on the duration. Serialises as [`StoredModel`].
+/// Weights are in the unit of the movement: the forcing term is an acceleration in normalised time (unit of y per duration
+/// squared), for [`Variant::GoalSafe`] a displacement (unit of y). They do not depend on the duration.
+/// Serialises as [`StoredModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredModel", into = "StoredModel")]
 pub struct DmpModel {
@@ -63,7 +63,7 @@ impl DmpModel {
         }
         let gate = match settings.variant {
             Variant::Classic | Variant::GoalSafe => Gate::Phase,
-            Variant::QuinticGoal => Gate::Finite,
+            Variant::QuinticGoal | Variant::FinalVelocity => Gate::Finite,
         };
         let kernels = Kernels::new(settings.kernels, settings.decay, settings.overlap, gate);
         Ok(Self { settings, kernels, weights, displacement })
@@ -108,7 +108,7 @@ impl DmpModel {
     pub(super) fn forcing_divisor(&self) -> f64 {
         match self.settings.variant {
             Variant::GoalSafe => 1.0,
-            Variant::Classic | Variant::QuinticGoal => self.spring().stiffness(),
+            Variant::Classic | Variant::QuinticGoal | Variant::FinalVelocity => self.spring().stiffness(),
         }
     }
 }

@@ -1,14 +1,17 @@
 //! The minimum-jerk polynomial that carries a goal from the start to the end of a movement.
 
 /// A quintic in progress that leaves from a given position, rate and acceleration and comes to rest at a goal
-/// (Flash and Hogan 1985: the trajectory between those ends with the least integrated squared jerk).
+/// (Flash and Hogan 1985: the trajectory between those ends with the least integrated squared jerk), or passes the goal
+/// with a given rate, unaccelerated.
 ///
-/// After its end it stays at the goal exactly.
+/// After its end it goes on from the goal at that rate: at rest, it stays at the goal exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quintic {
     start: f64,
     length: f64,
+    per_length: f64,
     goal: f64,
+    final_rate: f64,
     coefficients: [f64; 6],
 }
 
@@ -26,36 +29,43 @@ pub struct Jet {
 impl Quintic {
     /// Leaves at progress `start` in the state `from` and rests at `goal` from progress `start + length` on.
     pub fn new(start: f64, length: f64, from: Jet, goal: f64) -> Self {
+        Self::passing(start, length, from, goal, 0.0)
+    }
+
+    /// Leaves at progress `start` in the state `from` and is at `goal` with the rate `final_rate` at `start + length`.
+    pub fn passing(start: f64, length: f64, from: Jet, goal: f64, final_rate: f64) -> Self {
         let (rate, half) = (from.rate * length, 0.5 * from.acceleration * length * length);
-        let distance = goal - from.value;
+        let (distance, leaving) = (goal - from.value, final_rate * length);
         let coefficients = [
             from.value,
             rate,
             half,
-            10.0 * distance - 6.0 * rate - 3.0 * half,
-            -15.0 * distance + 8.0 * rate + 3.0 * half,
-            6.0 * distance - 3.0 * rate - half,
+            10.0 * distance - 6.0 * rate - 4.0 * leaving - 3.0 * half,
+            -15.0 * distance + 8.0 * rate + 7.0 * leaving + 3.0 * half,
+            6.0 * distance - 3.0 * rate - 3.0 * leaving - half,
         ];
-        Self { start, length, goal, coefficients }
+        Self { start, length, per_length: length.recip(), goal, final_rate, coefficients }
     }
 
     /// Rests at a point.
     pub fn at_rest(goal: f64) -> Self {
-        Self { start: 0.0, length: 0.0, goal, coefficients: [goal, 0.0, 0.0, 0.0, 0.0, 0.0] }
+        let coefficients = [goal, 0.0, 0.0, 0.0, 0.0, 0.0];
+        Self { start: 0.0, length: 0.0, per_length: 0.0, goal, final_rate: 0.0, coefficients }
     }
 
     /// The state at a progress.
     pub fn sample(&self, progress: f64) -> Jet {
         let elapsed = progress - self.start;
         if elapsed >= self.length {
-            return Jet { value: self.goal, rate: 0.0, acceleration: 0.0 };
+            let value = self.goal + self.final_rate * (elapsed - self.length);
+            return Jet { value, rate: self.final_rate, acceleration: 0.0 };
         }
-        let (t, [a, b, c, d, e, f]) = (elapsed / self.length, self.coefficients);
+        let (t, [a, b, c, d, e, f]) = (elapsed * self.per_length, self.coefficients);
         Jet {
             value: a + t * (b + t * (c + t * (d + t * (e + t * f)))),
-            rate: (b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f)))) / self.length,
+            rate: (b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f)))) * self.per_length,
             acceleration: (2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)))
-                / (self.length * self.length),
+                * (self.per_length * self.per_length),
         }
     }
 }
@@ -99,5 +109,18 @@ mod tests {
             assert!(((after.value - before.value) / (2.0 * h) - here.rate).abs() < 1e-8);
             assert!(((after.rate - before.rate) / (2.0 * h) - here.acceleration).abs() < 1e-8);
         }
+    }
+
+    #[test]
+    fn a_quintic_that_passes_its_goal_does_so_with_its_final_rate_and_goes_on() {
+        let from = Jet { value: -1.0, rate: 4.0, acceleration: -7.0 };
+        let quintic = Quintic::passing(0.3, 0.5, from, 2.0, -1.5);
+        let first = quintic.sample(0.3);
+        assert!((first.value + 1.0).abs() < 1e-14 && (first.rate - 4.0).abs() < 1e-13);
+        let just_before = quintic.sample(0.8 - 1e-9);
+        assert!((just_before.value - 2.0).abs() < 1e-8);
+        assert!((just_before.rate + 1.5).abs() < 1e-7 && just_before.acceleration.abs() < 1e-5);
+        let after = quintic.sample(1.0);
+        assert!((after.value - 1.7).abs() < 1e-14 && after.rate == -1.5 && after.acceleration == 0.0);
     }
 }

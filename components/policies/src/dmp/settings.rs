@@ -15,6 +15,26 @@ pub enum Variant {
     /// that without forcing the motion is minimum-jerk and arrives exactly on time. The default.
     #[default]
     QuinticGoal,
+    /// Muelling et al. 2013 as published: as [`Variant::QuinticGoal`], but the goal is passed with a velocity that each
+    /// movement chooses, for strokes and catches. A fit takes the velocity at the end of the demonstration for its.
+    FinalVelocity,
+}
+
+impl Variant {
+    /// Whether the goal travels on a polynomial.
+    pub fn plans_goal(self) -> bool {
+        matches!(self, Self::QuinticGoal | Self::FinalVelocity)
+    }
+
+    /// Whether the goal can be passed with a velocity.
+    pub fn may_end_in_motion(self) -> bool {
+        self == Self::FinalVelocity
+    }
+
+    /// Whether the pull to the goal sets in with the phase.
+    pub fn eases_in(self) -> bool {
+        self == Self::GoalSafe
+    }
 }
 
 /// How the forcing term follows the displacement `g - y0` of a new movement.
@@ -60,7 +80,7 @@ pub struct Settings {
     /// What a kernel is worth at the centre of its successor, in (0, 1). Default 0.8.
     pub overlap: f64,
     /// Rate `a_g` of the goal filter `T g' = a_g (g_commanded - g)` of [`Variant::Classic`] and [`Variant::GoalSafe`];
-    /// without it the goal jumps. [`Variant::QuinticGoal`] always moves its goal smoothly and takes none.
+    /// without it the goal jumps. The variants with a quintic goal always move it smoothly and take none.
     pub goal_rate: Option<f64>,
 }
 
@@ -145,7 +165,7 @@ impl Settings {
                 return Err(ModelError::OutOfRange { name, value, expected });
             }
         }
-        if self.variant == Variant::QuinticGoal && self.goal_rate.is_some() {
+        if self.variant.plans_goal() && self.goal_rate.is_some() {
             return Err(ModelError::NeedlessGoalRate);
         }
         Ok(())

@@ -17,7 +17,7 @@ pub enum PathShape {
     },
     /// As a primitive of three dimensions has learned it. It must be a [`Variant::QuinticGoal`], the one that starts
     /// without a jolt and arrives on time.
-    Learned(DmpModel),
+    Learned(Box<DmpModel>),
 }
 
 /// Why a shape leads nowhere.
@@ -55,7 +55,7 @@ impl PathShape {
             Self::Learned(model) if model.settings().variant != Variant::QuinticGoal => {
                 Err(ShapeError::Variant { found: model.settings().variant })
             }
-            Self::Learned(model) => Ok(model.clone()),
+            Self::Learned(model) => Ok((**model).clone()),
         }
     }
 }
@@ -110,10 +110,13 @@ mod tests {
         let error = PathShape::Arc { apex }.model().unwrap_err().to_string();
         assert_eq!(error, "the apex of the arc is (0.0, NaN, 0.0) m, expected finite numbers");
         let flat = DmpModel::new(2, Settings::default()).unwrap();
-        assert_eq!(PathShape::Learned(flat).model().unwrap_err(), ShapeError::Dimensions { found: 2 });
+        assert_eq!(
+            PathShape::Learned(Box::new(flat)).model().unwrap_err(),
+            ShapeError::Dimensions { found: 2 }
+        );
         let classic =
             DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
-        let error = PathShape::Learned(classic).model().unwrap_err();
+        let error = PathShape::Learned(Box::new(classic)).model().unwrap_err();
         assert_eq!(error, ShapeError::Variant { found: Variant::Classic });
     }
 }

@@ -6,7 +6,7 @@ use crate::component::TopicPattern;
 use crate::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
     PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,
-    TopicPlan,
+    Spin, TopicPlan,
 };
 use crate::state::{JointState, StateBuffer as _};
 
@@ -99,6 +99,7 @@ pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             activation,
             budget_ns: node.budget_ns,
             core: node.core,
+            spin: Spin::Fixed { ns: if matches!(node.when, When::Every(..)) { spin_ns } else { 0 } },
             class: node.class,
             inputs: input.map(port).into_iter().collect(),
             outputs: vec![port(index)],
@@ -109,6 +110,7 @@ pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             actuator: false,
             seed: 0,
             on_overrun: node.on_overrun,
+            overruns_tolerated: None,
             on_error: OnError::Fail,
             on_failure: OnFailure::SafeStop,
             restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
@@ -146,7 +148,7 @@ pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
                 output: 0,
             })
             .collect(),
-        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, spin_ns },
+        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
         safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
     }
 }

@@ -51,7 +51,6 @@ struct Thread {
 pub(super) struct Simulation<'p> {
     plan: &'p Plan,
     overheads: &'p Overheads,
-    spin: i64,
     threads: Vec<Thread>,
     lanes: Vec<Lane>,
     events: BinaryHeap<Reverse<(i64, u64, Event)>>,
@@ -95,7 +94,6 @@ impl<'p> Simulation<'p> {
         Self {
             plan,
             overheads,
-            spin: plan.scheduling.spin_ns as i64,
             threads,
             lanes,
             events: BinaryHeap::new(),
@@ -111,12 +109,14 @@ impl<'p> Simulation<'p> {
     pub(super) fn run(mut self, length: i64) -> (u64, Vec<Lane>) {
         let slowest = self.plan.components.iter().map(|c| c.period_ns() as i64).max().unwrap_or(0);
         // all have been released at least twice by then
-        self.now = -(2 * slowest).min(2 * length) - self.spin.min(slowest);
+        let spin = (0..self.threads.len()).map(|component| self.spin(component)).max().unwrap_or(0);
+        self.now = -(2 * slowest).min(2 * length) - spin;
         for (index, component) in self.plan.components.iter().enumerate() {
             if let Activation::Periodic { period_ns, phase_ns } = component.activation {
                 let (period, phase) = (period_ns as i64, phase_ns as i64);
-                let since = (self.now + self.spin.min(period) - phase).rem_euclid(period);
-                let release = self.now + self.spin.min(period) + (period - since) % period;
+                let awake = self.now + self.spin(index);
+                let since = (awake - phase).rem_euclid(period);
+                let release = awake + (period - since) % period;
                 self.wait(index, release);
             }
         }
@@ -143,10 +143,15 @@ impl<'p> Simulation<'p> {
         self.events.push(Reverse((time, order, event)));
     }
 
+    /// How long a component spins before a release: who spins all the time does so for a period.
+    fn spin(&self, component: usize) -> i64 {
+        let component = &self.plan.components[component];
+        component.spin.at_most_ns().min(component.period_ns()) as i64
+    }
+
     /// A time-triggered component waits for its next release: asleep, then spinning.
     fn wait(&mut self, component: usize, release: i64) {
-        let period = self.plan.components[component].period_ns() as i64;
-        let time = self.now.max(release - self.spin.min(period));
+        let time = self.now.max(release - self.spin(component));
         self.at(time, Event::Wait { component, release });
     }
 

@@ -16,14 +16,20 @@ pub(super) fn describe(plan: &Plan) -> String {
         };
         let class = match component.class {
             SchedulingClass::Fifo(priority) => format!("FIFO {priority}"),
+            SchedulingClass::Deadline { .. } => "DEADLINE".to_string(),
             SchedulingClass::Normal => "normal".to_string(),
+        };
+        let core = match (component.core, component.class) {
+            (Some(core), _) => core.to_string(),
+            (None, SchedulingClass::Deadline { .. }) => "any".to_string(),
+            (None, _) => "shared".to_string(),
         };
         components.add_row([
             component.name.clone(),
             program(component),
             steps(component, plan),
             component.budget_ns.map_or_else(|| "-".to_string(), |ns| TimeSpan { ns }.to_string()),
-            component.core.map_or_else(|| "shared".to_string(), |core| core.to_string()),
+            core,
             class,
             names(&component.inputs),
             names(&component.outputs),

@@ -1,9 +1,16 @@
 //! A discrete primitive while it runs.
 
+mod move_error;
+mod steering;
+
+pub use move_error::MoveError;
+
+use super::coupling::Coupling;
+use super::kernels::dot;
 use super::model::DmpModel;
 use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
-use super::settings::Variant;
+use super::spring::Stride;
 
 /// A movement in progress: position, velocity and acceleration in every dimension, advanced by [`step`](Self::step).
 ///
@@ -19,45 +26,25 @@ pub struct DiscreteDmp {
     /// The goal that was commanded, and where the goal filter has got to on the way there.
     goal: Vec<f64>,
     attractor: Vec<f64>,
+    /// With which the goal is passed, per duration; zero in the variants that end at rest.
+    final_rate: Vec<f64>,
     /// The minimum-jerk part; at rest at 0 in the variants that have none.
     quintics: Vec<Quintic>,
     /// State of the spring in normalised time: position (of the deviation, with a quintic goal) and its rate.
     spring: Vec<(f64, f64)>,
     /// Forcing term at the current progress, as a shift of the spring's equilibrium.
     forcing: Vec<f64>,
+    /// What the coupling of the last step adds to the forcing term.
+    pushed: Vec<f64>,
     features: Vec<f64>,
+    /// The phase at the current progress, and how fast it passes: 1 unless a coupling holds it back.
+    phase: f64,
+    phase_rate: f64,
+    /// Of the last step, which is likely to be that of the next.
+    stride: (f64, Stride),
     position: Vec<f64>,
     velocity: Vec<f64>,
     acceleration: Vec<f64>,
-}
-
-/// Why a movement cannot start or be steered. What ran before goes on unchanged.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum MoveError {
-    /// A vector of another length than the model has dimensions.
-    #[error("{name} has {found} entries, the primitive {expected} dimensions")]
-    Dimensions {
-        /// The vector.
-        name: &'static str,
-        /// Its length.
-        found: usize,
-        /// The dimensions of the model.
-        expected: usize,
-    },
-    /// A number that is none.
-    #[error("{name} holds {value}, expected finite numbers only")]
-    NotFinite {
-        /// The vector.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-    },
-    /// A duration that is not a positive time.
-    #[error("a duration of {found} s, expected a positive time")]
-    Duration {
-        /// What was found, s.
-        found: f64,
-    },
 }
 
 /// With a quintic goal, the least part of a duration that is given to reach a goal set on the way.
@@ -77,9 +64,14 @@ impl DiscreteDmp {
             start: zeros.clone(),
             goal: zeros.clone(),
             attractor: zeros.clone(),
+            final_rate: zeros.clone(),
             quintics: vec![Quintic::at_rest(0.0); dimensions],
             spring: vec![(0.0, 0.0); dimensions],
             forcing: zeros.clone(),
+            pushed: zeros.clone(),
+            phase: model.kernels().phase(1.0),
+            phase_rate: 1.0,
+            stride: (0.0, model.spring().stride(0.0)),
             position: zeros.clone(),
             velocity: zeros.clone(),
             acceleration: zeros,
@@ -108,14 +100,15 @@ impl DiscreteDmp {
         self.position.copy_from_slice(start);
         self.velocity.fill(0.0);
         self.acceleration.fill(0.0);
+        self.final_rate.fill(0.0);
         self.begin(goal, duration);
         Ok(())
     }
 
     /// Starts in motion, from `position`, `velocity` (per second) and `acceleration` (per second squared).
     ///
-    /// Only [`Variant::QuinticGoal`] begins with that acceleration (and what the forcing term adds at its start, which a
-    /// fit keeps near zero); the other variants begin with the one their spring has.
+    /// Only the variants with a quintic goal begin with that acceleration (and what the forcing term adds at its start,
+    /// which a fit keeps near zero); the others begin with the one their spring has.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -133,76 +126,86 @@ impl DiscreteDmp {
         self.position.copy_from_slice(position);
         self.velocity.copy_from_slice(velocity);
         self.acceleration.copy_from_slice(acceleration);
+        self.final_rate.fill(0.0);
         self.begin(goal, duration);
         Ok(())
     }
 
-    /// Sets another goal while it runs. Position and velocity stay continuous.
-    ///
-    /// [`Variant::QuinticGoal`] keeps the acceleration continuous too: it plans a new polynomial from where the old one
-    /// is to the end of the movement, or over [`REPLANNING_TIME`] of the duration if less is left; the end is put off
-    /// accordingly. The other variants change the acceleration by `K / T^2` times the change of the goal, unless
-    /// `goal_rate` lets the goal slide over.
+    /// Starts in motion to pass the goal after `duration` seconds with `final_velocity` (per second): a stroke.
+    /// Afterwards it goes on at that velocity. For [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
-    pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
+    /// As [`Self::start`], and another variant.
+    pub fn start_striking(
+        &mut self,
+        [position, velocity, acceleration]: [&[f64]; 3],
+        [goal, final_velocity]: [&[f64]; 2],
+        duration: f64,
+    ) -> Result<(), MoveError> {
+        let variant = self.model.settings().variant;
+        if !variant.may_end_in_motion() {
+            return Err(MoveError::EndsAtRest { variant });
+        }
+        self.check("final velocity", final_velocity)?;
+        self.check("position", position)?;
+        self.check("velocity", velocity)?;
+        self.check("acceleration", acceleration)?;
         self.check("goal", goal)?;
-        if self.goal == goal {
-            return Ok(());
-        }
-        self.goal.copy_from_slice(goal);
-        match self.model.settings().variant {
-            Variant::QuinticGoal => {
-                self.attractor.copy_from_slice(goal);
-                self.end = self.end.max(self.progress + REPLANNING_TIME);
-                for (d, quintic) in self.quintics.iter_mut().enumerate() {
-                    let from = quintic.sample(self.progress);
-                    *quintic = Quintic::new(self.progress, self.end - self.progress, from, goal[d]);
-                }
-            }
-            Variant::Classic | Variant::GoalSafe if self.model.settings().goal_rate.is_none() => {
-                self.attractor.copy_from_slice(goal);
-            }
-            Variant::Classic | Variant::GoalSafe => {}
-        }
-        self.observe();
-        Ok(())
-    }
-
-    /// Sets another duration while it runs: the rest of the movement is stretched, position and velocity stay continuous.
-    ///
-    /// # Errors
-    /// A duration that is no positive time.
-    pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
         self.check_duration(duration)?;
-        let stretch = duration / self.duration;
-        self.duration = duration;
-        self.spring.iter_mut().for_each(|(_, rate)| *rate *= stretch);
-        if self.progress < self.end && self.model.settings().variant == Variant::QuinticGoal {
-            for (d, quintic) in self.quintics.iter_mut().enumerate() {
-                let mut from = quintic.sample(self.progress);
-                from.rate *= stretch;
-                from.acceleration *= stretch * stretch;
-                *quintic = Quintic::new(self.progress, self.end - self.progress, from, self.attractor[d]);
-            }
+        self.position.copy_from_slice(position);
+        self.velocity.copy_from_slice(velocity);
+        self.acceleration.copy_from_slice(acceleration);
+        for (rate, velocity) in self.final_rate.iter_mut().zip(final_velocity) {
+            *rate = velocity * duration;
         }
-        self.observe();
+        self.begin(goal, duration);
         Ok(())
     }
 
     /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
     pub fn step(&mut self, dt: f64) {
+        self.phase_rate = 1.0;
+        self.pushed.fill(0.0);
+        self.advance(dt);
+    }
+
+    /// Advances by `dt` seconds under the influence of what happens to the robot; see [`Coupling`]. The acceleration of
+    /// the coupling acts throughout the step. A `dt` of zero or less changes nothing.
+    ///
+    /// # Errors
+    /// A coupling of another length or with numbers that are not finite; nothing has changed then.
+    pub fn step_coupled(&mut self, dt: f64, coupling: &Coupling<'_>) -> Result<(), MoveError> {
+        let rate = coupling.phase_rate;
+        if !rate.is_finite() {
+            return Err(MoveError::NotFinite { name: "the phase rate", value: rate });
+        }
+        if coupling.acceleration.is_empty() {
+            self.pushed.fill(0.0);
+        } else {
+            self.check("the acceleration of the coupling", coupling.acceleration)?;
+            let factor = self.duration * self.duration / self.model.spring().stiffness();
+            for (pushed, acceleration) in self.pushed.iter_mut().zip(coupling.acceleration) {
+                *pushed = factor * acceleration;
+            }
+        }
+        self.phase_rate = rate.clamp(0.0, 1.0);
+        self.advance(dt);
+        Ok(())
+    }
+
+    fn advance(&mut self, dt: f64) {
         let h = dt / self.duration;
         if h.is_nan() || h <= 0.0 {
             return;
         }
-        let phase = self.model.kernels().phase(self.progress);
+        if self.stride.0 != h {
+            self.stride = (h, self.model.spring().stride(h));
+        }
         // where the spring is drawn to at both ends of the step; `position` serves as scratch for the first
         for d in 0..self.spring.len() {
-            self.position[d] = self.equilibrium(d, phase);
+            self.position[d] = self.equilibrium(d);
         }
-        self.progress += h;
+        self.progress += h * self.phase_rate;
         if let Some(rate) = self.model.settings().goal_rate {
             let caught_up = -(-rate * h).exp_m1();
             for (attractor, goal) in self.attractor.iter_mut().zip(&self.goal) {
@@ -210,10 +213,9 @@ impl DiscreteDmp {
             }
         }
         self.update_forcing();
-        let phase = self.model.kernels().phase(self.progress);
-        let stride = self.model.spring().stride(h);
+        let stride = self.stride.1;
         for d in 0..self.spring.len() {
-            let (from, to) = (self.position[d], self.equilibrium(d, phase));
+            let (from, to) = (self.position[d], self.equilibrium(d));
             self.spring[d] = stride.advance(self.spring[d], from, to);
         }
         self.observe();
@@ -259,50 +261,25 @@ impl DiscreteDmp {
         self.progress >= self.end
     }
 
-    /// Changes the coordinates under a running movement: the same motion now reads `jets`, the goal `goal` and the place
-    /// it started from `start`. The deviation from the minimum-jerk part is kept.
-    pub(super) fn rebase(&mut self, jets: &[Jet], start: &[f64], goal: &[f64]) {
-        self.goal.copy_from_slice(goal);
-        self.attractor.copy_from_slice(goal);
-        self.start.copy_from_slice(start);
-        let duration = self.duration;
-        let quintic_goal = self.model.settings().variant == Variant::QuinticGoal;
-        self.end = if quintic_goal { self.end.max(self.progress + REPLANNING_TIME) } else { self.end };
-        for (d, jet) in jets.iter().enumerate() {
-            let (rate, acceleration) = (jet.rate * duration, jet.acceleration * duration * duration);
-            if quintic_goal {
-                let (x, x_rate) = self.spring[d];
-                let x_acceleration = self.model.spring().acceleration(x, x_rate, self.forcing[d]);
-                let from = Jet {
-                    value: jet.value - x,
-                    rate: rate - x_rate,
-                    acceleration: acceleration - x_acceleration,
-                };
-                self.quintics[d] = Quintic::new(self.progress, self.end - self.progress, from, goal[d]);
-            } else {
-                self.spring[d] = (jet.value, rate);
-            }
-        }
-        self.observe();
-    }
-
     /// Begins in the state that stands in `position`, `velocity` and `acceleration`.
     fn begin(&mut self, goal: &[f64], duration: f64) {
         self.duration = duration;
         self.progress = 0.0;
         self.end = 1.0;
+        self.phase_rate = 1.0;
+        self.pushed.fill(0.0);
         self.start.copy_from_slice(&self.position);
         self.goal.copy_from_slice(goal);
         self.attractor.copy_from_slice(goal);
         self.scale.prepare(self.model.displacement(), &self.start, goal);
         self.update_forcing();
-        let quintic_goal = self.model.settings().variant == Variant::QuinticGoal;
+        let plans_goal = self.model.settings().variant.plans_goal();
         for (d, &goal) in goal.iter().enumerate() {
             let rate = self.velocity[d] * duration;
-            if quintic_goal {
+            if plans_goal {
                 let acceleration = self.acceleration[d] * duration * duration;
                 let from = Jet { value: self.position[d], rate, acceleration };
-                self.quintics[d] = Quintic::new(0.0, 1.0, from, goal);
+                self.quintics[d] = Quintic::passing(0.0, 1.0, from, goal, self.final_rate[d]);
                 self.spring[d] = (0.0, 0.0);
             } else {
                 self.spring[d] = (self.position[d], rate);
@@ -311,23 +288,29 @@ impl DiscreteDmp {
         self.observe();
     }
 
-    /// Where the spring is drawn to in one dimension at the current progress, whose phase is given.
-    fn equilibrium(&self, d: usize, phase: f64) -> f64 {
-        match self.model.settings().variant {
-            Variant::Classic => self.attractor[d] + self.forcing[d],
-            Variant::GoalSafe => {
-                self.attractor[d] - (self.attractor[d] - self.start[d]) * phase + self.forcing[d]
-            }
-            Variant::QuinticGoal => self.forcing[d],
+    /// Where the spring is drawn to in one dimension at the current progress.
+    #[inline]
+    fn equilibrium(&self, d: usize) -> f64 {
+        let forced = self.forcing[d] + self.pushed[d];
+        let variant = self.model.settings().variant;
+        if variant.plans_goal() {
+            forced
+        } else if variant.eases_in() {
+            self.attractor[d] - (self.attractor[d] - self.start[d]) * self.phase + forced
+        } else {
+            self.attractor[d] + forced
         }
     }
 
     fn update_forcing(&mut self) {
-        self.model.kernels().features_into(self.progress, &mut self.features);
-        let divisor = self.model.forcing_divisor();
-        for (forcing, weights) in self.forcing.iter_mut().zip(self.model.weights().column_iter()) {
-            let sum: f64 = weights.iter().zip(&self.features).map(|(weight, feature)| weight * feature).sum();
-            *forcing = sum / divisor;
+        let active = self.model.kernels().activate(self.progress, &mut self.features);
+        self.phase = active.phase;
+        let features = &self.features[active.kernels.clone()];
+        let per_divisor = self.model.forcing_divisor().recip();
+        for (forcing, weights) in
+            self.forcing.iter_mut().zip(self.model.weights().as_slice().chunks_exact(self.features.len()))
+        {
+            *forcing = dot(&weights[active.kernels.clone()], features) * per_divisor;
         }
         self.scale.apply(&mut self.forcing);
     }
@@ -335,16 +318,17 @@ impl DiscreteDmp {
     /// Writes position, velocity and acceleration from the state.
     fn observe(&mut self) {
         let per_second = self.duration.recip();
-        let phase = self.model.kernels().phase(self.progress);
-        let quintic_goal = self.model.settings().variant == Variant::QuinticGoal;
+        let plans_goal = self.model.settings().variant.plans_goal();
+        let pace = self.phase_rate;
+        let spring = self.model.spring();
         for d in 0..self.spring.len() {
             let (x, rate) = self.spring[d];
-            let acceleration = self.model.spring().acceleration(x, rate, self.equilibrium(d, phase));
-            let reference =
-                if quintic_goal { self.quintics[d].sample(self.progress) } else { Jet::default() };
+            let acceleration = spring.acceleration(x, rate, self.equilibrium(d));
+            let reference = if plans_goal { self.quintics[d].sample(self.progress) } else { Jet::default() };
             self.position[d] = reference.value + x;
-            self.velocity[d] = (reference.rate + rate) * per_second;
-            self.acceleration[d] = (reference.acceleration + acceleration) * per_second * per_second;
+            self.velocity[d] = (reference.rate * pace + rate) * per_second;
+            self.acceleration[d] =
+                (reference.acceleration * pace * pace + acceleration) * per_second * per_second;
         }
     }
 

@@ -1,0 +1,46 @@
+//! What can go wrong with a measurement.
+
+use motorium::launcher::LaunchError;
+use motorium::transport::ExchangeError;
+
+/// A measurement that could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// The system refused something.
+    #[error("{what} failed: {reason}")]
+    System {
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        reason: String,
+    },
+    /// The graph of a measurement cannot run here.
+    #[error("the graph of the measurement cannot run on this machine: {0}")]
+    Graph(String),
+    /// The topics of a measurement could not be made.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The graph of a measurement did not start.
+    #[error(transparent)]
+    Launch(#[from] LaunchError),
+    /// A process of the measurement failed.
+    #[error("the process `{part}` of the measurement failed: {reason}")]
+    Part {
+        /// Which.
+        part: &'static str,
+        /// Its last words.
+        reason: String,
+    },
+    /// The graph of a measurement ended early.
+    #[error("the graph of the measurement ended early: {0}")]
+    Ended(String),
+    /// The machine lacks what the measurement needs.
+    #[error("it needs {0}")]
+    Needs(&'static str),
+}
+
+impl MeasureError {
+    pub(crate) fn system(what: &'static str, error: impl core::fmt::Display) -> Self {
+        Self::System { what, reason: error.to_string() }
+    }
+}

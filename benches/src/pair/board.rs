@@ -1,0 +1,115 @@
+//! Memory that the two processes of a measurement share: the floors' own words, and room for the samples.
+
+#![allow(unsafe_code)] // the one place where mapped bytes become words
+
+use std::fs::OpenOptions;
+use std::path::Path;
+use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::sync::atomic::{AtomicU32, AtomicU64};
+
+use memmap2::{MmapOptions, MmapRaw};
+
+/// A word alone on its cache line (and on the neighbouring one, which the processor may fetch with it).
+#[derive(Debug)]
+#[repr(C, align(128))]
+pub(super) struct Line {
+    pub(super) word: AtomicU64,
+    pub(super) futex: AtomicU32,
+}
+
+/// What one of the two processes says of itself.
+#[derive(Debug)]
+#[repr(C, align(128))]
+pub(super) struct Side {
+    /// 1 once it is ready to begin.
+    pub(super) ready: AtomicU32,
+    /// `SCHED_FIFO` priority read back; 0 for normal time sharing.
+    pub(super) fifo: AtomicU32,
+    /// Samples it has recorded.
+    pub(super) recorded: AtomicU64,
+}
+
+#[derive(Debug)]
+#[repr(C)]
+struct Head {
+    /// There and back.
+    lines: [Line; 2],
+    sides: [Side; 2],
+}
+
+/// The board of one measurement.
+#[derive(Debug)]
+pub(super) struct Board {
+    memory: MmapRaw,
+    room: usize,
+}
+
+impl Board {
+    /// Makes a board with room for so many samples of each side.
+    pub(super) fn create(path: &Path, room: usize) -> std::io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+        let bytes = size_of::<Head>() + 2 * room * 8;
+        rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes as u64)?;
+        Ok(Self { memory: MmapOptions::new().len(bytes).map_raw(&file)?, room })
+    }
+
+    /// Opens the board that was made with the same room.
+    pub(super) fn open(path: &Path, room: usize) -> std::io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).open(path)?;
+        let bytes = size_of::<Head>() + 2 * room * 8;
+        if file.metadata()?.len() < bytes as u64 {
+            return Err(std::io::Error::other("the board was cut short"));
+        }
+        Ok(Self { memory: MmapOptions::new().len(bytes).map_raw(&file)?, room })
+    }
+
+    fn head(&self) -> &Head {
+        // SAFETY: the mapping is page-aligned and longer than the head, which is all atomics, valid for any bytes.
+        unsafe { &*self.memory.as_ptr().cast::<Head>() }
+    }
+
+    /// The line on which a side sends.
+    pub(super) fn line(&self, side: usize) -> &Line {
+        &self.head().lines[side]
+    }
+
+    /// What a side says of itself.
+    pub(super) fn side(&self, side: usize) -> &Side {
+        &self.head().sides[side]
+    }
+
+    fn samples(&self, side: usize) -> &[AtomicU64] {
+        // SAFETY: behind the head there is room for twice `room` words (both constructors saw to it), aligned since
+        // the head's size is a multiple of its alignment; atomics are valid for any bytes.
+        unsafe {
+            let first = self.memory.as_ptr().add(size_of::<Head>()).cast::<AtomicU64>();
+            core::slice::from_raw_parts(first.add(side * self.room), self.room)
+        }
+    }
+
+    /// Records a sample; what does not fit any more is left out.
+    pub(super) fn record(&self, side: usize, nanoseconds: u64) {
+        let recorded = &self.side(side).recorded;
+        let index = recorded.load(Relaxed);
+        if let Some(cell) = self.samples(side).get(index as usize) {
+            cell.store(nanoseconds, Relaxed);
+            recorded.store(index + 1, Release);
+        }
+    }
+
+    /// Whether a side has recorded all it has room for.
+    pub(super) fn is_full(&self, side: usize) -> bool {
+        self.side(side).recorded.load(Relaxed) as usize >= self.room
+    }
+
+    /// The samples of a side.
+    pub(super) fn recorded(&self, side: usize) -> Vec<u64> {
+        let count = self.side(side).recorded.load(std::sync::atomic::Ordering::Acquire) as usize;
+        self.samples(side)[..count.min(self.room)].iter().map(|cell| cell.load(Relaxed)).collect()
+    }
+
+    /// Touches all of the memory, so that recording never meets an untouched page.
+    pub(super) fn touch(&self, side: usize) {
+        self.samples(side).iter().for_each(|cell| cell.store(0, Relaxed));
+    }
+}

@@ -1,0 +1,75 @@
+//! The floors: what the machine itself takes to get one word from core to core, or one process to run after another.
+
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::time::Duration;
+
+use motorium::os::{futex_wait, futex_wake, monotonic_ns, sleep_until};
+
+use super::board::Board;
+use super::link::Link;
+
+/// A word and a futex: the least a blocking hand-off can do.
+pub(super) struct Futex<'a> {
+    pub(super) board: &'a Board,
+    pub(super) side: usize,
+    pub(super) heard: u32,
+}
+
+impl Link for Futex<'_> {
+    fn send(&mut self, time_ns: u64) -> Result<(), String> {
+        let line = self.board.line(self.side);
+        line.word.store(time_ns, Relaxed);
+        line.futex.store(line.futex.load(Relaxed).wrapping_add(1), Release);
+        futex_wake(&line.futex);
+        Ok(())
+    }
+
+    fn receive(&mut self) -> Result<u64, String> {
+        let line = self.board.line(1 - self.side);
+        while line.futex.load(Acquire) == self.heard {
+            futex_wait(&line.futex, self.heard, Some(Duration::from_secs(5)));
+        }
+        self.heard = self.heard.wrapping_add(1);
+        Ok(line.word.load(Relaxed))
+    }
+}
+
+/// Rounds on the cache line between two rests.
+const BURST: u64 = 200_000;
+
+/// Throws the number of the round to and fro on one cache line each way; half of every round trip is a sample. The
+/// clock is read while the other side is at work, so that it is no part of the way.
+pub(super) fn cache_line(board: &Board, side: usize, rounds: u64, warm_up: u64) {
+    let (mine, theirs) = (board.line(side), board.line(1 - side));
+    let await_round = |round: u64| {
+        while theirs.word.load(Acquire) != round {
+            core::hint::spin_loop();
+        }
+    };
+    if side == 1 {
+        for round in 1..=rounds + warm_up + 1 {
+            await_round(round);
+            mine.word.store(round, Release);
+            if round % BURST == 0 {
+                sleep_until(monotonic_ns() + 20_000_000);
+            }
+        }
+        return;
+    }
+    let mut last = monotonic_ns();
+    mine.word.store(1, Release);
+    for round in 1..=rounds + warm_up {
+        await_round(round);
+        let rest = round % BURST == 0;
+        if rest {
+            sleep_until(monotonic_ns() + 40_000_000);
+        }
+        mine.word.store(round + 1, Release);
+        let now = monotonic_ns();
+        if round > warm_up && !rest {
+            board.record(1, (now - last) / 2);
+        }
+        last = now;
+    }
+    await_round(rounds + warm_up + 1);
+}

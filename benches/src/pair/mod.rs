@@ -1,0 +1,232 @@
+//! Two processes that throw something to and fro: the floors of the machine, and motorium's hops beside them.
+//!
+//! A hop is measured in one direction: from the clock read before the payload is written to the clock read after the
+//! other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The exception is the cache line:
+//! half of a round trip, with the clock read off its path, so that the floor is as low as the machine allows.
+
+mod board;
+mod floors;
+mod link;
+mod part;
+mod stock;
+mod topics;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use motorium::component::Registry;
+use motorium::graph::{self, Machine};
+use motorium::transport::{Domain, Exchange};
+use serde::{Deserialize, Serialize};
+
+use crate::{Distribution, MeasureError};
+use board::Board;
+pub(crate) use part::{PART, run_part};
+
+/// What carries the payload, and how the receiver waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Carrier {
+    /// One word of shared memory that both cores look at: no payload.
+    CacheLine,
+    /// A word and a futex, nothing around them: no payload.
+    Futex,
+    /// A motorium topic, the receiver waits for its trigger.
+    Blocking,
+    /// A motorium topic, the receiver looks for it again and again.
+    Polling,
+    /// Stock iceoryx2: `ipc::Service` with publish-subscribe, and an event to wake the receiver.
+    Stock,
+}
+
+/// One measurement of two processes.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Throw {
+    /// What carries it.
+    pub carrier: Carrier,
+    /// Bytes of payload; one of [`SIZES`](crate::payload::SIZES).
+    pub bytes: usize,
+    /// The cores of the two processes.
+    pub cores: [usize; 2],
+    /// `SCHED_FIFO` priority of both; 0 for none.
+    pub fifo: u8,
+    /// Round trips; there are two samples of each, or one where a pace or the cache line is measured.
+    pub rounds: usize,
+    /// Rounds before the recorded ones.
+    pub warm_up: usize,
+    /// Time between two round trips, ns: the receiver then sleeps deeply. 0 for one after the other.
+    pub pace_ns: u64,
+}
+
+/// What came of it.
+#[derive(Debug, Clone)]
+pub struct Thrown {
+    /// Time of a hop.
+    pub hop: Distribution,
+    /// `SCHED_FIFO` priority both had, read back; 0 for normal time sharing.
+    pub fifo: u32,
+}
+
+/// What a part of a measurement finds in its folder.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Assignment {
+    throw: Throw,
+    /// Folder of the exchange or of the stock domain.
+    exchange: PathBuf,
+}
+
+const SIDES: [&str; 2] = ["ping", "pong"];
+
+/// Runs a measurement with a program that hands its arguments to [`Part`](crate::Part).
+///
+/// # Errors
+/// Shared memory or the processes could not be made, or one of them failed.
+pub fn measure(program: &Path, registry: &Registry, throw: &Throw) -> Result<Thrown, MeasureError> {
+    let folder = Folder::create()?;
+    let exchange = matches!(throw.carrier, Carrier::Blocking | Carrier::Polling)
+        .then(|| exchange(registry, throw))
+        .transpose()?;
+    let assignment = Assignment {
+        throw: throw.clone(),
+        exchange: exchange.as_ref().map_or(folder.0.clone(), |exchange| exchange.path().to_path_buf()),
+    };
+    let text =
+        serde_json::to_vec(&assignment).map_err(|error| MeasureError::system("writing the parts", error))?;
+    std::fs::write(folder.0.join("assignment.json"), text)
+        .map_err(|error| MeasureError::system("writing the parts", error))?;
+    let board = Board::create(&folder.0.join("board"), throw.rounds)
+        .map_err(|error| MeasureError::system("making shared memory", error))?;
+    let ended = supervise(program, &folder.0, throw);
+    if throw.carrier == Carrier::Stock {
+        Domain::new(&folder.0, &folder.name()).map(|domain| domain.remove()).ok();
+    }
+    ended?;
+    let mut samples = board.recorded(1);
+    // At a pace only the way there finds a receiver that sleeps.
+    if throw.pace_ns == 0 {
+        samples.extend(board.recorded(0));
+    }
+    let fifo = board.side(0).fifo.load(Relaxed).min(board.side(1).fifo.load(Relaxed));
+    Ok(Thrown { hop: Distribution::of(samples), fifo })
+}
+
+/// Starts both processes and waits for their end.
+fn supervise(program: &Path, folder: &Path, throw: &Throw) -> Result<(), MeasureError> {
+    let mut children = Vec::new();
+    for side in SIDES {
+        let child = Command::new(program)
+            .args([PART, side])
+            .arg(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn();
+        match child {
+            Ok(child) => children.push(child),
+            Err(error) => {
+                kill(&mut children);
+                return Err(MeasureError::system("starting a process", error));
+            }
+        }
+    }
+    // Far more than any machine needs: what takes longer hangs.
+    let rounds = (throw.rounds + throw.warm_up) as u64;
+    let limit = Duration::from_secs(20) + Duration::from_nanos(rounds * (throw.pace_ns * 2 + 4_000_000));
+    let end = Instant::now() + limit.min(Duration::from_secs(180));
+    loop {
+        let mut ended = 0;
+        for (child, side) in children.iter_mut().zip(SIDES) {
+            match child.try_wait() {
+                Ok(Some(status)) if status.success() => ended += 1,
+                Ok(None) => {}
+                Ok(Some(_)) | Err(_) => {
+                    let words = child.stderr.take().and_then(|pipe| std::io::read_to_string(pipe).ok());
+                    kill(&mut children);
+                    let words = words.filter(|words| !words.trim().is_empty());
+                    return Err(MeasureError::Part {
+                        part: side,
+                        reason: words.map_or("it died".to_string(), |words| words.trim().to_string()),
+                    });
+                }
+            }
+        }
+        if ended == children.len() {
+            return Ok(());
+        }
+        if Instant::now() > end {
+            kill(&mut children);
+            return Err(MeasureError::Part { part: "ping", reason: "it hung".to_string() });
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn kill(children: &mut [std::process::Child]) {
+    for child in children {
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}
+
+/// Topics there and back. A graph must not go round in circles, so each process takes the places of two components.
+fn exchange(registry: &Registry, throw: &Throw) -> Result<Exchange, MeasureError> {
+    let config = format!("config = {{ bytes = {} }}", throw.bytes);
+    let text = format!(
+        r#"
+name = "bench-hop"
+[cores]
+realtime = [{core}]
+[component.ping]
+kind = "bench.relay"
+rate = "1 kHz"
+publish = {{ out = "bench/there" }}
+{config}
+[component.pong-hears]
+kind = "bench.relay"
+trigger = "bench/there"
+subscribe = {{ in = "bench/there" }}
+{config}
+[component.pong]
+kind = "bench.relay"
+rate = "1 kHz"
+publish = {{ out = "bench/back" }}
+{config}
+[component.ping-hears]
+kind = "bench.relay"
+trigger = "bench/back"
+subscribe = {{ in = "bench/back" }}
+{config}
+"#,
+        core = throw.cores[0]
+    );
+    let checked = graph::check(Path::new("bench-hop.toml"), text, &[], registry, &Machine::detect())
+        .map_err(|error| MeasureError::Graph(error.render(false)))?;
+    Ok(Exchange::create(&checked.plan)?)
+}
+
+/// A folder in shared memory, removed when it is dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn create() -> Result<Self, MeasureError> {
+        use std::sync::atomic::AtomicU32;
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let name = format!("motorium-bench-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed));
+        let path = Path::new("/dev/shm").join(name);
+        std::fs::create_dir(&path)
+            .map_err(|error| MeasureError::system("making a folder in /dev/shm", error))?;
+        Ok(Self(path))
+    }
+
+    fn name(&self) -> String {
+        self.0.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}

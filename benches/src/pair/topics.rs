@@ -1,0 +1,70 @@
+//! Motorium's own hop: what a component's ports and its worker's wait do, without the worker around them.
+
+use std::path::Path;
+
+use motorium::os::yield_core;
+use motorium::transport::{ExchangeError, Seat, Trigger};
+use motorium::worker::{Input, Output};
+
+use super::SIDES;
+use super::link::Link;
+use crate::payload::Payload;
+
+/// A topic each way.
+pub(super) struct Topics<P: Payload> {
+    _seats: [Seat; 2],
+    output: Output<P>,
+    input: Input<P>,
+    trigger: Trigger,
+    waits: Waits,
+    seen: u64,
+}
+
+/// How the receiver waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Waits {
+    /// For its trigger.
+    Blocking,
+    /// It looks again and again.
+    Spinning,
+    /// It looks again and again, and lets the sender run in between: both are on one core.
+    Yielding,
+}
+
+impl<P: Payload> Topics<P> {
+    pub(super) fn open(exchange: &Path, side: usize, waits: Waits) -> Result<Self, ExchangeError> {
+        let seats =
+            [Seat::take(exchange, SIDES[side])?, Seat::take(exchange, &format!("{}-hears", SIDES[side]))?];
+        let output = seats[0].output("out")?;
+        let input = seats[1].input("in")?;
+        let trigger = seats[1].trigger()?;
+        Ok(Self { _seats: seats, output, input, trigger, waits, seen: 0 })
+    }
+}
+
+impl<P: Payload> Link for Topics<P> {
+    fn send(&mut self, time_ns: u64) -> Result<(), String> {
+        let mut loan = self.output.loan().map_err(|error| error.to_string())?;
+        loan.write(time_ns);
+        loan.publish().map_err(|error| error.to_string())
+    }
+
+    fn receive(&mut self) -> Result<u64, String> {
+        loop {
+            if self.waits == Waits::Blocking {
+                self.trigger.wait();
+            }
+            if let Some(reading) = self.input.latest()
+                && reading.stamp().sequence != self.seen
+            {
+                self.seen = reading.stamp().sequence;
+                return reading.read().ok_or_else(|| "a payload was torn".to_string());
+            }
+            match self.waits {
+                Waits::Blocking => {}
+                Waits::Spinning => core::hint::spin_loop(),
+                Waits::Yielding => yield_core(),
+            }
+        }
+    }
+}

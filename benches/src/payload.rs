@@ -1,0 +1,111 @@
+//! Payloads of the sizes that are measured.
+
+use motorium::state::StateBuffer;
+
+/// A payload of numbers, all of them written by the sender and read by the receiver.
+pub trait Payload: StateBuffer {
+    /// Bytes of the payload.
+    const BYTES: usize;
+
+    /// The numbers.
+    fn values(&self) -> &[f64];
+
+    /// The numbers, to be written.
+    fn values_mut(&mut self) -> &mut [f64];
+
+    /// Writes a time (ns, below 2^53) into every number.
+    fn write(&mut self, time_ns: u64) {
+        self.values_mut().fill(time_ns as f64);
+    }
+
+    /// Reads every number. `None` if they differ: the payload was torn.
+    fn read(&self) -> Option<u64> {
+        let first = self.values()[0].to_bits();
+        let differ = self.values().iter().fold(0, |differ, value| differ | (value.to_bits() ^ first));
+        (differ == 0).then_some(f64::from_bits(first) as u64)
+    }
+}
+
+macro_rules! payloads {
+    ($($name:ident, $text:literal, $bytes:literal;)*) => {
+        $(
+            motorium::state_buffer! {
+                #[doc = concat!("A payload of ", $bytes, " bytes.")]
+                pub struct $name as $text {
+                    /// The numbers.
+                    pub values: [f64; $bytes / 8],
+                }
+            }
+
+            impl Payload for $name {
+                const BYTES: usize = $bytes;
+
+                fn values(&self) -> &[f64] {
+                    &self.values
+                }
+
+                fn values_mut(&mut self) -> &mut [f64] {
+                    &mut self.values
+                }
+            }
+        )*
+
+        /// The sizes there are, bytes.
+        pub const SIZES: &[usize] = &[$($bytes),*];
+
+        /// Calls something for the payload of a size; `None` if there is no such size.
+        pub fn with_payload<V: PayloadVisitor>(bytes: usize, visitor: V) -> Option<V::Output> {
+            match bytes {
+                $($bytes => Some(visitor.visit::<$name>()),)*
+                _ => None,
+            }
+        }
+    };
+}
+
+payloads! {
+    Payload64, "motorium.bench.Payload64", 64;
+    Payload512, "motorium.bench.Payload512", 512;
+    Payload4K, "motorium.bench.Payload4K", 4096;
+    Payload64K, "motorium.bench.Payload64K", 65536;
+    Payload1M, "motorium.bench.Payload1M", 1048576;
+}
+
+/// Something that works for a payload of any size.
+pub trait PayloadVisitor {
+    /// What comes of it.
+    type Output;
+
+    /// Does it for one type.
+    fn visit<P: Payload>(self) -> Self::Output;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read_and_a_torn_payload_is_noticed() {
+        let mut payload = Payload512::default();
+        payload.write(1_234_567_890_123);
+        assert_eq!(payload.read(), Some(1_234_567_890_123));
+        payload.values[63] = 1.0;
+        assert_eq!(payload.read(), None);
+    }
+
+    #[test]
+    fn every_size_has_its_type() {
+        struct Size;
+        impl PayloadVisitor for Size {
+            type Output = usize;
+            fn visit<P: Payload>(self) -> usize {
+                assert_eq!(size_of::<P>(), P::BYTES);
+                P::BYTES
+            }
+        }
+        for bytes in SIZES {
+            assert_eq!(with_payload(*bytes, Size), Some(*bytes));
+        }
+        assert_eq!(with_payload(100, Size), None);
+    }
+}

@@ -1,0 +1,106 @@
+//! In which order legs move.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A gait, as the phase of every leg in its stride.
+///
+/// Legs come in pairs, left before right, from the front to the rear: two are L, R; four are LF, RF, LH, RH; six are LF, RF,
+/// LM, RM, LH, RH. A leg with a larger phase is ahead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Gait {
+    /// One leg after the other. Two legs: in turn. Four: the lateral sequence LF, RH, RF, LH, a quarter of a stride apart.
+    /// Six: the metachronal wave, on each side from the rear to the front a sixth of a stride apart, the sides in turn.
+    Walk,
+    /// Diagonal legs together. Four legs.
+    Trot,
+    /// The legs of a side together. Four legs.
+    Pace,
+    /// Front legs together, then hind legs (two legs: both together, a hop). Two and four legs.
+    Bound,
+    /// Three legs that stand apart together: LF, RM, LH, and the others in turn. Six legs.
+    Tripod,
+}
+
+/// A gait for another number of legs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{legs} legs have no {gait:?} gait: {}", advice(*.legs))]
+pub struct GaitError {
+    /// The gait.
+    pub gait: Gait,
+    /// The legs.
+    pub legs: usize,
+}
+
+fn advice(legs: usize) -> &'static str {
+    match legs {
+        2 => "take walk or bound",
+        4 => "take walk, trot, pace or bound",
+        6 => "take walk or tripod",
+        _ => "two, four and six legs have gaits",
+    }
+}
+
+impl Gait {
+    /// The phase of each leg, rad in \[0, 2 pi).
+    ///
+    /// # Errors
+    /// Another number of legs.
+    pub fn phases(self, legs: usize) -> Result<&'static [f64], GaitError> {
+        Ok(match (self, legs) {
+            (Self::Walk, 2) => &[0.0, PI],
+            (Self::Bound, 2) => &[0.0, 0.0],
+            (Self::Walk, 4) => &[0.0, PI, 3.0 * FRAC_PI_2, FRAC_PI_2],
+            (Self::Trot, 4) => &[0.0, PI, PI, 0.0],
+            (Self::Pace, 4) => &[0.0, PI, 0.0, PI],
+            (Self::Bound, 4) => &[0.0, 0.0, PI, PI],
+            (Self::Walk, 6) => &[0.0, PI, FRAC_PI_3, 4.0 * FRAC_PI_3, 2.0 * FRAC_PI_3, 5.0 * FRAC_PI_3],
+            (Self::Tripod, 6) => &[0.0, PI, PI, 0.0, 0.0, PI],
+            _ => return Err(GaitError { gait: self, legs }),
+        })
+    }
+
+    /// The part of a stride that a leg stands, as is usual for the gait. More than a half for gaits that never fly.
+    pub fn duty_factor(self, legs: usize) -> f64 {
+        match (self, legs) {
+            (Self::Walk, 2) => 0.6,
+            (Self::Walk, 4) => 0.75,
+            (Self::Walk, _) => 5.0 / 6.0,
+            (Self::Bound, _) => 0.4,
+            (Self::Trot | Self::Pace | Self::Tripod, _) => 0.5,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gait_of_another_number_of_legs_is_refused_with_those_there_are() {
+        let error = Gait::Tripod.phases(4).unwrap_err().to_string();
+        assert_eq!(error, "4 legs have no Tripod gait: take walk, trot, pace or bound");
+        assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
+    }
+
+    /// Hildebrand: in the lateral sequence, the front foot of a side follows the hind foot of that side.
+    #[test]
+    fn a_walk_sets_one_foot_after_the_other_in_the_lateral_sequence() {
+        let phases = Gait::Walk.phases(4).unwrap();
+        // the leg that is farthest ahead reaches the same point of its stride first
+        let mut order = [0, 1, 2, 3];
+        order.sort_by(|a, b| phases[*b].total_cmp(&phases[*a]));
+        assert_eq!(order.map(|leg| ["LF", "RF", "LH", "RH"][leg]), ["LH", "RF", "RH", "LF"]);
+    }
+
+    #[test]
+    fn a_tripod_never_lifts_two_legs_next_to_each_other() {
+        let phases = Gait::Tripod.phases(6).unwrap();
+        for (a, b) in [(0, 1), (2, 3), (4, 5), (0, 2), (2, 4), (1, 3), (3, 5)] {
+            assert_eq!((phases[a] - phases[b]).abs(), PI);
+        }
+    }
+}

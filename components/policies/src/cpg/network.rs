@@ -1,0 +1,345 @@
+//! The phase-amplitude network of Ijspeert and others.
+
+use std::f64::consts::TAU;
+
+use nalgebra::DMatrix;
+
+use super::gait::Gait;
+use super::lags::{Lag, consistent_phases, wrapped};
+use super::phases::{CoupledPhases, Influence};
+use super::{CpgError, finite, positive, size};
+use crate::dmp::{CriticalSpring, Stride};
+
+/// What one node is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// Amplitude `A`, unit of the output.
+    pub amplitude: f64,
+    /// Offset `O`, unit of the output.
+    pub offset: f64,
+    /// Its phase in the pattern, rad.
+    pub phase: f64,
+}
+
+/// A leg that is one node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegSettings {
+    /// Amplitude of the swing, unit of the output.
+    pub amplitude: f64,
+    /// About which it swings, unit of the output.
+    pub offset: f64,
+}
+
+impl Default for LegSettings {
+    fn default() -> Self {
+        Self { amplitude: 0.3, offset: 0.0 }
+    }
+}
+
+/// The numbers of the whole network; [`Default`] gives the values named on each field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetworkSettings {
+    /// Frequency `nu` of all nodes, Hz. Default 1.
+    pub frequency: f64,
+    /// Damping `D` of amplitudes, offsets and frequency, 1/s; the stiffness is `K = D^2 / 4`. Default 20.
+    pub damping: f64,
+    /// Damping of the phases of the pattern, which makes gait changes smooth, 1/s. Default 8: most of a change takes half a
+    /// second.
+    pub transition: f64,
+}
+
+impl Default for NetworkSettings {
+    fn default() -> Self {
+        Self { frequency: 1.0, damping: 20.0, transition: 8.0 }
+    }
+}
+
+/// A value on its way to a target.
+#[derive(Clone, Copy, Debug)]
+struct Follower {
+    state: (f64, f64),
+    target: f64,
+}
+
+impl Follower {
+    fn at(value: f64) -> Self {
+        Self { state: (value, 0.0), target: value }
+    }
+
+    fn step(&mut self, stride: &Stride) {
+        self.state = stride.advance(self.state, self.target, self.target);
+    }
+}
+
+/// Coupled nodes of a phase, an amplitude and an offset each (Ijspeert et al. 2007):
+///
+/// `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, `a_i'' = K (A_i - a_i) - D a_i'`,
+/// `o_i'' = K (O_i - o_i) - D o_i'`, output `y_i = o_i + a_i cos(phi_i)`.
+///
+/// `nu` follows its command by the same spring (as published it jumps). Lags are differences of the phases of the pattern,
+/// `phi_ij = theta_j - theta_i`, and `theta` slides to that of another gait the short way round: everything that is put
+/// out stays continuous with its derivative. Amplitudes start at zero, so that the rhythm grows out of the offsets.
+#[derive(Clone, Debug)]
+pub struct PhaseNetwork {
+    settings: NetworkSettings,
+    phases: CoupledPhases,
+    frequency: Follower,
+    amplitude: Vec<Follower>,
+    offset: Vec<Follower>,
+    theta: Vec<Follower>,
+    /// Amplitudes at the beginning, middle and end of a step.
+    amplitudes: [Vec<f64>; 3],
+    theta_now: Vec<f64>,
+    omega: Vec<f64>,
+    output: Vec<f64>,
+    velocity: Vec<f64>,
+    /// Of the last step: width, and the strides of half and whole for the springs and of the whole for the pattern.
+    strides: (f64, [Stride; 3]),
+}
+
+impl PhaseNetwork {
+    /// From the nodes and the coupling weights `w` (row i: what acts on i, rad/s per unit of amplitude).
+    ///
+    /// # Errors
+    /// Sizes that do not fit, numbers out of range.
+    pub fn new(nodes: &[Node], weights: DMatrix<f64>, settings: NetworkSettings) -> Result<Self, CpgError> {
+        let n = nodes.len();
+        size("the rows of the weights", weights.nrows(), n)?;
+        size("the columns of the weights", weights.ncols(), n)?;
+        finite("weights", weights.as_slice())?;
+        finite("frequency", &[settings.frequency])?;
+        positive("damping", settings.damping)?;
+        positive("transition", settings.transition)?;
+        for node in nodes {
+            finite("a node", &[node.amplitude, node.offset, node.phase])?;
+        }
+        let follow = |value: fn(&Node) -> f64| nodes.iter().map(|node| Follower::at(value(node))).collect();
+        let zeros = vec![0.0; n];
+        let phase = nodes.iter().map(|node| node.phase.rem_euclid(TAU)).collect();
+        let still = CriticalSpring::new(settings.damping).stride(0.0);
+        let mut network = Self {
+            phases: CoupledPhases::new(weights, phase),
+            frequency: Follower::at(settings.frequency),
+            amplitude: nodes
+                .iter()
+                .map(|node| Follower { state: (0.0, 0.0), target: node.amplitude })
+                .collect(),
+            offset: follow(|node| node.offset),
+            theta: follow(|node| node.phase),
+            amplitudes: std::array::from_fn(|_| zeros.clone()),
+            theta_now: nodes.iter().map(|node| node.phase).collect(),
+            omega: zeros.clone(),
+            output: zeros.clone(),
+            velocity: zeros,
+            strides: (0.0, [still; 3]),
+            settings,
+        };
+        network.observe();
+        Ok(network)
+    }
+
+    /// A node for each leg, every leg coupled to every other with `weight / (A (n - 1))`: however many legs there are and
+    /// however far they swing, a deviation from the gait decays at about `weight` (1/s).
+    ///
+    /// # Errors
+    /// A gait for another number of legs, numbers out of range.
+    pub fn of_gait(gait: Gait, legs: &[LegSettings], weight: f64) -> Result<Self, CpgError> {
+        let phases = gait.phases(legs.len())?;
+        let nodes: Vec<Node> = legs
+            .iter()
+            .zip(phases)
+            .map(|(leg, phase)| Node { amplitude: leg.amplitude, offset: leg.offset, phase: *phase })
+            .collect();
+        let weights = Self::all_to_all(&nodes, weight);
+        Self::new(&nodes, weights, NetworkSettings::default())
+    }
+
+    /// Weights that couple every node with every other, `weight / (A_j (n - 1))`; nodes that do not swing act on none.
+    pub fn all_to_all(nodes: &[Node], weight: f64) -> DMatrix<f64> {
+        let n = nodes.len();
+        DMatrix::from_fn(n, n, |i, j| {
+            let amplitude = nodes[j].amplitude.abs();
+            if i == j || amplitude < 1e-9 { 0.0 } else { weight / (amplitude * (n - 1) as f64) }
+        })
+    }
+
+    /// From nodes whose phases follow from lags between pairs of them; each pair is coupled both ways with `weight`.
+    /// The phases of the nodes given do not matter.
+    ///
+    /// # Errors
+    /// Lags that contradict each other, numbers out of range.
+    pub fn from_lags(
+        nodes: &[Node],
+        lags: &[Lag],
+        weight: f64,
+        settings: NetworkSettings,
+    ) -> Result<Self, CpgError> {
+        let phases = consistent_phases(nodes.len(), lags)?;
+        let nodes: Vec<Node> =
+            nodes.iter().zip(phases).map(|(node, phase)| Node { phase, ..*node }).collect();
+        let mut weights = DMatrix::zeros(nodes.len(), nodes.len());
+        for lag in lags {
+            weights[(lag.follower, lag.leader)] = weight;
+            weights[(lag.leader, lag.follower)] = weight;
+        }
+        Self::new(&nodes, weights, settings)
+    }
+
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.amplitude.len()
+    }
+
+    /// Commands a frequency, Hz; a negative one runs the pattern backwards.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
+        finite("frequency", &[frequency])?;
+        self.frequency.target = frequency;
+        Ok(())
+    }
+
+    /// Commands amplitude and offset of a node.
+    ///
+    /// # Errors
+    /// A node that does not exist, or numbers that are not finite.
+    pub fn set_swing(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
+        finite("amplitude and offset", &[amplitude, offset])?;
+        if node >= self.nodes() {
+            return Err(CpgError::Size { name: "the network", found: self.nodes(), expected: node + 1 });
+        }
+        self.amplitude[node].target = amplitude;
+        self.offset[node].target = offset;
+        Ok(())
+    }
+
+    /// Commands the phase of every node in the pattern, rad. Each goes the short way round.
+    ///
+    /// # Errors
+    /// Wrong length, or numbers that are not finite.
+    pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
+        size("the pattern", phases.len(), self.nodes())?;
+        finite("the pattern", phases)?;
+        for (theta, phase) in self.theta.iter_mut().zip(phases) {
+            theta.target = theta.state.0 + wrapped(phase - theta.state.0);
+        }
+        Ok(())
+    }
+
+    /// Commands a gait, for a network of one node a leg.
+    ///
+    /// # Errors
+    /// A gait for another number of legs.
+    pub fn set_gait(&mut self, gait: Gait) -> Result<(), CpgError> {
+        self.set_pattern(gait.phases(self.nodes())?)
+    }
+
+    /// Sets the phases themselves, rad. A jump.
+    ///
+    /// # Errors
+    /// Wrong length, or numbers that are not finite.
+    pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
+        size("phases", phases.len(), self.nodes())?;
+        finite("phases", phases)?;
+        self.phases.phase.copy_from_slice(phases);
+        self.observe();
+        Ok(())
+    }
+
+    /// Takes amplitudes, offsets, frequency and pattern to their commands at once. A jump.
+    pub fn settle(&mut self) {
+        let all = self.amplitude.iter_mut().chain(&mut self.offset).chain(&mut self.theta);
+        for follower in all.chain([&mut self.frequency]) {
+            follower.state = (follower.target, 0.0);
+        }
+        self.observe();
+    }
+
+    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    pub fn step(&mut self, dt: f64) {
+        self.step_entrained(dt, &[]);
+    }
+
+    /// As [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
+    /// [`Entrainment`](super::Entrainment). An empty `pull` is none.
+    pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
+        if dt.is_nan() || dt <= 0.0 {
+            return;
+        }
+        if self.strides.0 != dt {
+            let spring = CriticalSpring::new(self.settings.damping);
+            let pattern = CriticalSpring::new(self.settings.transition);
+            self.strides = (dt, [spring.stride(0.5 * dt), spring.stride(dt), pattern.stride(dt)]);
+        }
+        let [half, whole, pattern] = self.strides.1;
+        for (i, amplitude) in self.amplitude.iter_mut().enumerate() {
+            self.amplitudes[0][i] = amplitude.state.0;
+            self.amplitudes[1][i] = half.advance(amplitude.state, amplitude.target, amplitude.target).0;
+            amplitude.step(&whole);
+            self.amplitudes[2][i] = amplitude.state.0;
+        }
+        self.offset.iter_mut().for_each(|offset| offset.step(&whole));
+        // the mean of the frequency over the step turns the phases, and so does the slide of the pattern
+        let before = self.frequency.state.0;
+        self.frequency.step(&whole);
+        self.omega.fill(TAU * 0.5 * (before + self.frequency.state.0));
+        for (theta, now) in self.theta.iter_mut().zip(&mut self.theta_now) {
+            theta.step(&pattern);
+            *now = theta.state.0;
+        }
+        let amplitude = [&self.amplitudes[0][..], &self.amplitudes[1], &self.amplitudes[2]];
+        let (omega, theta) = (&self.omega[..], &self.theta_now[..]);
+        self.phases.step(dt, &Influence { omega, pull, theta, amplitude });
+        // within one turn, and the pattern with it, so that neither loses digits in a long run
+        self.phases.phase.iter_mut().for_each(|phase| *phase = phase.rem_euclid(TAU));
+        self.write();
+    }
+
+    /// The output `y` of every node.
+    pub fn output(&self) -> &[f64] {
+        &self.output
+    }
+
+    /// The derivative of the output of every node, per second.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// The phase of every node in \[0, 2 pi) after a step, rad.
+    pub fn phases(&self) -> &[f64] {
+        &self.phases.phase
+    }
+
+    /// The phase of every node in the pattern at this moment, rad.
+    pub fn pattern(&self) -> &[f64] {
+        &self.theta_now
+    }
+
+    /// The largest deviation of a phase difference from the pattern at this moment, relative to the first node, rad.
+    pub fn pattern_error(&self) -> f64 {
+        let psi = |i: usize| self.phases.phase[i] - self.theta_now[i];
+        (1..self.nodes()).map(|i| wrapped(psi(i) - psi(0)).abs()).fold(0.0, f64::max)
+    }
+
+    fn observe(&mut self) {
+        for (i, amplitude) in self.amplitude.iter().enumerate() {
+            self.amplitudes[2][i] = amplitude.state.0;
+            self.theta_now[i] = self.theta[i].state.0;
+        }
+        self.omega.fill(TAU * self.frequency.state.0);
+        let amplitude = [&self.amplitudes[2][..]; 3];
+        let (omega, theta) = (&self.omega[..], &self.theta_now[..]);
+        self.phases.observe(&Influence { omega, pull: &[], theta, amplitude });
+        self.write();
+    }
+
+    fn write(&mut self) {
+        for i in 0..self.nodes() {
+            let ((a, a_rate), (o, o_rate)) = (self.amplitude[i].state, self.offset[i].state);
+            let (sine, cosine) = self.phases.phase[i].sin_cos();
+            self.output[i] = o + a * cosine;
+            self.velocity[i] = o_rate + a_rate * cosine - a * sine * self.phases.rate[i];
+        }
+    }
+}

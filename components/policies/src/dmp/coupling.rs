@@ -1,0 +1,98 @@
+//! What happens to the robot, let into a running primitive.
+
+/// The influence of one step; [`Default`] is none.
+///
+/// With it, the primitive obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`: `C` moves it off its way, a phase rate
+/// below 1 lets its clock wait. Both fade without a trace when they end: `C` with the spring, the clock by going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling<'a> {
+    /// `C`, an acceleration in every dimension, unit of y per second squared; empty for none. From an
+    /// [`ObstacleAvoidance`](super::ObstacleAvoidance), a [`Yielding`], or anything else.
+    pub acceleration: &'a [f64],
+    /// How fast the phase passes, in \[0, 1\]; values outside are clamped. From a [`PhaseStop`].
+    pub phase_rate: f64,
+}
+
+impl Default for Coupling<'_> {
+    fn default() -> Self {
+        Self { acceleration: &[], phase_rate: 1.0 }
+    }
+}
+
+/// How much the phase waits for a robot that cannot follow.
+///
+/// The rate goes into [`Coupling::phase_rate`]: only the phase (and a quintic goal, which travels with it) waits, as
+/// published. Multiplying `dt` by it instead stretches all of the movement, the spring included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PhaseStop {
+    /// `rate = 1 / (1 + gain |y_real - y|^2)`: Ijspeert et al. 2013, equation 2.27 written for the phase.
+    Quadratic {
+        /// `a_e`, per unit of y squared, at least 0.
+        gain: f64,
+    },
+    /// `rate = 1 / (1 + gain |y_real - y|)`: reacts to small errors too.
+    Linear {
+        /// Per unit of y, at least 0.
+        gain: f64,
+    },
+}
+
+impl PhaseStop {
+    /// The rate for the distance between robot and primitive, in (0, 1]. An error that is no number stops the phase.
+    pub fn rate(self, error: f64) -> f64 {
+        let brake = match self {
+            Self::Quadratic { gain } => gain * error * error,
+            Self::Linear { gain } => gain * error.abs(),
+        };
+        if brake.is_nan() { 0.0 } else { (1.0 + brake.max(0.0)).recip() }
+    }
+
+    /// The rate for a measured position, the Euclidean distance over all dimensions taken.
+    pub fn rate_of(self, measured: &[f64], position: &[f64]) -> f64 {
+        let squared: f64 = measured.iter().zip(position).map(|(a, b)| (a - b) * (a - b)).sum();
+        self.rate(squared.sqrt())
+    }
+}
+
+/// Yields to a measured force as a mass would: `C = F / m`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Yielding {
+    /// `m`, in the unit of the force per acceleration (kg for N and m), above 0.
+    pub inertia: f64,
+    /// Forces up to this magnitude in a dimension, such as the noise of a sensor, do not count; the rest counts from
+    /// there on, so that there is no jump.
+    pub deadband: f64,
+}
+
+impl Yielding {
+    /// Adds the acceleration that a force causes to `acceleration`, dimension by dimension.
+    pub fn add(&self, force: &[f64], acceleration: &mut [f64]) {
+        for (acceleration, force) in acceleration.iter_mut().zip(force) {
+            let felt = (force.abs() - self.deadband).max(0.0).copysign(*force);
+            *acceleration += felt / self.inertia;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_phase_waits_the_more_the_larger_the_error() {
+        let stop = PhaseStop::Quadratic { gain: 100.0 };
+        assert!((stop.rate(0.0) - 1.0).abs() < 1e-15);
+        assert!((stop.rate(0.1) - 0.5).abs() < 1e-15);
+        assert!((stop.rate_of(&[0.3, 0.0], &[0.0, 0.4]) - 1.0 / 26.0).abs() < 1e-15);
+        assert!((PhaseStop::Linear { gain: 10.0 }.rate(-0.1) - 0.5).abs() < 1e-15);
+        assert_eq!(stop.rate(f64::NAN), 0.0);
+    }
+
+    #[test]
+    fn a_force_within_the_deadband_does_not_move_it_and_beyond_counts_from_its_edge() {
+        let yielding = Yielding { inertia: 2.0, deadband: 1.0 };
+        let mut acceleration = [0.5, 0.0, 0.0];
+        yielding.add(&[0.9, 3.0, -5.0], &mut acceleration);
+        assert_eq!(acceleration, [0.5, 1.0, -2.0]);
+    }
+}

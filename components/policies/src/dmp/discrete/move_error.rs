@@ -1,0 +1,38 @@
+//! Why a movement cannot start or be steered.
+
+use crate::dmp::Variant;
+
+/// Why a movement cannot start or be steered. What ran before goes on unchanged.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MoveError {
+    /// A vector of another length than the model has dimensions.
+    #[error("{name} has {found} entries, the primitive {expected} dimensions")]
+    Dimensions {
+        /// The vector.
+        name: &'static str,
+        /// Its length.
+        found: usize,
+        /// The dimensions of the model.
+        expected: usize,
+    },
+    /// A number that is none.
+    #[error("{name} holds {value}, expected finite numbers only")]
+    NotFinite {
+        /// The vector.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+    },
+    /// A duration that is not a positive time.
+    #[error("a duration of {found} s, expected a positive time")]
+    Duration {
+        /// What was found, s.
+        found: f64,
+    },
+    /// A final velocity for a variant that ends at rest.
+    #[error("a {variant:?} primitive ends at rest: for a final velocity take FinalVelocity")]
+    EndsAtRest {
+        /// The variant.
+        variant: Variant,
+    },
+}

@@ -1,0 +1,94 @@
+//! Steering round obstacles.
+
+use nalgebra::Vector3;
+
+/// Point obstacles that a movement through space steers round (Hoffmann, Park, Pastor, Schaal, *Biologically-inspired
+/// dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
+///
+/// `C = gamma R v phi exp(-beta phi)`, with the angle `phi` in \[0, pi\] between the velocity `v` and the direction
+/// `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v` away from the obstacle.
+/// `C` is normal to `v`: it steers, it never speeds up. As published it does not depend on the distance; with a `reach`
+/// it is multiplied by `exp(-(|o - y| / reach)^2)`, so that obstacles far away do not count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObstacleAvoidance {
+    /// Strength, 1/s per rad. Published value 1000.
+    pub gamma: f64,
+    /// How fast the effect fades with the angle, 1/rad. Published value 20 / pi.
+    pub beta: f64,
+    /// Distance at which the effect has fallen to 1/e, m; infinite as published.
+    pub reach: f64,
+}
+
+impl Default for ObstacleAvoidance {
+    fn default() -> Self {
+        Self { gamma: 1000.0, beta: 20.0 / std::f64::consts::PI, reach: f64::INFINITY }
+    }
+}
+
+impl ObstacleAvoidance {
+    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for a hand at `position` (m) with `velocity` (m/s).
+    ///
+    /// Zero at rest. When the velocity points at the obstacle exactly, there is no side to prefer: zero as well, and the
+    /// next deviation, however small, decides.
+    pub fn acceleration(
+        &self,
+        position: Vector3<f64>,
+        velocity: Vector3<f64>,
+        obstacle: Vector3<f64>,
+    ) -> Vector3<f64> {
+        let to = obstacle - position;
+        let axis = to.cross(&velocity);
+        let (sine, cosine) = (axis.norm(), to.dot(&velocity));
+        if sine <= 1e-12 * to.norm() * velocity.norm() {
+            return Vector3::zeros();
+        }
+        let phi = sine.atan2(cosine);
+        let turned = (axis / sine).cross(&velocity);
+        let near = (-to.norm_squared() / (self.reach * self.reach)).exp();
+        self.gamma * phi * (-self.beta * phi).exp() * near * turned
+    }
+
+    /// The sum over several obstacles.
+    pub fn acceleration_from(
+        &self,
+        position: Vector3<f64>,
+        velocity: Vector3<f64>,
+        obstacles: &[Vector3<f64>],
+    ) -> Vector3<f64> {
+        obstacles.iter().map(|obstacle| self.acceleration(position, velocity, *obstacle)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_steers_away_at_a_right_angle_with_the_published_strength() {
+        let avoidance = ObstacleAvoidance::default();
+        let velocity = Vector3::new(0.5, 0.0, 0.0);
+        // 45 degrees to the left of the way
+        let c = avoidance.acceleration(Vector3::zeros(), velocity, Vector3::new(1.0, 1.0, 0.0));
+        let phi = std::f64::consts::FRAC_PI_4;
+        assert!(c.dot(&velocity).abs() < 1e-12 && c.y < 0.0 && c.z == 0.0);
+        assert!((c.norm() - 1000.0 * 0.5 * phi * (-20.0 / std::f64::consts::PI * phi).exp()).abs() < 1e-10);
+    }
+
+    #[test]
+    fn nothing_happens_at_rest_or_straight_ahead_and_little_behind() {
+        let avoidance = ObstacleAvoidance::default();
+        let ahead = Vector3::new(1.0, 0.0, 0.0);
+        assert_eq!(avoidance.acceleration(Vector3::zeros(), Vector3::zeros(), ahead), Vector3::zeros());
+        assert_eq!(avoidance.acceleration(Vector3::zeros(), ahead, 2.0 * ahead), Vector3::zeros());
+        let behind = avoidance.acceleration(Vector3::zeros(), ahead, Vector3::new(-1.0, 0.1, 0.0));
+        assert!(behind.norm() < 1e-4);
+    }
+
+    #[test]
+    fn with_a_reach_it_fades_with_the_distance() {
+        let avoidance = ObstacleAvoidance { reach: 0.2, ..ObstacleAvoidance::default() };
+        let at =
+            |d: f64| avoidance.acceleration(Vector3::zeros(), Vector3::x(), Vector3::new(d, d, 0.0)).norm();
+        assert!((at(0.1) / at(0.2) - (0.06_f64 / 0.04).exp()).abs() < 1e-9);
+    }
+}

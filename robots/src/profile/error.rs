@@ -1,0 +1,88 @@
+//! What can be wrong with a profile.
+
+use crate::UnknownFrame;
+use crate::nearest::suggestion;
+
+/// A profile that does not fit the question or the model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProfileError {
+    /// Not TOML, or not of this form.
+    #[error("{0}")]
+    Toml(#[from] toml::de::Error),
+    /// An array of the wrong length.
+    #[error("{what} has {found} entries, expected {expected}: one per joint of `joints`")]
+    Length {
+        /// The array.
+        what: String,
+        /// Its length.
+        found: usize,
+        /// The number of joints.
+        expected: usize,
+    },
+    /// No pose has this name.
+    #[error("no pose is named \"{name}\"{}", suggestion(.nearest.as_deref()))]
+    UnknownPose {
+        /// The name asked for.
+        name: String,
+        /// The pose most likely meant.
+        nearest: Option<String>,
+    },
+    /// No end effector has this name.
+    #[error("no end effector is named \"{name}\"{}", suggestion(.nearest.as_deref()))]
+    UnknownEndEffector {
+        /// The name asked for.
+        name: String,
+        /// The end effector most likely meant.
+        nearest: Option<String>,
+    },
+    /// The model has a joint the profile does not list.
+    #[error("the profile does not list joint \"{joint}\" of robot \"{robot}\"")]
+    MissingJoint {
+        /// The joint.
+        joint: String,
+        /// The robot.
+        robot: String,
+    },
+    /// The profile lists a joint the model does not have.
+    #[error("{what} names joint \"{joint}\", which is no independent joint of robot \"{robot}\"")]
+    UnknownJoint {
+        /// Where it is named.
+        what: String,
+        /// The joint.
+        joint: String,
+        /// The robot.
+        robot: String,
+    },
+    /// A frame named here is no link of the robot.
+    #[error(transparent)]
+    UnknownFrame(#[from] UnknownFrame),
+    /// The profile has no gains.
+    #[error("the profile gives no gains")]
+    NoGains,
+    /// A value that cannot be.
+    #[error("{what} is {found}, expected {expected}")]
+    Value {
+        /// Which value.
+        what: String,
+        /// The value.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A foot of both kinds.
+    #[error("foot \"{0}\" has both a `radius` and a `sole`; a foot is a ball or flat")]
+    TwoSoles(String),
+    /// A kind of mobile base without a fact it needs.
+    #[error("the mobile base is {drive}, which needs `{key}`")]
+    MobileBase {
+        /// How it is driven.
+        drive: &'static str,
+        /// What is missing.
+        key: &'static str,
+    },
+    /// A pose of the base of a robot whose base does not move.
+    #[error(
+        "`base_poses` places a base that is fixed to the world; write base = \"floating\", or leave it out"
+    )]
+    FixedBasePlaced,
+}

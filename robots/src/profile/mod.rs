@@ -1,0 +1,164 @@
+//! What a URDF does not say of a robot: poses, end effectors, feet, gains. One TOML file beside the URDF.
+
+mod check;
+mod error;
+mod parts;
+
+use std::collections::BTreeMap;
+
+use nalgebra::DVector;
+use serde::Deserialize;
+
+pub use error::ProfileError;
+pub use parts::{BaseKind, BasePose, Drive, EndEffector, Foot, MobileBase, Rotor, Spin};
+
+use crate::Model;
+use crate::configuration::write_pose;
+use crate::nearest::nearest;
+
+/// Poses, end effectors, feet and gains of one robot. Arrays follow `joints`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// What the robot is called in print.
+    pub title: String,
+    /// Where the numbers come from.
+    pub sources: Vec<String>,
+    /// How it stands in the world when nothing else is asked for.
+    #[serde(default)]
+    pub base: BaseKind,
+    /// Independent joints, in the order of every array below.
+    pub joints: Vec<String>,
+    /// Name of the pose in `poses` to start from.
+    pub home: String,
+    /// Joints without a drive.
+    #[serde(default)]
+    pub passive: Vec<String>,
+    /// Named configurations of the joints \[rad or m\].
+    pub poses: BTreeMap<String, Vec<f64>>,
+    /// Where a floating base is in these poses.
+    #[serde(default)]
+    pub base_poses: BTreeMap<String, BasePose>,
+    /// Named end effectors.
+    #[serde(default)]
+    pub end_effectors: BTreeMap<String, EndEffector>,
+    /// What it stands on, by name. Driven wheels are in `mobile_base`.
+    #[serde(default)]
+    pub feet: BTreeMap<String, Foot>,
+    /// How it drives, if it does.
+    pub mobile_base: Option<MobileBase>,
+    /// Named rotors.
+    #[serde(default)]
+    pub rotors: BTreeMap<String, Rotor>,
+    /// Default gains of a joint impedance loop.
+    #[serde(default)]
+    gains: Option<GainArrays>,
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GainArrays {
+    kp: Vec<f64>,
+    kd: Vec<f64>,
+}
+
+/// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of `q`.
+///
+/// Both are zero for a passive joint, `kp` is for one driven by speed, such as a wheel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// Stiffness \[Nm/rad or N/m\].
+    pub kp: DVector<f64>,
+    /// Damping \[Nms/rad or Ns/m\].
+    pub kd: DVector<f64>,
+}
+
+impl Profile {
+    /// Parses the TOML text and checks that it is consistent in itself.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError`] on bad TOML, unknown keys, arrays of the wrong length, a home pose that does not exist, values
+    /// that cannot be.
+    pub fn parse(text: &str) -> Result<Self, ProfileError> {
+        let profile: Self = toml::from_str(text)?;
+        profile.check_itself()?;
+        Ok(profile)
+    }
+
+    /// The joints' part of the home pose, in the order of the model's joints.
+    ///
+    /// # Errors
+    ///
+    /// As [`pose`](Self::pose).
+    pub fn home(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        self.pose(model, &self.home)
+    }
+
+    /// The joints' part of the pose `name`, in the order of the model's joints: all of `q` when the base is fixed.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::UnknownPose`], or [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn pose(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
+        self.arrange(model, self.find_pose(name)?)
+    }
+
+    /// The configuration `q` (nq) of the pose `name`. A floating base stands where `base_poses` puts it, or where it is in
+    /// the model's neutral configuration.
+    ///
+    /// # Errors
+    ///
+    /// As [`pose`](Self::pose).
+    pub fn configuration(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
+        let joints = self.pose(model, name)?;
+        let mut q = DVector::from_vec(model.neutral());
+        let offset = q.len() - joints.len();
+        q.rows_mut(offset, joints.len()).copy_from(&joints);
+        if let (Some(base), true) = (self.base_poses.get(name), model.base().floating) {
+            write_pose(&base.isometry(), q.as_mut_slice());
+        }
+        Ok(q)
+    }
+
+    /// The default gains, in the order of the model's joints.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
+        let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
+        Ok(Gains { kp: self.arrange(model, &gains.kp)?, kd: self.arrange(model, &gains.kd)? })
+    }
+
+    /// The end effector `name`.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::UnknownEndEffector`], with the nearest name.
+    pub fn end_effector(&self, name: &str) -> Result<&EndEffector, ProfileError> {
+        self.end_effectors.get(name).ok_or_else(|| ProfileError::UnknownEndEffector {
+            name: name.to_owned(),
+            nearest: nearest(name, self.end_effectors.keys().map(String::as_str)).map(str::to_owned),
+        })
+    }
+
+    fn find_pose(&self, name: &str) -> Result<&[f64], ProfileError> {
+        self.poses.get(name).map(Vec::as_slice).ok_or_else(|| ProfileError::UnknownPose {
+            name: name.to_owned(),
+            nearest: nearest(name, self.poses.keys().map(String::as_str)).map(str::to_owned),
+        })
+    }
+
+    fn arrange(&self, model: &Model, values: &[f64]) -> Result<DVector<f64>, ProfileError> {
+        let mut arranged = DVector::zeros(model.joint_count());
+        for (index, joint) in model.joint_names().iter().enumerate() {
+            let Some(place) = self.joints.iter().position(|name| name == joint) else {
+                let (joint, robot) = (joint.clone(), model.name().to_owned());
+                return Err(ProfileError::MissingJoint { joint, robot });
+            };
+            arranged[index] = values[place];
+        }
+        Ok(arranged)
+    }
+}

@@ -1,0 +1,137 @@
+//! The parts of a profile: what stands on the ground, works on the world, drives.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use serde::Deserialize;
+
+/// How a robot stands in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BaseKind {
+    /// Its root link is fixed to the world, unless the URDF says otherwise.
+    #[default]
+    Fixed,
+    /// Its root link moves freely.
+    Floating,
+}
+
+/// Pose of a floating base in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BasePose {
+    /// Of its origin \[m\].
+    pub position: [f64; 3],
+    /// Roll, pitch, yaw about the fixed axes x, y, z \[rad\].
+    #[serde(default)]
+    pub rpy: [f64; 3],
+}
+
+impl BasePose {
+    /// The same as an isometry: the base frame in the world.
+    pub fn isometry(&self) -> Isometry3<f64> {
+        let ([x, y, z], [roll, pitch, yaw]) = (self.position, self.rpy);
+        Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+    }
+}
+
+/// A place on the robot that works on the world.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EndEffector {
+    /// Link whose frame is controlled.
+    pub frame: String,
+    /// Joints that place it.
+    pub joints: Vec<String>,
+    /// Joints of its fingers, if it has any.
+    #[serde(default)]
+    pub fingers: Vec<String>,
+}
+
+/// A place the robot stands on: a point, a ball or a flat sole.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Foot {
+    /// Link whose frame touches the ground, with its origin unless there is a radius.
+    pub frame: String,
+    /// Joints that place it.
+    #[serde(default)]
+    pub joints: Vec<String>,
+    /// Of a ball or wheel about the frame's origin \[m\]. It touches the ground this far below.
+    pub radius: Option<f64>,
+    /// Sides along the frame's x and y of a flat sole centred on its origin \[m\].
+    pub sole: Option<[f64; 2]>,
+}
+
+/// How a mobile base is driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Drive {
+    /// Two wheels, or two rows of wheels, at speeds of their own.
+    Differential,
+    /// Steered front wheels that aim at one centre on the rear axle's line.
+    Ackermann,
+    /// Any planar velocity.
+    Omnidirectional,
+    /// Every wheel steers by itself.
+    SteeredWheels,
+}
+
+impl Drive {
+    /// Its name in a profile.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Differential => "differential",
+            Self::Ackermann => "ackermann",
+            Self::Omnidirectional => "omnidirectional",
+            Self::SteeredWheels => "steered_wheels",
+        }
+    }
+}
+
+/// Facts of a mobile base. Lists of wheels and steering joints go front to rear, left before right.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MobileBase {
+    /// How it is driven.
+    pub drive: Drive,
+    /// Link that stands for the base: x ahead, z up.
+    pub frame: String,
+    /// Joints that are the base's pose in the world, where the model has such: x, y, yaw.
+    #[serde(default)]
+    pub joints: Vec<String>,
+    /// Joints that turn wheels.
+    #[serde(default)]
+    pub wheels: Vec<String>,
+    /// Joints that steer wheels.
+    #[serde(default)]
+    pub steering: Vec<String>,
+    /// Radius of the wheels \[m\].
+    pub wheel_radius: Option<f64>,
+    /// Between the middles of left and right wheels \[m\].
+    pub track: Option<f64>,
+    /// Between the front and the rear axle \[m\].
+    pub wheelbase: Option<f64>,
+}
+
+/// Which way a rotor turns, seen from above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Spin {
+    /// Its drag turns the robot counterclockwise.
+    Clockwise,
+    /// Its drag turns the robot clockwise.
+    Counterclockwise,
+}
+
+/// A rotor that pulls along the z axis of its frame.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rotor {
+    /// Link whose frame it pulls at.
+    pub frame: String,
+    /// Which way it turns.
+    pub spin: Spin,
+    /// Largest thrust \[N\].
+    pub max_thrust: f64,
+    /// Drag torque about z per thrust \[m\].
+    pub torque_per_thrust: f64,
+}

@@ -1,0 +1,122 @@
+//! Scheduling classes and priorities.
+
+use super::super::Draft;
+use super::super::timing::Timing;
+use super::leader;
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::read::good;
+use crate::graph::units::TimeSpan;
+use crate::graph::values::{Choice as _, Schedule};
+use crate::plan::SchedulingClass;
+use crate::schedule::assign;
+
+/// Highest priority of a component: 99 is left to the kernel's own threads.
+const HIGHEST_PRIORITY: u8 = 98;
+/// Periods that Linux takes for `SCHED_DEADLINE` unless it is told otherwise, ns.
+const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
+/// Time in each period on top of the budget, ns: what the worker itself takes, with room to spare. Without it a step
+/// that uses up its budget would be stopped before it has accounted for itself.
+const DEADLINE_ROOM_NS: u64 = 50_000;
+
+/// Class and priority of each component: as the file says, else by its rate.
+pub(super) fn classes(
+    drafts: &[Draft<'_, '_>],
+    schedules: &[Schedule],
+    timing: &Timing,
+    report: &mut Report,
+) -> Vec<SchedulingClass> {
+    let given: Vec<Option<u8>> =
+        drafts.iter().zip(schedules).map(|(draft, schedule)| priority(draft, *schedule, report)).collect();
+    for (component, draft) in drafts.iter().enumerate() {
+        let Some(head) = timing.head[component] else { continue };
+        if schedules[component] == Schedule::Fifo && schedules[head] == Schedule::Normal {
+            report
+                .warning(format!(
+                    "component `{}` is real-time, but waits for `{}`, which is not",
+                    draft.name, drafts[head].name
+                ))
+                .at(&draft.place, "its trigger chain can be held up by any other program")
+                .and(&drafts[head].place, "scheduled as `normal`")
+                .advise("schedule both in the same way");
+        }
+    }
+    // rate-monotonic among those that the file leaves open
+    let open: Vec<usize> = (0..drafts.len())
+        .filter(|component| schedules[*component] == Schedule::Fifo)
+        .filter(|component| {
+            leader(*component, schedules, timing) == *component && given[*component].is_none()
+        })
+        .collect();
+    let periods: Vec<u64> =
+        open.iter().map(|component| timing.period_ns(*component).unwrap_or(u64::MAX)).collect();
+    let by_rate = assign::rate_monotonic(&periods, defaults::FASTEST_PRIORITY, defaults::PRIORITY_STEP);
+    let rated = |leader: usize| open.iter().position(|other| *other == leader).map_or(1, |at| by_rate[at]);
+    (0..drafts.len())
+        .map(|component| match schedules[component] {
+            Schedule::Normal => SchedulingClass::Normal,
+            Schedule::Fifo => {
+                let leader = leader(component, schedules, timing);
+                SchedulingClass::Fifo(given[component].or(given[leader]).unwrap_or_else(|| rated(leader)))
+            }
+            Schedule::Deadline => deadline(&drafts[component], timing.period_ns(component), report),
+        })
+        .collect()
+}
+
+/// A class by deadline: the kernel promises the budget in every period, so both must be known.
+fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) -> SchedulingClass {
+    let table = draft.table;
+    let name = draft.name;
+    let budget_ns = good(&table.budget).map(|budget| budget.ns);
+    let place = table.schedule.as_ref().map_or(&draft.place, |at| &at.span);
+    if table.budget.is_none() {
+        report
+            .error(format!("component `{name}` is scheduled by its deadline but has no budget"))
+            .at(place, "the kernel wants to know how much time it needs in every period")
+            .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
+    }
+    if let Some(trigger) = &table.trigger {
+        report
+            .error(format!("component `{name}` is scheduled by its deadline but has no rate"))
+            .at(place, "the kernel gives it time in fixed periods")
+            .and(&trigger.key, "it steps when this is published")
+            .advise("give it a `rate`, or schedule it as `fifo`");
+    }
+    let period_ns = period_ns.unwrap_or(*DEADLINE_PERIODS_NS.start());
+    if let Some(rate) = table.rate.as_ref().filter(|_| !DEADLINE_PERIODS_NS.contains(&period_ns)) {
+        report
+            .error(format!("the kernel does not schedule component `{name}` by its deadline"))
+            .at(&rate.span, format!("a period of {}", TimeSpan { ns: period_ns }))
+            .and(place, "`SCHED_DEADLINE` takes periods from 100 us to 4.19 s")
+            .advise("schedule it as `fifo`");
+    }
+    let runtime_ns = (budget_ns.unwrap_or(0) + DEADLINE_ROOM_NS).min(period_ns);
+    SchedulingClass::Deadline { runtime_ns, period_ns }
+}
+
+/// The priority that the file gives.
+fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> Option<u8> {
+    let at = draft.table.priority.as_ref()?;
+    let number = *at.get()?;
+    let priority = u8::try_from(number).ok().filter(|priority| (1..=HIGHEST_PRIORITY).contains(priority));
+    if priority.is_none() {
+        report
+            .error(format!("the priority of component `{}` is {number}", draft.name))
+            .at(&at.span, format!("expected 1 to {HIGHEST_PRIORITY}"))
+            .advise("higher is more urgent; leave it out to have priorities follow the rates");
+    }
+    let (why, label) = match schedule {
+        Schedule::Fifo => return priority,
+        Schedule::Normal => ("is not real-time", "not real-time"),
+        Schedule::Deadline => ("is scheduled by its deadline", "before all priorities"),
+    };
+    let diagnostic = report
+        .error(format!("component `{}` has a priority but {why}", draft.name))
+        .at(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+        .advise("leave `priority` out, or schedule the component as `fifo`");
+    if let Some(schedule) = &draft.table.schedule {
+        diagnostic.and(&schedule.span, label);
+    }
+    None
+}

@@ -1,0 +1,58 @@
+//! Cores, scheduling classes, priorities and spinning.
+
+mod classes;
+mod cores;
+mod spin;
+
+use super::Draft;
+use super::timing::Timing;
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::machine::Machine;
+use crate::graph::model::GraphTable;
+use crate::graph::read::{good, good_or};
+use crate::graph::values::Schedule;
+use crate::plan::{SchedulingClass, SchedulingPlan, Spin};
+
+/// Where and how each component runs.
+#[derive(Debug)]
+pub(super) struct Scheduling {
+    pub plan: SchedulingPlan,
+    /// By component.
+    pub classes: Vec<SchedulingClass>,
+    /// By component; `None` for any of the shared cores.
+    pub cores: Vec<Option<usize>>,
+    /// By component.
+    pub spins: Vec<Spin>,
+}
+
+/// Finds cores, classes, priorities and spins.
+pub(super) fn resolve(
+    graph: &GraphTable<'_>,
+    drafts: &[Draft<'_, '_>],
+    timing: &Timing,
+    machine: &Machine,
+    report: &mut Report,
+) -> Scheduling {
+    let cores = cores::cores(graph, machine, report);
+    let schedules: Vec<Schedule> =
+        drafts.iter().map(|draft| good_or(&draft.table.schedule, defaults::SCHEDULE)).collect();
+    let classes = classes::classes(drafts, &schedules, timing, report);
+    let pinned = cores::pin(drafts, &schedules, timing, &cores, machine, report);
+    cores::unused_core(graph, &cores, &pinned, report);
+    let realtime = good(&graph.realtime);
+    let spins = spin::spins(realtime, drafts, &schedules, timing, report);
+    let on_denied =
+        realtime.map_or(defaults::ON_DENIED, |table| good_or(&table.on_denied, defaults::ON_DENIED));
+    Scheduling {
+        plan: SchedulingPlan { shared_cores: cores.shared, on_denied },
+        classes,
+        cores: pinned,
+        spins,
+    }
+}
+
+/// The component whose core and priority another one takes over: the real-time head of its trigger chain, else itself.
+fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
+    timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
+}

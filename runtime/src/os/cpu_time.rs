@@ -1,0 +1,60 @@
+//! What the kernel knows of a thread's time: how long it ran, and how long it waited for its core.
+
+use std::fs::File;
+
+use rustix::thread::ClockId;
+
+/// Time that the calling thread has run, ns: `CLOCK_THREAD_CPUTIME_ID`. A system call of a few hundred nanoseconds.
+///
+/// A guest kernel that hears of stolen time from its host leaves it out.
+pub fn thread_cpu_ns() -> u64 {
+    let now = rustix::time::clock_gettime(ClockId::ThreadCPUTime);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Reads how long a thread was ready to run but another one of this system had its core.
+#[derive(Debug)]
+pub struct WaitedForCore(Option<File>);
+
+impl WaitedForCore {
+    /// For the calling thread. A kernel without scheduler information (`CONFIG_SCHED_INFO`) never answers.
+    pub fn of_this_thread() -> Self {
+        Self(File::open("/proc/thread-self/schedstat").ok())
+    }
+
+    /// Total so far, ns. One system call and no allocation.
+    pub fn total_ns(&self) -> Option<u64> {
+        let mut text = [0_u8; 64];
+        let length = rustix::io::pread(self.0.as_ref()?, &mut text, 0).ok()?;
+        second_number(&text[..length])
+    }
+}
+
+/// `schedstat` says: time run, time waited, number of turns.
+fn second_number(text: &[u8]) -> Option<u64> {
+    let text = core::str::from_utf8(text).ok()?;
+    text.split_ascii_whitespace().nth(1)?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_waiting_time_is_the_second_number() {
+        assert_eq!(second_number(b"120982 5047 2\n"), Some(5_047));
+        assert_eq!(second_number(b""), None);
+        assert_eq!(second_number(b"12"), None);
+    }
+
+    #[test]
+    fn a_thread_that_works_uses_its_core_and_one_that_sleeps_does_not() {
+        let before = thread_cpu_ns();
+        std::thread::sleep(std::time::Duration::from_millis(30));
+        let slept = thread_cpu_ns() - before;
+        let start = std::time::Instant::now();
+        while start.elapsed() < std::time::Duration::from_millis(30) {}
+        let worked = thread_cpu_ns() - before - slept;
+        assert!(worked > 3 * slept, "worked {worked} ns, slept {slept} ns");
+    }
+}

@@ -1,0 +1,127 @@
+//! The accounts of one component: what its steps cost, which were late, and why.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::stepper::Timing;
+use super::verdict::{Evidence, LeakyCounter};
+use crate::os::{WaitedForCore, thread_cpu_ns, times_asleep};
+use crate::plan::{ComponentPlan, OnOverrun};
+use crate::region::{ComponentBlock, MissCause, add};
+
+/// Steps after which the kernel's numbers of waiting and sleeping are read again, so that a miss is not charged with what
+/// was long before. Reading them costs about as much as a short step, hence not at each.
+const REFRESH: u32 = 64;
+
+/// What is remembered from step to step. Everything here happens after a step has published, outside the hot path.
+#[derive(Debug)]
+pub(super) struct Accounts {
+    budget_ns: Option<u64>,
+    tolerated: Option<u32>,
+    cpu_ns: u64,
+    spun_ns: u64,
+    waited: WaitedForCore,
+    waited_ns: Option<u64>,
+    asleep: u64,
+    waits: u64,
+    since_refresh: u32,
+    overruns: LeakyCounter,
+    last_cause: Option<MissCause>,
+}
+
+/// What follows from a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Consequence {
+    GoOn,
+    /// More overruns than the graph tolerates.
+    SafeStop,
+}
+
+impl Accounts {
+    pub(super) fn new(plan: &ComponentPlan) -> Self {
+        let strict = plan.on_overrun == OnOverrun::SafeStop;
+        Self {
+            budget_ns: plan.budget_ns,
+            tolerated: plan.overruns_tolerated.or(strict.then_some(0)),
+            cpu_ns: 0,
+            spun_ns: 0,
+            waited: WaitedForCore::of_this_thread(),
+            waited_ns: None,
+            asleep: 0,
+            waits: 0,
+            since_refresh: 0,
+            overruns: LeakyCounter::default(),
+            last_cause: None,
+        }
+    }
+
+    /// Begins to count: what the thread has used so far went into getting ready.
+    pub(super) fn open(&mut self) {
+        self.cpu_ns = thread_cpu_ns();
+        self.refresh();
+    }
+
+    /// The worker has slept for the step to come; any other sleep is the component's.
+    pub(super) fn slept(&mut self) {
+        self.waits += 1;
+    }
+
+    /// Time spent spinning before the release of the step to come; it is the wait's, not the step's.
+    pub(super) fn spun(&mut self, ns: u64) {
+        self.spun_ns += ns;
+    }
+
+    /// Records the time of the core that went into the step that just ended. Returns it, ns.
+    pub(super) fn charge(&mut self, block: &ComponentBlock) -> u64 {
+        let now = thread_cpu_ns();
+        let cpu = now.saturating_sub(self.cpu_ns).saturating_sub(self.spun_ns);
+        (self.cpu_ns, self.spun_ns) = (now, 0);
+        block.cpu.record(cpu);
+        cpu
+    }
+
+    /// Enters a finished step in real time.
+    pub(super) fn enter(&mut self, block: &ComponentBlock, timing: Timing, end_ns: u64) -> Consequence {
+        let cpu_ns = self.charge(block);
+        block.lateness.record(timing.wake_ns.saturating_sub(timing.release_ns));
+        let late = end_ns > timing.deadline_ns;
+        let evidence = Evidence {
+            release_ns: timing.release_ns,
+            wake_ns: timing.wake_ns,
+            end_ns,
+            deadline_ns: timing.deadline_ns,
+            cpu_ns,
+            waited_ns: if late { self.waited_since() } else { None },
+            blocked: late && times_asleep() - self.asleep > self.waits,
+            behind: timing.behind.then(|| self.last_cause.unwrap_or(MissCause::LongStep)),
+        };
+        block.execution.record(evidence.execution_ns());
+        if self.budget_ns.is_some_and(|budget| evidence.own_ns() > budget) {
+            add(&block.over_budget, 1);
+        }
+        self.last_cause = evidence.cause();
+        if let Some(cause) = self.last_cause {
+            block.miss(cause);
+        }
+        self.since_refresh += 1;
+        if late || self.since_refresh >= REFRESH {
+            self.refresh();
+        }
+        if self.overruns.count(late, self.tolerated) { Consequence::SafeStop } else { Consequence::GoOn }
+    }
+
+    fn refresh(&mut self) {
+        (self.since_refresh, self.waits) = (0, 0);
+        self.waited_ns = self.waited.total_ns();
+        self.asleep = times_asleep();
+    }
+
+    fn waited_since(&self) -> Option<u64> {
+        Some(self.waited.total_ns()?.saturating_sub(self.waited_ns?))
+    }
+}
+
+/// Shows in the region how long the component spins before a release, and what it saw while it did.
+pub(super) fn show_spin(block: &ComponentBlock, margin_ns: u64, spun_ns: u64) {
+    block.spin_ns.store(margin_ns, Relaxed);
+    block.watched(spun_ns);
+}

@@ -1,0 +1,163 @@
+//! Why a step missed its deadline, and whether there were too many such steps: pure functions of measured times.
+
+use crate::region::MissCause;
+
+/// What is known of a finished step. Times on the clock of stamps, ns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence {
+    pub(super) release_ns: u64,
+    pub(super) wake_ns: u64,
+    pub(super) end_ns: u64,
+    pub(super) deadline_ns: u64,
+    /// Time of the core that the step took.
+    pub(super) cpu_ns: u64,
+    /// Time for which the component was ready to run and another thread of this system had its core; `None` where the
+    /// kernel does not say.
+    pub(super) waited_ns: Option<u64>,
+    /// Whether the step itself went to sleep: on a lock, a file, a clock.
+    pub(super) blocked: bool,
+    /// Cause of the overrun of the step before, if that one ended after this one's release.
+    pub(super) behind: Option<MissCause>,
+}
+
+impl Evidence {
+    /// From the beginning to the end of the step, on the clock on the wall.
+    pub(super) fn execution_ns(&self) -> u64 {
+        self.end_ns.saturating_sub(self.wake_ns)
+    }
+
+    /// What the step itself took: time that others had the core, or the host the machine, is not its own. A step that
+    /// goes to sleep does so of its own will.
+    pub(super) fn own_ns(&self) -> u64 {
+        if self.blocked { self.execution_ns() } else { self.execution_ns().min(self.cpu_ns) }
+    }
+
+    /// Why the deadline was missed; `None` if it was met.
+    ///
+    /// Between its release and its end a step either runs, or waits for the core while others of this system have it,
+    /// or does not run although the core is free for it: then the host has the core, or wakes it late. If the step
+    /// would have been late without any waiting it was too long; else the larger part of the waiting is to blame.
+    pub(super) fn cause(&self) -> Option<MissCause> {
+        let over = self.end_ns.checked_sub(self.deadline_ns).filter(|over| *over > 0)?;
+        if self.behind.is_some() {
+            return self.behind;
+        }
+        let late = self.wake_ns.saturating_sub(self.release_ns);
+        let lost = (late + self.execution_ns()).saturating_sub(self.own_ns());
+        if lost < over {
+            return Some(MissCause::LongStep);
+        }
+        // A kernel that does not say who had the core: late is late, and a gap within the step is the host's.
+        let waited = self.waited_ns.unwrap_or(late).min(lost);
+        Some(if waited >= lost - waited { MissCause::LateWake } else { MissCause::Stolen })
+    }
+}
+
+/// Counts overruns and forgives them: each late step adds one, each step in time takes one away.
+///
+/// The semantics of Orocos RTT's overrun counter: a component that is late now and then goes on, one that is late more
+/// often than not is stopped.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct LeakyCounter(u32);
+
+impl LeakyCounter {
+    /// Counts a step; true if there are now more overruns than are tolerated.
+    pub(super) fn count(&mut self, overrun: bool, tolerated: Option<u32>) -> bool {
+        self.0 = if overrun { self.0.saturating_add(1) } else { self.0.saturating_sub(1) };
+        overrun && tolerated.is_some_and(|tolerated| self.0 > tolerated)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Released at 1000 with a deadline of 2000; 100 of work.
+    fn in_time() -> Evidence {
+        Evidence {
+            release_ns: 1_000,
+            wake_ns: 1_000,
+            end_ns: 1_100,
+            deadline_ns: 2_000,
+            cpu_ns: 100,
+            waited_ns: Some(0),
+            blocked: false,
+            behind: None,
+        }
+    }
+
+    #[test]
+    fn a_step_that_ends_at_its_deadline_misses_nothing() {
+        assert_eq!(in_time().cause(), None);
+        assert_eq!(Evidence { end_ns: 2_000, cpu_ns: 1_000, ..in_time() }.cause(), None);
+    }
+
+    #[test]
+    fn a_step_that_works_past_its_deadline_is_too_long() {
+        let long = Evidence { end_ns: 2_300, cpu_ns: 1_300, ..in_time() };
+        assert_eq!(long.cause(), Some(MissCause::LongStep));
+        assert_eq!(long.own_ns(), 1_300);
+        // woken a little late as well, which alone would not have mattered
+        let both = Evidence { wake_ns: 1_050, end_ns: 2_350, cpu_ns: 1_300, ..in_time() };
+        assert_eq!(both.cause(), Some(MissCause::LongStep));
+    }
+
+    #[test]
+    fn a_step_that_sleeps_past_its_deadline_is_too_long_as_well() {
+        let asleep = Evidence { end_ns: 9_100, cpu_ns: 100, blocked: true, ..in_time() };
+        assert_eq!((asleep.cause(), asleep.own_ns()), (Some(MissCause::LongStep), 8_100));
+    }
+
+    #[test]
+    fn a_step_that_had_to_wait_for_its_core_was_woken_late() {
+        let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: Some(940), ..in_time() };
+        assert_eq!(late.cause(), Some(MissCause::LateWake));
+    }
+
+    #[test]
+    fn a_step_that_was_woken_late_though_nobody_had_its_core_was_robbed_by_the_host() {
+        let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: Some(10), ..in_time() };
+        assert_eq!(late.cause(), Some(MissCause::Stolen));
+    }
+
+    #[test]
+    fn time_stolen_within_a_step_is_not_blamed_on_it() {
+        let stolen = Evidence { end_ns: 9_100, cpu_ns: 100, waited_ns: Some(0), ..in_time() };
+        assert_eq!(stolen.cause(), Some(MissCause::Stolen));
+        assert_eq!(stolen.own_ns(), 100);
+        // another thread of this system had the core meanwhile
+        let interrupted = Evidence { waited_ns: Some(8_000), ..stolen };
+        assert_eq!(interrupted.cause(), Some(MissCause::LateWake));
+    }
+
+    #[test]
+    fn without_scheduler_information_late_is_late_and_a_gap_is_stolen() {
+        let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: None, ..in_time() };
+        assert_eq!(late.cause(), Some(MissCause::LateWake));
+        let gap = Evidence { end_ns: 2_100, cpu_ns: 100, waited_ns: None, ..in_time() };
+        assert_eq!(gap.cause(), Some(MissCause::Stolen));
+    }
+
+    #[test]
+    fn a_step_that_is_late_because_the_one_before_was_inherits_its_cause() {
+        let behind = Evidence { end_ns: 2_050, behind: Some(MissCause::Stolen), ..in_time() };
+        assert_eq!(behind.cause(), Some(MissCause::Stolen));
+        let recovered = Evidence { behind: Some(MissCause::LongStep), ..in_time() };
+        assert_eq!(recovered.cause(), None);
+    }
+
+    #[test]
+    fn overruns_leak_away() {
+        let mut counter = LeakyCounter::default();
+        let steps = [true, true, false, true, false, false, false, true, true];
+        assert!(steps.iter().all(|overrun| !counter.count(*overrun, Some(2))));
+        assert!(counter.count(true, Some(2)), "a third one in a row");
+    }
+
+    #[test]
+    fn none_tolerated_stops_at_the_first_and_no_limit_never_stops() {
+        assert!(LeakyCounter::default().count(true, Some(0)));
+        let mut counter = LeakyCounter::default();
+        assert!((0..1_000).all(|_| !counter.count(true, None)));
+    }
+}
