@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+mod calibrate;
 mod check;
 mod completions;
 mod doctor;
@@ -33,6 +34,7 @@ pub(crate) struct Cli {
 enum Command {
     Run(run::Run),
     Check(check::Check),
+    Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Topic(topic::Topic),
     Param(param::Param),
@@ -48,6 +50,7 @@ impl Cli {
             None => run::Run::default().run(),
             Some(Command::Run(command)) => command.run(),
             Some(Command::Check(command)) => command.run(),
+            Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
