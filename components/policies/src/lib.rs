@@ -30,6 +30,7 @@
 pub mod component;
 pub mod cpg;
 pub mod dmp;
+pub mod learning;
 pub mod library;
 pub mod reach;
 pub mod rotation;

@@ -5,9 +5,11 @@ mod check;
 mod completions;
 mod doctor;
 mod draw;
+mod library;
 mod loading;
 mod new;
 mod param;
+mod reproduce;
 mod run;
 mod runs;
 mod schema;
@@ -40,6 +42,8 @@ enum Command {
     Param(param::Param),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
+    Library(library::Library),
+    Reproduce(reproduce::Reproduce),
     New(new::New),
     Completions(completions::Completions),
 }
@@ -56,6 +60,8 @@ impl Cli {
             Some(Command::Param(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
+            Some(Command::Library(command)) => command.run(),
+            Some(Command::Reproduce(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
             Some(Command::Completions(command)) => command.run(),
         }
