@@ -13,6 +13,7 @@ pub(crate) fn registry() -> Registry {
             Kind::of::<motorium_sensors::JointEncoder>(),
             Kind::of::<motorium_control::QpController>(),
             Kind::of::<motorium_policies::DmpPolicy>(),
+            Kind::of::<motorium_policies::LibraryPolicy>(),
             Kind::of::<motorium_interfaces::ConsoleLog>(),
             Kind::of::<motorium_benches::relay::Relay>(),
         ],

@@ -36,3 +36,4 @@ pub mod reach;
 pub mod rotation;
 
 pub use component::DmpPolicy;
+pub use component::library::LibraryPolicy;

@@ -2,6 +2,7 @@
 
 mod config;
 mod course;
+pub mod library;
 mod origin;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
