@@ -81,8 +81,9 @@ impl Basis {
     }
 }
 
-/// Kernels of a discrete movement primitive over the steps of a spring, one a column.
-pub(crate) fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
+/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i / sum psi_j`,
+/// centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
+pub fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
     let decay = -(0.01_f64.ln());
     let phase = |progress: f64| (-decay * progress).exp();
     let centre = |i: usize| phase(i as f64 / (count.max(2) - 1) as f64);

@@ -43,16 +43,52 @@ pub enum MergeError {
 ///
 /// If all were built from the same movements (the same ids in the same order), their weights say how the parts moved
 /// together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly the
-/// eigenforces of the whole ("correlated", for complete libraries). Otherwise the parts are independent: the eigenforces of
-/// each stand for themselves, ordered by their singular values, and the movements are those of all parts, each with the other
-/// parts at rest. `keep` chooses the rank of the result.
+/// eigenforces of the whole ("correlated", for complete libraries). Otherwise it is [`merge_independent`]. `keep` chooses the
+/// rank of the result.
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
 pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
-    let names = libraries.iter().flat_map(|library| library.layout().names().to_vec()).collect();
-    let layout = Layout::new(names)?;
+    let ids = |library: &MotionLibrary| library.entries().iter().map(|e| e.id.clone()).collect::<Vec<_>>();
+    let together = !first.entries().is_empty() && libraries.iter().all(|library| ids(library) == ids(first));
+    if !together {
+        return merge_independent(libraries, keep);
+    }
+    let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
+    let mut stacked = DMatrix::zeros(basis.ncols(), first.entries().len());
+    let mut row = 0;
+    for library in libraries {
+        stacked.rows_mut(row, library.rank()).copy_from(library.weights());
+        row += library.rank();
+    }
+    let inner = left_singular(&stacked, keep.wanted(basis.nrows()));
+    let weights = inner.vectors.transpose() * &stacked;
+    let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
+    let found = LeftSingular { vectors: basis * &inner.vectors, ..inner };
+    Ok(assemble(first, layout, found, weights, entries))
+}
+
+/// A library of a body whose parts move independently of each other.
+///
+/// The eigenforces of each part stand for themselves, ordered by their singular values. The movements are those of all
+/// parts, each with the other parts at rest.
+///
+/// # Errors
+/// Fewer than two libraries, or libraries that do not fit each other.
+pub fn merge_independent(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+    let first = same_kind(libraries)?;
+    let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
+    let (found, weights, entries) = independent(libraries, &basis, keep);
+    Ok(assemble(first, layout, found, weights, entries))
+}
+
+fn joined_layout(libraries: &[&MotionLibrary]) -> Result<Layout, LayoutError> {
+    Layout::new(libraries.iter().flat_map(|library| library.layout().names().to_vec()).collect())
+}
+
+/// The bases of the parts as blocks on a diagonal.
+fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
     let rows: usize = libraries.iter().map(|library| library.rows()).sum();
     let rank: usize = libraries.iter().map(|library| library.rank()).sum();
     let mut basis = DMatrix::zeros(rows, rank);
@@ -62,23 +98,7 @@ pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLib
         basis.view_mut((row, column), shape).copy_from(&library.parts().basis);
         (row, column) = (row + shape.0, column + shape.1);
     }
-    let ids = |library: &MotionLibrary| library.entries().iter().map(|e| e.id.clone()).collect::<Vec<_>>();
-    let together = !first.entries().is_empty() && libraries.iter().all(|library| ids(library) == ids(first));
-    let (found, weights, entries) = if together {
-        let mut stacked = DMatrix::zeros(rank, first.entries().len());
-        let mut row = 0;
-        for library in libraries {
-            stacked.rows_mut(row, library.rank()).copy_from(library.weights());
-            row += library.rank();
-        }
-        let inner = left_singular(&stacked, keep.wanted(rows));
-        let weights = inner.vectors.transpose() * &stacked;
-        let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
-        (LeftSingular { vectors: basis * &inner.vectors, ..inner }, weights, entries)
-    } else {
-        independent(libraries, &basis, keep)
-    };
-    Ok(assemble(first, layout, found, weights, entries))
+    basis
 }
 
 /// A library of the movements of several, all of the same DoFs.

@@ -11,7 +11,7 @@
 //! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
 //!
 //! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Keep`], in a [`Metric`].
-//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_movements`]: parts of a body out of the whole, and back, without the
+//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
 //!   recordings.
 //! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
 //! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
@@ -46,11 +46,11 @@ mod split;
 mod spring;
 mod trajectory;
 
-pub use basis::Basis;
+pub use basis::{Basis, kernel_functions};
 pub use evaluate::{Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
 pub use generate::{GenerateError, Generator, Superposition};
 pub use layout::{Layout, LayoutError, Part};
-pub use merge::{MergeError, merge_movements, merge_parts};
+pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};
 pub use motion_library::{BuildError, Entry, LibraryParts, Metric, MotionLibrary};
 pub use movement::{Frame, Movement};
 pub use rank::Keep;

@@ -44,7 +44,7 @@ impl Evaluate {
         );
         let spring = self.shape.spring()?;
         let bar = ProgressBar::new(self.terms.len() as u64 + 2);
-        let mut build = |metric| {
+        let build = |metric| {
             bar.inc(1);
             MotionLibrary::build(&seen, spring, metric, Keep::All)
         };

@@ -4,14 +4,16 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_policies::library::{MotionLibrary, RecursiveLibrary, file, merge_movements, merge_parts};
+use motorium_policies::library::{
+    MotionLibrary, RecursiveLibrary, file, merge_independent, merge_movements, merge_parts,
+};
 
 use super::build::KeepOptions;
 use super::source::Source;
 
 /// Take parts of a body out of a library of the whole, without the recordings.
 ///
-/// Example: motorium library split body.library arms='l*,r*' legs='*leg*' --folder parts
+/// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --folder parts
 #[derive(Debug, clap::Args)]
 pub(super) struct Split {
     /// The library
@@ -63,6 +65,9 @@ pub(super) struct Merge {
     /// The file to write
     #[arg(long, short)]
     output: PathBuf,
+    /// Take the parts of a body as independent, even if they were learned from the same movements
+    #[arg(long)]
+    independent: bool,
     #[command(flatten)]
     keep: KeepOptions,
     /// Print as JSON
@@ -77,7 +82,11 @@ impl Merge {
         let all: Vec<&MotionLibrary> = libraries.iter().collect();
         let same = all.iter().all(|library| library.layout() == all[0].layout());
         let keep = self.keep.keep();
-        let merged = if same { merge_movements(&all, keep)? } else { merge_parts(&all, keep)? };
+        let merged = match (same, self.independent) {
+            (true, _) => merge_movements(&all, keep)?,
+            (false, true) => merge_independent(&all, keep)?,
+            (false, false) => merge_parts(&all, keep)?,
+        };
         super::write(&merged, &self.output)?;
         super::show(&merged, Some(&self.output), self.json)
     }

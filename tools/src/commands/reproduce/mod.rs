@@ -1,6 +1,12 @@
 //! `motorium reproduce`: published figures, computed anew.
 
+mod body;
+mod chapter3;
 pub(super) mod chart;
+mod letters;
+mod perception;
+mod search;
+mod sheet;
 
 use std::process::ExitCode;
 
@@ -12,10 +18,14 @@ pub(crate) struct Reproduce {
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Command {}
+enum Command {
+    Chapter3(chapter3::Chapter3),
+}
 
 impl Reproduce {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        match self.command {}
+        match self.command {
+            Command::Chapter3(command) => command.run(),
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! From pictures to movements: training and use.
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng as _;
-use rand::seq::SliceRandom as _;
+use rand::seq::{IndexedRandom as _, SliceRandom as _};
+use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use super::letter::{augmented, even_speed, unit_extent};
@@ -18,15 +18,15 @@ use crate::library::{
 pub struct Training {
     /// Weights of the library. Default 24.
     pub terms: usize,
-    /// Times that every letter is seen, each time a little changed. Default 60.
+    /// Times that every letter is seen, each time a little changed. Default 100.
     pub epochs: usize,
-    /// Letters in a batch. Default 64.
+    /// Letters in a batch. Default 8.
     pub batch: usize,
-    /// First rate of learning; it falls to 0 along a cosine. Default 2e-3.
+    /// First rate of learning; it falls to 0 along a cosine. Default 1.5e-3.
     pub rate: f32,
-    /// Draws the parameters of the network to 0. Default 1e-3.
+    /// Draws the parameters of the network to 0. Default 1e-5.
     pub decay: f32,
-    /// How much the letters are changed: rad and parts. Default 0.12.
+    /// How much the letters are changed: rad and parts. Default 0.06.
     pub augmentation: f64,
     /// Of the network, the order and the changes. Default 1.
     pub seed: u64,
@@ -34,7 +34,7 @@ pub struct Training {
 
 impl Default for Training {
     fn default() -> Self {
-        Self { terms: 24, epochs: 60, batch: 64, rate: 2e-3, decay: 1e-3, augmentation: 0.12, seed: 1 }
+        Self { terms: 24, epochs: 100, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.06, seed: 1 }
     }
 }
 
@@ -78,6 +78,10 @@ impl Coupling {
         let mut network = Network::random(mean.len(), &mut random);
         let mut adam = network.optimiser();
         let mut order: Vec<usize> = (0..curves.len()).collect();
+        let label = |k: usize| letters.trajectories[k].label.as_deref();
+        let alike =
+            |k: usize| (0..curves.len()).filter(|j| label(k).is_some() && label(*j) == label(k)).collect();
+        let mates: Vec<Vec<usize>> = (0..curves.len()).map(alike).collect();
         let batches = training.epochs * curves.len().div_ceil(training.batch);
         let mut step = 0;
         for epoch in 1..=training.epochs {
@@ -87,7 +91,8 @@ impl Coupling {
                 let mut pictures = DMatrix::zeros(PIXELS * PIXELS, chunk.len());
                 let mut targets = DMatrix::zeros(mean.len(), chunk.len());
                 for (column, letter) in chunk.iter().enumerate() {
-                    let curve = augmented(&curves[*letter], training.augmentation, &mut random);
+                    let curve = between(&curves, &mates[*letter], *letter, &mut random);
+                    let curve = augmented(&curve, training.augmentation, &mut random);
                     pictures.column_mut(column).copy_from_slice(&Picture::of(&curve).0);
                     let target = &back * (output(&curve, &library) - &mean);
                     targets
@@ -127,6 +132,13 @@ impl Coupling {
     pub fn network(&self) -> &Network {
         &self.network
     }
+}
+
+/// A letter between one and another of its label: up to half way, since a blend of movements is a movement.
+fn between(curves: &[DMatrix<f64>], mates: &[usize], letter: usize, random: &mut Pcg64) -> DMatrix<f64> {
+    let Some(mate) = mates.choose(random) else { return curves[letter].clone() };
+    let part = 0.5 * random.random::<f64>();
+    &curves[letter] * (1.0 - part) + &curves[*mate] * part
 }
 
 /// What the network gives for a curve: weights, start, goal, velocity.

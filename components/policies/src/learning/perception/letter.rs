@@ -37,16 +37,29 @@ pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     out
 }
 
-/// Turned, slanted and stretched at random, by about `amount`, and brought back to extent 1.
+/// Turned, slanted, stretched and bent at random, by about `amount`, and brought back to extent 1.
 pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatrix<f64> {
-    let [turn, slant, wide] = [0; 3].map(|_| {
+    let mut normal = || {
         let normal: f64 = StandardNormal.sample(random);
         amount * normal
-    });
+    };
+    let [turn, slant, wide] = [0; 3].map(|_| normal());
     let (sin, cos) = turn.sin_cos();
     let change = Matrix2::new(cos, -sin, sin, cos) * Matrix2::new(wide.exp(), slant, 0.0, 1.0);
-    let rows: Vec<RowVector2<f64>> =
-        path.row_iter().map(|row| (change * nalgebra::Vector2::new(row[0], row[1])).transpose()).collect();
+    // a smooth field of displacements: one wave in each direction, of about the length of a letter
+    let waves =
+        [0; 2].map(|_| [0.2 * normal(), 0.2 * normal(), 40.0 * normal(), 40.0 * normal(), 100.0 * normal()]);
+    let rows: Vec<RowVector2<f64>> = path
+        .row_iter()
+        .map(|row| {
+            let mut point = nalgebra::Vector2::new(row[0], row[1]);
+            for [dx, dy, kx, ky, phase] in waves {
+                let wave = (kx * row[0] + ky * row[1] + phase).sin();
+                point += nalgebra::Vector2::new(dx, dy) * wave;
+            }
+            (change * point).transpose()
+        })
+        .collect();
     unit_extent(&DMatrix::from_fn(rows.len(), 2, |k, d| rows[k][d]))
 }
 
