@@ -15,6 +15,7 @@ pub(crate) fn registry() -> Registry {
             Kind::of::<motorium_policies::CpgPolicy>(),
             Kind::of::<motorium_policies::DmpPolicy>(),
             Kind::of::<motorium_policies::ProMpPolicy>(),
+            Kind::of::<motorium_policies::LibraryPolicy>(),
             Kind::of::<motorium_interfaces::ConsoleLog>(),
             Kind::of::<motorium_benches::relay::Relay>(),
         ],

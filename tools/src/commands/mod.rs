@@ -6,10 +6,12 @@ mod check;
 mod completions;
 mod doctor;
 mod draw;
+mod library;
 mod loading;
 mod new;
 mod param;
 mod robot;
+mod reproduce;
 mod run;
 mod runs;
 mod schema;
@@ -44,6 +46,8 @@ enum Command {
     Robot(robot::Robot),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
+    Library(library::Library),
+    Reproduce(reproduce::Reproduce),
     New(new::New),
     Completions(completions::Completions),
 }
@@ -62,6 +66,8 @@ impl Cli {
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
+            Some(Command::Library(command)) => command.run(),
+            Some(Command::Reproduce(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
             Some(Command::Completions(command)) => command.run(),
         }

@@ -4,6 +4,7 @@ mod config;
 mod course;
 mod cpg;
 mod drive;
+pub mod library;
 mod origin;
 mod promp;
 
