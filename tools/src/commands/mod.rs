@@ -10,11 +10,13 @@ mod param;
 mod run;
 mod runs;
 mod schema;
+mod top;
 mod topic;
 
 use std::process::ExitCode;
 
 pub(crate) use run::line;
+pub(crate) use runs::LivingRun;
 
 use clap::{Parser, Subcommand};
 
@@ -34,6 +36,7 @@ enum Command {
     Run(run::Run),
     Check(check::Check),
     Graph(draw::Draw),
+    Top(top::Top),
     Topic(topic::Topic),
     Param(param::Param),
     Doctor(doctor::Doctor),
@@ -49,6 +52,7 @@ impl Cli {
             Some(Command::Run(command)) => command.run(),
             Some(Command::Check(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
+            Some(Command::Top(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
