@@ -198,6 +198,33 @@ fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoure
 }
 
 #[test]
+fn a_step_that_works_too_long_is_told_from_one_that_others_kept_waiting() {
+    let _machine = machine();
+    // on the shared core, so that only the faulty component is late
+    let settings = "core = 0\nbudget = \"100 us\"";
+    let (_folder, graph) = faulty("{ fault = \"work\", at = 200 }", settings);
+    let ended = run(&graph, &["--for", "1 s"]);
+    let report = ended.report();
+    assert_eq!(report.exit, Exit::Finished, "{}", ended.stderr);
+    let faulty = report.components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    let misses = faulty.misses;
+    assert!(misses.long_step > 50, "{misses:?}");
+    assert!(misses.long_step > 4 * (misses.late_wake + misses.stolen), "{misses:?}");
+    assert!(misses.over_budget >= misses.long_step, "{misses:?}");
+    assert!(faulty.cpu_ns.max >= 4_000_000, "{:?}", faulty.cpu_ns);
+}
+
+#[test]
+fn overruns_are_tolerated_up_to_their_number_and_then_stop_the_graph() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "overruns_tolerated = 3\npriority = 1");
+    let ended = run(&graph, &["--for", "20 s"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    assert!(faulty.misses.long_step >= 4, "{faulty:?}");
+}
+
+#[test]
 fn allocations_in_a_step_are_counted() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"allocate\", at = 0 }", "");

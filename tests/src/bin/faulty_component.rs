@@ -20,6 +20,8 @@ enum Fault {
     Exit,
     /// The step takes 20 ms.
     Stall,
+    /// The step works for far too long.
+    Work,
     /// Configuring fails.
     Configure,
     /// Configuring panics.
@@ -87,6 +89,12 @@ impl Component for Faulty {
                 Fault::Nan => output.position_mut()[0] = f64::NAN,
                 Fault::Exit => std::process::exit(7),
                 Fault::Stall => std::thread::sleep(std::time::Duration::from_millis(20)),
+                Fault::Work => {
+                    let begun = std::time::Instant::now();
+                    while begun.elapsed() < std::time::Duration::from_millis(5) {
+                        core::hint::spin_loop();
+                    }
+                }
                 Fault::Allocate => drop(core::hint::black_box(vec![tick.index])),
                 Fault::None | Fault::Configure | Fault::ConfigurePanic => {}
             }
