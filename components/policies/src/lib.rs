@@ -40,12 +40,12 @@ pub mod dmp;
 pub mod file;
 pub mod gmm;
 pub mod kmp;
-pub mod promp;
 pub mod learning;
 pub mod library;
+pub mod promp;
 pub mod reach;
 pub mod regression;
 pub mod rotation;
 
-pub use component::{CpgPolicy, DmpPolicy, ProMpPolicy};
 pub use component::library::LibraryPolicy;
+pub use component::{CpgPolicy, DmpPolicy, ProMpPolicy};

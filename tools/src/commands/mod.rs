@@ -10,16 +10,18 @@ mod library;
 mod loading;
 mod new;
 mod param;
-mod robot;
 mod reproduce;
+mod robot;
 mod run;
 mod runs;
 mod schema;
+mod top;
 mod topic;
 
 use std::process::ExitCode;
 
 pub(crate) use run::line;
+pub(crate) use runs::LivingRun;
 
 use clap::{Parser, Subcommand};
 
@@ -40,6 +42,7 @@ enum Command {
     Check(check::Check),
     Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
+    Top(top::Top),
     Topic(topic::Topic),
     Param(param::Param),
     Bench(bench::Bench),
@@ -60,6 +63,7 @@ impl Cli {
             Some(Command::Check(command)) => command.run(),
             Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
+            Some(Command::Top(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
