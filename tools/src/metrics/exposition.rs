@@ -101,7 +101,8 @@ impl<'a> View<'a> {
             &Family::plain("component_steps", "Steps done, through restarts."),
             self.each(|c| c.steps),
         )?;
-        let of_steps: [(_, _, _, fn(&ComponentSample) -> &Snapshot); 3] = [
+        type Of = fn(&ComponentSample) -> &Snapshot;
+        let of_steps: [(_, _, _, Of); 3] = [
             (
                 ["component_lateness", "component_lateness_max"],
                 "From release or triggering publication to the beginning of the step.",
