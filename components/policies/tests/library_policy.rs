@@ -66,10 +66,10 @@ impl Component for Follower {
                 *q = *y;
             }
         }
-        if let Some(seen) = self.recognised.latest() {
-            if self.seen.last().is_none_or(|last| last.0 != seen.sequence * 100 + seen.movement) {
-                self.seen.push((seen.sequence * 100 + seen.movement, seen.novelty));
-            }
+        if let Some(seen) = self.recognised.latest()
+            && self.seen.last().is_none_or(|last| last.0 != seen.sequence * 100 + seen.movement)
+        {
+            self.seen.push((seen.sequence * 100 + seen.movement, seen.novelty));
         }
         if tick.index == 500 {
             let mut label = [0; 32];
