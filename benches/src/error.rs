@@ -34,6 +34,9 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
+    /// The user asked for the end.
+    #[error("interrupted")]
+    Interrupted,
     /// The machine lacks what the measurement needs.
     #[error("it needs {0}")]
     Needs(&'static str),

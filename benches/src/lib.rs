@@ -4,11 +4,14 @@
 
 pub mod distribution;
 mod error;
+pub mod graphs;
 pub mod host;
+pub mod latency;
 pub mod pair;
 mod part;
 pub mod payload;
 pub mod relay;
+pub mod timer;
 
 pub use distribution::Distribution;
 pub use error::MeasureError;

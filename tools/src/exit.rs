@@ -19,3 +19,8 @@ pub(crate) fn safe_stop() -> ExitCode {
 pub(crate) fn unfit() -> ExitCode {
     ExitCode::from(5)
 }
+
+/// Something has become plainly slower than it was.
+pub(crate) fn slower() -> ExitCode {
+    ExitCode::from(6)
+}

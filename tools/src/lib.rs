@@ -3,6 +3,7 @@
 mod commands;
 mod draw;
 mod exit;
+mod overheads;
 mod registry;
 mod report;
 mod screen;

@@ -46,7 +46,7 @@ impl Drop for Load {
 }
 
 /// The load of one process; ends when its standard input does, so that it never outlives who started it.
-pub fn run_load(kind: &str) {
+pub(crate) fn run_load(kind: &str) {
     std::thread::spawn(|| {
         let mut rest = Vec::new();
         let _ = std::io::stdin().read_to_end(&mut rest);

@@ -97,11 +97,6 @@ impl Board {
         }
     }
 
-    /// Whether a side has recorded all it has room for.
-    pub(super) fn is_full(&self, side: usize) -> bool {
-        self.side(side).recorded.load(Relaxed) as usize >= self.room
-    }
-
     /// The samples of a side.
     pub(super) fn recorded(&self, side: usize) -> Vec<u64> {
         let count = self.side(side).recorded.load(std::sync::atomic::Ordering::Acquire) as usize;

@@ -21,7 +21,7 @@ use motorium::graph::{self, Machine};
 use motorium::transport::{Domain, Exchange};
 use serde::{Deserialize, Serialize};
 
-use crate::{Distribution, MeasureError};
+use crate::MeasureError;
 use board::Board;
 pub(crate) use part::{PART, run_part};
 
@@ -63,8 +63,8 @@ pub struct Throw {
 /// What came of it.
 #[derive(Debug, Clone)]
 pub struct Thrown {
-    /// Time of a hop.
-    pub hop: Distribution,
+    /// Time of each hop, ns.
+    pub samples: Vec<u64>,
     /// `SCHED_FIFO` priority both had, read back; 0 for normal time sharing.
     pub fifo: u32,
 }
@@ -109,7 +109,7 @@ pub fn measure(program: &Path, registry: &Registry, throw: &Throw) -> Result<Thr
         samples.extend(board.recorded(0));
     }
     let fifo = board.side(0).fifo.load(Relaxed).min(board.side(1).fifo.load(Relaxed));
-    Ok(Thrown { hop: Distribution::of(samples), fifo })
+    Ok(Thrown { samples, fifo })
 }
 
 /// Starts both processes and waits for their end.

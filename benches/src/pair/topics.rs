@@ -51,19 +51,24 @@ impl<P: Payload> Link for Topics<P> {
 
     fn receive(&mut self) -> Result<u64, String> {
         loop {
-            if self.waits == Waits::Blocking {
-                self.trigger.wait();
+            match self.waits {
+                Waits::Blocking => self.trigger.wait(),
+                Waits::Spinning => {
+                    while !self.input.has_news() {
+                        core::hint::spin_loop();
+                    }
+                }
+                Waits::Yielding => {
+                    while !self.input.has_news() {
+                        yield_core();
+                    }
+                }
             }
             if let Some(reading) = self.input.latest()
                 && reading.stamp().sequence != self.seen
             {
                 self.seen = reading.stamp().sequence;
                 return reading.read().ok_or_else(|| "a payload was torn".to_string());
-            }
-            match self.waits {
-                Waits::Blocking => {}
-                Waits::Spinning => core::hint::spin_loop(),
-                Waits::Yielding => yield_core(),
             }
         }
     }

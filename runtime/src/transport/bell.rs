@@ -5,8 +5,8 @@
 use std::fs::OpenOptions;
 use std::io;
 use std::path::Path;
-use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
+use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use memmap2::{MmapOptions, MmapRaw};
 
@@ -25,6 +25,8 @@ struct Words {
     sleepers: AtomicU32,
     /// One more than the core on which it was rung last; 0 before.
     core: AtomicU32,
+    /// Where the newest sample lies, counted from wherever its publisher likes, bytes.
+    place: AtomicU64,
 }
 
 /// The bell of one topic. Any number ring it, any number wait, and no ring is lost: a waiter names the last ring it
@@ -68,6 +70,16 @@ impl Bell {
         if words.sleepers.load(SeqCst) != 0 {
             futex_wake(&words.rings);
         }
+    }
+
+    /// Says where the newest sample lies; to be followed by a ring.
+    pub(super) fn point_to(&self, place: u64) {
+        self.words().place.store(place, Relaxed);
+    }
+
+    /// Where the newest sample lies, if it has not been overwritten by a newer one meanwhile.
+    pub(super) fn place(&self) -> u64 {
+        self.words().place.load(Relaxed)
     }
 
     /// The rings so far.

@@ -8,7 +8,11 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample::Sample;
 
+use super::bell::Bell;
+use super::eager::{fetch_sent_over, fetch_to_read};
+use super::output::FETCHED;
 use super::topic::{open, refused};
+use super::trigger::open_bell;
 use super::{Connect, PortError, Shared};
 use crate::component::TopicPattern;
 use crate::plan::TopicPlan;
@@ -28,6 +32,12 @@ pub struct Input<T: StateBuffer> {
     lost: u64,
     /// Index of the topic if it is a stream: what is lost of it counts.
     stream: Option<usize>,
+    /// Rung at every publication; not in lockstep.
+    bell: Option<Bell>,
+    /// Rings heard at the last look.
+    heard: u32,
+    /// Where the publisher counts the places of its samples from, in the memory of this process.
+    base: usize,
     /// Index of the edge from the topic to this component.
     edge: Option<usize>,
 }
@@ -70,6 +80,9 @@ impl<T: StateBuffer> Input<T> {
             last_sequence: 0,
             lost: 0,
             stream: None,
+            bell: None,
+            heard: 0,
+            base: 0,
             edge: None,
         }
     }
@@ -88,7 +101,15 @@ impl<T: StateBuffer> Input<T> {
             .subscriber_builder()
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        Ok(Self { subscriber: Some(Rc::new(subscriber)), is_cause, stream, edge, ..Self::unwired(context) })
+        let bell = if context.is_lockstep() { None } else { Some(open_bell(node, topic)?) };
+        Ok(Self {
+            subscriber: Some(Rc::new(subscriber)),
+            is_cause,
+            stream,
+            edge,
+            bell,
+            ..Self::unwired(context)
+        })
     }
 
     /// What must be connected before the first step.
@@ -101,14 +122,51 @@ impl<T: StateBuffer> Input<T> {
         self.subscriber.is_some()
     }
 
+    /// Whether the topic's component has published since the last look at this input; for loops that look again and
+    /// again, which this costs far less than [`latest`](Self::latest) and does not disturb the publisher. What other
+    /// iceoryx2 programs publish does not show here. Always true in lockstep.
+    pub fn has_news(&self) -> bool {
+        self.bell.as_ref().is_none_or(|bell| bell.rings() != self.heard)
+    }
+
     /// The newest valid sample, if there ever was one; it is read in place, nothing is copied.
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
+        let (place, published) = self.fetch();
         while let Some(sample) = self.receive() {
+            let stamp = sample.user_header();
+            let next = (stamp.origin, stamp.incarnation) == self.last_origin
+                && stamp.sequence == self.last_sequence.wrapping_add(1);
             if self.admit(&sample) {
+                let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
+                self.base = address.wrapping_sub(place);
                 self.current = Some(sample);
+                if next && published == 1 {
+                    // The one publication since the last look: there is nothing more to look for.
+                    break;
+                }
             }
         }
         self.reading()
+    }
+
+    /// Has the newest sample on its way from the publisher's core while the queue is asked for it. Only a hint: the
+    /// queue decides what is read. Returns its place, and the publications since the last look; 0 in lockstep.
+    fn fetch(&mut self) -> (usize, u32) {
+        let Some(bell) = &self.bell else { return (0, 0) };
+        let rings = bell.rings();
+        let place = bell.place() as usize;
+        let published = rings.wrapping_sub(self.heard);
+        if published > 0 {
+            self.heard = rings;
+            if self.base != 0 {
+                // The two headers lie before the payload.
+                let headers = 2 * size_of::<Stamp>();
+                let bytes = headers + size_of::<T>().min(FETCHED);
+                fetch_to_read(self.base.wrapping_add(place).wrapping_sub(headers), bytes);
+            }
+            fetch_sent_over();
+        }
+        (place, published)
     }
 
     /// The next valid sample of a stream, in order, if there is one that has not been read.

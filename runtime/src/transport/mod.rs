@@ -5,6 +5,7 @@
 
 mod bell;
 mod domain;
+mod eager;
 mod exchange;
 mod input;
 mod observer;

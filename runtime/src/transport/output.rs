@@ -10,13 +10,23 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
 
-use super::topic::{open, open_waker, refused};
-use super::{PortError, Shared, Waker};
+use super::bell::Bell;
+use super::eager::{fetch_to_write, learn};
+use super::topic::{open, refused};
+use super::trigger::open_bell;
+use super::{PortError, Shared};
 use crate::component::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
 use crate::state::{Digest, Stamp, StateBuffer};
 use crate::worker::Context;
+
+/// So much of a sample is fetched ahead, bytes: beyond, the processor sees the pattern itself.
+pub(super) const FETCHED: usize = 1024;
+/// How often an output learns over which connections it sends: readers come and go.
+const RELEARNT: u64 = 64;
+/// So many places of samples are remembered.
+const TURNS: usize = 8;
 
 /// A port whose connections can be made before the first step.
 pub(crate) trait Connect {
@@ -45,7 +55,9 @@ pub struct Output<T: StateBuffer> {
 struct Wired<T: StateBuffer> {
     topic: usize,
     publisher: Rc<Publisher<Shared, T, Stamp>>,
-    waker: Option<Waker>,
+    /// Not used in lockstep, where nobody waits for a topic.
+    bell: Option<Bell>,
+    places: Places,
     probes: Vec<Probe>,
     digest: Digest,
 }
@@ -77,9 +89,16 @@ impl<T: StateBuffer> Output<T> {
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let waker = if context.is_lockstep() { None } else { open_waker(node, topic)? };
+        let bell = if context.is_lockstep() { None } else { Some(open_bell(node, topic)?) };
         let publisher = Rc::new(publisher);
-        let wired = Wired { topic: index, publisher, waker, probes, digest: Digest::default() };
+        let wired = Wired {
+            topic: index,
+            publisher,
+            bell,
+            places: Places::default(),
+            probes,
+            digest: Digest::default(),
+        };
         Ok(Self { wired: Some(wired), ..Self::unwired(port, context) })
     }
 
@@ -161,6 +180,7 @@ impl<T: StateBuffer> Loan<'_, T> {
         let (Some(mut sample), Some(wired)) = (self.sample.take(), output.wired.as_mut()) else {
             return Ok(());
         };
+        let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
         let now = context.now_ns();
         if context.withholds(now) {
             add(&context.block().refused, 1);
@@ -183,9 +203,8 @@ impl<T: StateBuffer> Loan<'_, T> {
             sample.payload().digest(&mut wired.digest);
             block.digest.store(wired.digest.finish(), Relaxed);
         }
-        sample
-            .send()
-            .map_err(|_| StepError::Transport { port: output.port, reason: "the sample was not sent" })?;
+        let sent = if output.sequence % RELEARNT == 1 { learn(|| sample.send()) } else { sample.send() };
+        sent.map_err(|_| StepError::Transport { port: output.port, reason: "the sample was not sent" })?;
         add(&block.published, 1);
         block.last_publish_ns.store(now, Relaxed);
         for probe in &wired.probes {
@@ -199,10 +218,45 @@ impl<T: StateBuffer> Loan<'_, T> {
                 }
             }
         }
-        if let Some(waker) = &wired.waker {
-            waker.wake();
+        if let Some(bell) = &wired.bell {
+            bell.point_to(wired.places.offset(address));
+            bell.ring();
+            fetch_to_write(wired.places.after(address), size_of::<T>().min(FETCHED));
         }
         Ok(())
+    }
+}
+
+/// Where the samples of one publisher lie. They take turns, so the next can be fetched while there is time.
+#[derive(Debug, Default)]
+struct Places {
+    first: usize,
+    last: usize,
+    /// Each place with the one that followed it the last time.
+    turns: [(usize, usize); TURNS],
+    oldest: usize,
+}
+
+impl Places {
+    /// Of a sample, from the first that was ever published.
+    fn offset(&mut self, address: usize) -> u64 {
+        if self.first == 0 {
+            self.first = address;
+        }
+        address.wrapping_sub(self.first) as u64
+    }
+
+    /// The place that followed this one the last time; the first one if it is new.
+    fn after(&mut self, address: usize) -> usize {
+        match self.turns.iter_mut().find(|(before, _)| *before == self.last) {
+            Some(turn) => turn.1 = address,
+            None => {
+                self.turns[self.oldest] = (self.last, address);
+                self.oldest = (self.oldest + 1) % TURNS;
+            }
+        }
+        self.last = address;
+        self.turns.iter().find(|(before, _)| *before == address).map_or(self.first, |(_, next)| *next)
     }
 }
 

@@ -75,7 +75,8 @@ pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortEr
 #[derive(Debug)]
 pub(crate) struct TopicService {
     _samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
-    waker: Option<Rc<Waker>>,
+    bell: Rc<Waker>,
+    wakes: bool,
 }
 
 impl TopicService {
@@ -113,14 +114,13 @@ impl TopicService {
             .max_nodes(2 * parties + 4)
             .create_with_attributes(&attributes)
             .map_err(|error| refused(name, "creating")(&error))?;
-        let wakes = !topic.triggers.is_empty();
-        let waker = wakes.then(|| Waker::create(node, topic)).transpose()?.map(Rc::new);
-        Ok(Self { _samples: samples, waker })
+        let bell = Rc::new(Waker::create(node, topic)?);
+        Ok(Self { _samples: samples, bell, wakes: !topic.triggers.is_empty() })
     }
 
     /// What wakes the components this topic triggers, so that they look at the run's command.
     pub(crate) fn waker(&self) -> Option<Rc<Waker>> {
-        self.waker.clone()
+        self.wakes.then(|| self.bell.clone())
     }
 }
 
@@ -156,11 +156,6 @@ pub(super) fn open<T: StateBuffer>(
         .user_header::<Stamp>()
         .open_with_attributes(&verifier)
         .map_err(|error| bad(&error))
-}
-
-/// The publishing side of a topic's wake-up, if anything is triggered by it.
-pub(super) fn open_waker(node: &Node<Shared>, topic: &TopicPlan) -> Result<Option<Waker>, PortError> {
-    (!topic.triggers.is_empty()).then(|| Waker::open(node, topic)).transpose()
 }
 
 /// The waiting side of a topic's wake-up.

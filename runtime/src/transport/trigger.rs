@@ -18,7 +18,7 @@ const SPIN_NS: u64 = 20_000;
 /// Looks in vain before it sleeps at once this many times, doubled with every further vain look up to the largest.
 const LARGEST_PAUSE: u32 = 64;
 
-/// The ringing side of a topic's wake-up.
+/// What wakes the components that a topic triggers.
 #[derive(Debug)]
 pub(crate) struct Waker(Bell);
 
@@ -41,12 +41,6 @@ impl Waker {
         Ok(Self(bell.map_err(|error| refused(&topic.name, "making its bell")(&error))?))
     }
 
-    /// Opens the bell of a topic.
-    pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let bell = Bell::open(&file(node, topic));
-        Ok(Self(bell.map_err(|error| refused(&topic.name, "opening its bell")(&error))?))
-    }
-
     /// Wakes all that wait.
     pub(crate) fn wake(&self) {
         self.0.ring();
@@ -55,10 +49,12 @@ impl Waker {
 
 impl Trigger {
     pub(super) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let bell = Bell::open(&file(node, topic));
-        let bell = bell.map_err(|error| refused(&topic.name, "opening its bell")(&error))?;
+        open_bell(node, topic).map(Self::new)
+    }
+
+    fn new(bell: Bell) -> Self {
         let heard = Cell::new(bell.rings());
-        Ok(Self { bell, heard, patience: Patience::default() })
+        Self { bell, heard, patience: Patience::default() }
     }
 
     /// Waits for the topic to be published, for the launcher to want something, or for a signal.
@@ -122,10 +118,141 @@ impl Patience {
     }
 }
 
+/// Opens the bell of a topic.
+pub(super) fn open_bell(node: &Node<Shared>, topic: &TopicPlan) -> Result<Bell, PortError> {
+    Bell::open(&file(node, topic)).map_err(|error| refused(&topic.name, "opening its bell")(&error))
+}
+
 /// The file of a topic's bell, in the folder of its domain.
 fn file(node: &Node<Shared>, topic: &TopicPlan) -> PathBuf {
     let mut digest = Digest::default();
     digest.write(topic.name.as_bytes());
     let root = String::from_utf8_lossy(node.config().global.root_path().as_bytes()).into_owned();
     PathBuf::from(root).join(format!("bell-{:016x}", digest.finish()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
+    use std::time::Duration;
+
+    use super::*;
+
+    fn bells<const N: usize>(name: &str) -> (tempfile::TempDir, [PathBuf; N]) {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = std::array::from_fn(|i| folder.path().join(format!("{name}-{i}")));
+        paths.iter().for_each(|path| drop(Bell::create(path).unwrap()));
+        (folder, paths)
+    }
+
+    #[test]
+    fn a_ring_before_the_wait_ends_it_at_once_and_only_once() {
+        let (_folder, [path]) = bells("early");
+        let (bell, trigger) = (Bell::open(&path).unwrap(), Trigger::new(Bell::open(&path).unwrap()));
+        bell.ring();
+        bell.ring();
+        trigger.wait();
+        assert!(!trigger.is_due(), "two rings are one wake-up");
+        bell.ring();
+        assert!(trigger.is_due());
+        assert!(!trigger.is_due());
+    }
+
+    #[test]
+    fn no_ring_is_lost_however_waiting_and_ringing_fall_together() {
+        const ROUNDS: u32 = 20_000;
+        let (_folder, [there, back]) = bells("to-and-fro");
+        let answers = AtomicU32::new(0);
+        let stuck = AtomicBool::new(true);
+        std::thread::scope(|scope| {
+            let ready = std::sync::Barrier::new(2);
+            let (ready, answers, stuck) = (&ready, &answers, &stuck);
+            let (there, back) = (&there, &back);
+            scope.spawn(move || {
+                let (trigger, bell) = (Trigger::new(Bell::open(there).unwrap()), Bell::open(back).unwrap());
+                ready.wait();
+                for round in 0..ROUNDS {
+                    trigger.wait();
+                    // Sometimes the other side has time to fall asleep, sometimes not.
+                    (0..round % 97 * 10).for_each(|_| core::hint::spin_loop());
+                    answers.fetch_add(1, SeqCst);
+                    bell.ring();
+                }
+            });
+            scope.spawn(move || {
+                let (trigger, bell) = (Trigger::new(Bell::open(back).unwrap()), Bell::open(there).unwrap());
+                ready.wait();
+                for round in 0..ROUNDS {
+                    bell.ring();
+                    (0..round % 89 * 10).for_each(|_| core::hint::spin_loop());
+                    trigger.wait();
+                }
+                stuck.store(false, SeqCst);
+            });
+            // A lost ring leaves both asleep: then this ends the test instead of hanging.
+            scope.spawn(move || {
+                let mut last = u32::MAX;
+                while stuck.load(SeqCst) {
+                    let now = answers.load(SeqCst);
+                    if now == last {
+                        eprintln!("a ring was lost after {now} rounds");
+                        std::process::abort();
+                    }
+                    last = now;
+                    (0..200).take_while(|_| stuck.load(SeqCst)).for_each(|_| {
+                        std::thread::sleep(Duration::from_millis(50));
+                    });
+                }
+            });
+        });
+        assert_eq!(answers.load(SeqCst), ROUNDS);
+    }
+
+    #[test]
+    fn every_waiter_hears_one_ring() {
+        let (_folder, [path]) = bells("many");
+        let heard = AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            let ready = std::sync::Barrier::new(9);
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let trigger = Trigger::new(Bell::open(&path).unwrap());
+                    ready.wait();
+                    trigger.wait();
+                    heard.fetch_add(1, SeqCst);
+                });
+            }
+            ready.wait();
+            std::thread::sleep(Duration::from_millis(20));
+            Bell::open(&path).unwrap().ring();
+        });
+        assert_eq!(heard.load(SeqCst), 8);
+    }
+
+    #[test]
+    fn a_bell_that_was_cut_short_is_refused() {
+        let (_folder, [path]) = bells("short");
+        std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(10).unwrap();
+        assert!(Bell::open(&path).unwrap_err().to_string().contains("cut short"));
+    }
+
+    #[test]
+    fn looking_in_vain_becomes_rare_and_a_find_brings_it_back() {
+        let patience = Patience::default();
+        let looks = |waits: u32, found: bool| {
+            let look = |_: &u32| {
+                let has_some = patience.has_some();
+                if has_some {
+                    patience.learn(found);
+                }
+                has_some
+            };
+            (0..waits).filter(look).count()
+        };
+        let first = looks(1_000, false);
+        assert!((10..30).contains(&first), "{first} looks in vain of the first thousand");
+        let later = looks(10_000, false);
+        assert!((150..=160).contains(&later), "{later} of ten thousand");
+        assert!(looks(1_000, true) > 900);
+    }
 }

@@ -3,18 +3,21 @@
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 use iceoryx2_cal::shm_allocator::{bump_allocator::BumpAllocator, pool_allocator::PoolAllocator};
+use iceoryx2_cal::zero_copy_connection::common::details::{Connection, SharedManagementData};
 use iceoryx2_cal::{
     bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory, serialize,
-    shared_memory, static_storage, zero_copy_connection,
+    shared_memory, static_storage,
 };
 
+use super::eager::Eager;
 use super::pooled::Pooled;
 
-/// Processes on one machine, as `ipc::Service`, but woken through a semaphore in shared memory, and lending samples
-/// without the heap.
+/// Processes on one machine, as `ipc::Service`, but lending samples without the heap, and fetching the memory of a
+/// connection as a whole.
 ///
-/// A wake-up is one futex call instead of a datagram and an `epoll`, which halves a blocking hop. Topics carry no
-/// event, so stock `ipc::Service` programs (`iox2`, the Python wheel) exchange samples with this variant.
+/// What lies in memory is that of stock `ipc::Service` programs (`iox2`, the Python wheel), which therefore exchange
+/// samples with this variant. Topics carry no event: a component is woken through the topic's own
+/// [`Trigger`](super::Trigger).
 #[derive(Debug, Clone)]
 pub struct Shared {}
 
@@ -29,7 +32,7 @@ impl iceoryx2::service::Service for Shared {
     type ServiceNameHasher = hash::recommended::Recommended;
     type SharedMemory = shared_memory::recommended::Ipc<PoolAllocator>;
     type ResizableSharedMemory = resizable_shared_memory::recommended::Ipc<PoolAllocator>;
-    type Connection = zero_copy_connection::recommended::Ipc;
+    type Connection = Connection<Eager<SharedManagementData>>;
     type Event = event::SemaphoreShmCountingBitSet;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;

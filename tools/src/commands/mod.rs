@@ -1,5 +1,7 @@
 //! The subcommands, one file each.
 
+mod bench;
+mod calibrate;
 mod check;
 mod completions;
 mod doctor;
@@ -34,10 +36,12 @@ pub(crate) struct Cli {
 enum Command {
     Run(run::Run),
     Check(check::Check),
+    Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Topic(topic::Topic),
     Param(param::Param),
     Robot(robot::Robot),
+    Bench(bench::Bench),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     New(new::New),
@@ -50,10 +54,12 @@ impl Cli {
             None => run::Run::default().run(),
             Some(Command::Run(command)) => command.run(),
             Some(Command::Check(command)) => command.run(),
+            Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
+            Some(Command::Bench(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::New(command)) => command.run(),

@@ -7,12 +7,12 @@ use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{self, Event, Exit, Hosting, Options};
 use motorium::plan::ClockKind;
-use motorium::schedule::{self, Overheads, RtLimit};
+use motorium::schedule::{self, RtLimit};
 
 use super::check::problems;
 use super::loading::GraphArgs;
 use crate::screen::{Plain, Screen};
-use crate::{exit, registry, report, style};
+use crate::{exit, overheads, registry, report, style};
 
 /// Launch a graph: every component as its own process.
 ///
@@ -64,7 +64,7 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
-        let admission = schedule::admit(&checked.plan, &Overheads::default(), RtLimit::detect());
+        let admission = schedule::admit(&checked.plan, &overheads::known().overheads, RtLimit::detect());
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() && !self.force {
             anstream::eprint!("{}", problems(&admission));
             anstream::eprintln!("nothing was started; `--force` runs it all the same");

@@ -154,3 +154,8 @@ mod tests {
         assert!(examination.removed.is_empty());
     }
 }
+
+/// How late this machine wakes a real-time thread, ns, measured for a while.
+pub(crate) fn measure_wake_up(time: std::time::Duration) -> Option<motorium::telemetry::Percentiles> {
+    Some(wakeup::measure(time)?.lateness_ns)
+}

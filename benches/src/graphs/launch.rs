@@ -1,0 +1,73 @@
+//! Runs a graph and keeps its histograms.
+
+use std::path::{Path, PathBuf};
+
+use motorium::component::Registry;
+use motorium::graph::{self, Machine};
+use motorium::launcher::{self, Event, Exit, Hosting, Options, Report};
+use motorium::region::Region;
+use motorium::run_folder::{RunFolder, runs_folder};
+
+use crate::{Distribution, MeasureError};
+
+/// A graph that has run.
+#[derive(Debug)]
+pub struct Ran {
+    /// Its report.
+    pub report: Report,
+    /// Release lateness of each component, ns.
+    pub lateness: Vec<Distribution>,
+    /// Execution time of each component's steps, ns.
+    pub execution: Vec<Distribution>,
+    /// Each latency budget, ns.
+    pub latencies: Vec<Distribution>,
+}
+
+impl Ran {
+    /// A distribution that a `bench.relay` left as its result.
+    pub fn relayed(&self, component: &str, what: &str) -> Option<Distribution> {
+        serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
+    }
+
+    /// The least `SCHED_FIFO` priority among its components.
+    pub fn fifo(&self) -> u32 {
+        self.report.components.iter().map(|component| component.fifo_priority).min().unwrap_or(0)
+    }
+}
+
+/// Runs the text of a graph file to its end with a program that hosts `bench.relay`.
+///
+/// # Errors
+/// The graph cannot run here, did not start, or ended before its time.
+pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Result<Ran, MeasureError> {
+    let checked = graph::check(Path::new(name), text, &[], registry, &Machine::detect())
+        .map_err(|error| MeasureError::Graph(error.render(false)))?;
+    let options = Options { hosting: Hosting::Processes, program: PathBuf::from(program) };
+    // Mapped while the run lives: the memory stays when its name is gone.
+    let mut region: Option<Region> = None;
+    let mut trouble = None;
+    let report = launcher::run(checked.plan, registry, &options, &mut |event| match event {
+        Event::Created { run, .. } => region = RunFolder::open(&runs_folder().join(run)).region().ok(),
+        Event::Failed { component, reason, .. } => trouble = Some(format!("`{component}`: {reason}")),
+        _ => {}
+    })?;
+    if report.exit != Exit::Finished {
+        return Err(match (&report.exit, trouble) {
+            (Exit::Interrupted, _) => MeasureError::Interrupted,
+            (_, Some(trouble)) => MeasureError::Ended(trouble),
+            (exit, None) => MeasureError::Ended(format!("{exit:?}")),
+        });
+    }
+    let region = region.ok_or(MeasureError::Ended("its memory could not be read".to_string()))?;
+    let blocks = region.components();
+    Ok(Ran {
+        report,
+        lateness: blocks.iter().map(|block| Distribution::from_histogram(&block.lateness)).collect(),
+        execution: blocks.iter().map(|block| Distribution::from_histogram(&block.execution)).collect(),
+        latencies: region
+            .latencies()
+            .iter()
+            .map(|block| Distribution::from_histogram(&block.latency))
+            .collect(),
+    })
+}

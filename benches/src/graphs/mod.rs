@@ -1,0 +1,7 @@
+//! Measurements of whole graphs: real processes under the launcher, as a user runs them.
+
+mod launch;
+mod shapes;
+
+pub use launch::{Ran, run};
+pub use shapes::{caterpillar, chain, fan_out, panda, release};

@@ -1,0 +1,100 @@
+//! The graphs that are measured, as texts of graph files.
+
+use std::fmt::Write as _;
+
+/// The arm that the README's first command moves.
+const PANDA: &str = include_str!("../../../graphs/panda-reach.toml");
+
+fn head(name: &str, rate_hz: u32, seconds: u32, core: usize) -> String {
+    format!(
+        "name = \"{name}\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.head]\n\
+         kind = \"bench.relay\"\nrate = \"{rate_hz} Hz\"\n"
+    )
+}
+
+fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
+    let publish = to.map(|to| format!("publish = {{ out = \"{to}\" }}\n")).unwrap_or_default();
+    let _ = write!(
+        text,
+        "[component.{name}]\nkind = \"bench.relay\"\ntrigger = \"{from}\"\n\
+         subscribe = {{ in = \"{from}\" }}\n{publish}"
+    );
+}
+
+/// One component that does nothing, at a rate.
+pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
+    head("bench-release", rate_hz, seconds, core)
+}
+
+/// A chain of so many processes at 1 kHz, all on one core; the last is `tail`.
+pub fn chain(processes: usize, seconds: u32, core: usize) -> String {
+    let mut text = head("bench-chain", 1_000, seconds, core);
+    text.push_str("publish = { out = \"bench/0\" }\n");
+    for i in 1..processes {
+        let (from, to) = (format!("bench/{}", i - 1), format!("bench/{i}"));
+        match i + 1 == processes {
+            true => relay(&mut text, "tail", &from, None),
+            false => relay(&mut text, &format!("relay-{i}"), &from, Some(&to)),
+        }
+    }
+    text
+}
+
+/// The caterpillar at 1 kHz: a source, a chain of 8 that pass on what they get, and a sink beside each of them: 17
+/// processes on one core. The last sink is `tail`.
+pub fn caterpillar(seconds: u32, core: usize) -> String {
+    let mut text = head("bench-caterpillar", 1_000, seconds, core);
+    text.push_str("publish = { out = \"bench/0\" }\n");
+    for i in 1..=8 {
+        let (from, to) = (format!("bench/{}", i - 1), format!("bench/{i}"));
+        relay(&mut text, &format!("relay-{i}"), &from, Some(&to));
+        let sink = if i == 8 { "tail".to_string() } else { format!("sink-{i}") };
+        relay(&mut text, &sink, &to, None);
+    }
+    text
+}
+
+/// One process at 1 kHz that triggers so many others, all on one core: `tail-1` to `tail-N`.
+pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
+    let mut text = head("bench-fan-out", 1_000, seconds, core);
+    text.push_str("publish = { out = \"bench/0\" }\n");
+    for i in 1..=readers {
+        relay(&mut text, &format!("tail-{i}"), "bench/0", None);
+    }
+    text
+}
+
+/// The Panda loop: physics, encoder, policy, controller at 1 kHz, from state to command.
+pub fn panda(seconds: u32) -> String {
+    PANDA.replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chain_has_as_many_processes_as_were_asked_for_and_ends_in_a_tail() {
+        for processes in [2, 4, 8] {
+            let text = chain(processes, 1, 0);
+            assert_eq!(text.matches("[component.").count(), processes);
+            assert_eq!(text.matches("[component.tail]").count(), 1);
+            assert_eq!(text.matches("trigger").count(), processes - 1);
+        }
+    }
+
+    #[test]
+    fn the_caterpillar_has_17_processes_and_every_relay_its_sink() {
+        let text = caterpillar(1, 0);
+        assert_eq!(text.matches("[component.").count(), 17);
+        for i in 1..=8 {
+            assert_eq!(text.matches(&format!("trigger = \"bench/{i}\"")).count(), if i == 8 { 1 } else { 2 });
+        }
+    }
+
+    #[test]
+    fn the_panda_loop_runs_for_the_time_that_was_asked_for() {
+        assert!(panda(3).contains("duration = \"3 s\""));
+        assert!(panda(3).contains("[[latency]]"));
+    }
+}

@@ -1,0 +1,225 @@
+//! Everything that is measured, by name.
+
+use super::{Bench, Samples};
+use crate::graphs::{self, Ran};
+use crate::pair::{self, Carrier, Throw};
+use crate::{MeasureError, timer};
+
+/// One thing to measure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// Its name.
+    pub name: String,
+    /// What it is, in words.
+    pub what: String,
+    /// Whether other work keeps the machine busy meanwhile.
+    pub loaded: bool,
+    /// Whether `--quick` has it too.
+    pub quick: bool,
+    /// Cases of one group are compared with each other: they take turns, a slice each.
+    pub group: Option<&'static str>,
+    kind: Kind,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Kind {
+    Clock,
+    Timer,
+    Throw { carrier: Carrier, across: bool, bytes: usize, paced: bool },
+    Release { rate_hz: u32 },
+    Chain { processes: usize },
+    Caterpillar,
+    FanOut { readers: usize },
+    Panda,
+}
+
+/// Time between two round trips of a paced throw, ns: the receiver sleeps deeply.
+const PACE_NS: u64 = 1_000_000;
+
+/// What is compared with what.
+const GROUPS: &[(&str, &[&str])] = &[
+    ("polling across cores", &["floor.cache-line", "hop.polling.across.512"]),
+    ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
+    ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
+    ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
+];
+
+/// All cases, in the order they are measured: what is compared stands side by side.
+pub fn catalogue() -> Vec<Case> {
+    use Carrier::{Blocking, CacheLine, Futex, Polling, Stock};
+    let mut cases = Vec::new();
+    let mut add = |name: String, what: String, quick: bool, kind: Kind| {
+        let group = GROUPS.iter().find(|(_, names)| names.contains(&name.as_str())).map(|(group, _)| *group);
+        cases.push(Case { name, what, loaded: false, quick, group, kind });
+    };
+    let throw = |carrier, across, bytes, paced| Kind::Throw { carrier, across, bytes, paced };
+    let words = |across| if across { ("across", "across cores") } else { ("same", "on one core") };
+    add("floor.clock".into(), "one look at the clock".into(), true, Kind::Clock);
+    add("floor.timer".into(), "wake-up by clock_nanosleep, 1 kHz".into(), true, Kind::Timer);
+    let line = "cache line, half of to and fro across cores".to_string();
+    add("floor.cache-line".into(), line, true, throw(CacheLine, true, 64, false));
+    for bytes in [64, 512, 4096, 65_536, 1_048_576] {
+        let size = size(bytes);
+        let quick = bytes == 512;
+        let (name, what) =
+            (format!("hop.polling.across.{bytes}"), format!("polling hop across cores, {size}"));
+        add(name, what, quick, throw(Polling, true, bytes, false));
+    }
+    let what = "polling hop on one core, 512 B, yielding".to_string();
+    add("hop.polling.same.512".into(), what, false, throw(Polling, false, 512, false));
+    for across in [false, true] {
+        let (place, there) = words(across);
+        let what = format!("raw futex hand-off {there}");
+        add(format!("floor.futex.{place}"), what, true, throw(Futex, across, 64, false));
+        for bytes in [512, 64, 4096, 65_536, 1_048_576] {
+            let what = format!("blocking hop {there}, {}", size(bytes));
+            let name = format!("hop.blocking.{place}.{bytes}");
+            add(name, what, bytes == 512, throw(Blocking, across, bytes, false));
+            if bytes == 512 {
+                let what = format!("stock iceoryx2 event + publish-subscribe {there}, 512 B");
+                add(format!("iceoryx2.{place}.512"), what, true, throw(Stock, across, 512, false));
+            }
+        }
+    }
+    let what = "raw futex across cores, 1 kHz: the receiver sleeps".to_string();
+    add("floor.futex.across.1khz".into(), what, false, throw(Futex, true, 64, true));
+    let what = "blocking hop across cores, 512 B, 1 kHz".to_string();
+    add("hop.blocking.across.1khz.512".into(), what, false, throw(Blocking, true, 512, true));
+    for rate_khz in [1, 4] {
+        let what = format!("release lateness at {rate_khz} kHz, sleep then spin");
+        add(
+            format!("release.{rate_khz}khz"),
+            what,
+            rate_khz == 1,
+            Kind::Release { rate_hz: 1_000 * rate_khz },
+        );
+    }
+    for processes in [2, 4, 8] {
+        let what = format!("chain of {processes} processes on one core, end to end");
+        add(format!("chain.{processes}"), what, processes == 4, Kind::Chain { processes });
+    }
+    let what = "caterpillar of 17 processes on one core, end to end".to_string();
+    add("chain.17".into(), what, false, Kind::Caterpillar);
+    for readers in [1, 2, 4, 8] {
+        let what = format!("fan-out to {readers} on one core, the last reader");
+        add(format!("fan-out.{readers}"), what, false, Kind::FanOut { readers });
+    }
+    add("panda".into(), "Panda loop, state to command".into(), false, Kind::Panda);
+    for name in
+        ["floor.timer", "floor.futex.same", "hop.blocking.same.512", "release.1khz", "chain.4", "panda"]
+    {
+        let case = cases.iter().find(|case| case.name == name).cloned();
+        cases.extend(case.map(|case| Case {
+            name: format!("{name}.loaded"),
+            what: format!("{}, under load", case.what),
+            loaded: true,
+            quick: false,
+            group: None,
+            ..case
+        }));
+    }
+    cases
+}
+
+fn size(bytes: usize) -> String {
+    match bytes {
+        1_048_576.. => format!("{} MiB", bytes >> 20),
+        4096.. => format!("{} KiB", bytes >> 10),
+        _ => format!("{bytes} B"),
+    }
+}
+
+impl Case {
+    /// Whether a word of `--only` means it: its name, or the beginning of its name up to a dot.
+    pub fn is_meant_by(&self, word: &str) -> bool {
+        self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    }
+
+    /// Measures it: all samples, and the priority that was granted.
+    pub(super) fn run(&self, bench: &Bench<'_>) -> Result<(Samples, u32), MeasureError> {
+        let core = bench.places.realtime;
+        match &self.kind {
+            Kind::Clock => Ok((Samples::All(timer::clock()), 0)),
+            Kind::Timer => {
+                let (late, fifo) = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
+                Ok((Samples::All(late), fifo))
+            }
+            Kind::Throw { carrier, across, bytes, paced } => {
+                let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
+                let samples = bench.samples;
+                // Two samples of every round trip, but one of the cache line and of a paced throw.
+                let rounds = match (carrier, paced) {
+                    (_, true) => (1_000 * bench.seconds as usize).min(samples),
+                    (Carrier::CacheLine, _) => samples,
+                    _ => samples.div_ceil(2),
+                };
+                let throw = Throw {
+                    carrier: *carrier,
+                    bytes: *bytes,
+                    cores: [if *across { other? } else { core }, core],
+                    fifo: bench.fifo,
+                    rounds,
+                    warm_up: rounds.min(1_000),
+                    pace_ns: if *paced { PACE_NS } else { 0 },
+                };
+                let thrown = pair::measure(&bench.program, bench.registry, &throw)?;
+                Ok((Samples::All(thrown.samples), thrown.fifo))
+            }
+            Kind::Release { rate_hz } => {
+                let ran = bench.launch(graphs::release(*rate_hz, bench.seconds, core))?;
+                Ok((Samples::Histogram(ran.lateness.first().cloned().unwrap_or_default()), ran.fifo()))
+            }
+            Kind::Chain { processes } => {
+                way(&bench.launch(graphs::chain(*processes, bench.seconds, core))?, "tail")
+            }
+            Kind::Caterpillar => way(&bench.launch(graphs::caterpillar(bench.seconds, core))?, "tail"),
+            Kind::FanOut { readers } => {
+                let ran = bench.launch(graphs::fan_out(*readers, bench.seconds, core))?;
+                let tails = (1..=*readers).map(|i| way(&ran, &format!("tail-{i}")));
+                let tails: Vec<_> = tails.collect::<Result<_, _>>()?;
+                let last = tails.into_iter().max_by_key(|(seen, _)| seen.p50());
+                last.ok_or_else(|| MeasureError::Ended("nobody read".to_string()))
+            }
+            Kind::Panda => {
+                let ran = bench.launch(graphs::panda(bench.seconds))?;
+                Ok((Samples::Histogram(ran.latencies.first().cloned().unwrap_or_default()), ran.fifo()))
+            }
+        }
+    }
+}
+
+impl Bench<'_> {
+    fn launch(&self, text: String) -> Result<Ran, MeasureError> {
+        graphs::run(&self.program, self.registry, "bench.toml", text)
+    }
+}
+
+/// From the head of a chain to the payload read by a relay.
+fn way(ran: &Ran, relay: &str) -> Result<(Samples, u32), MeasureError> {
+    let seen = ran.relayed(relay, "way_ns");
+    let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;
+    Ok((Samples::Histogram(seen), ran.fifo()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn every_case_has_a_name_of_its_own() {
+        let cases = catalogue();
+        let names: BTreeSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+        assert_eq!(names.len(), cases.len());
+    }
+
+    #[test]
+    fn a_word_means_a_name_or_a_family_of_names() {
+        let meant = |word: &str| catalogue().iter().filter(|case| case.is_meant_by(word)).count();
+        assert_eq!(meant("hop.blocking.same.512"), 2, "idle and under load");
+        assert_eq!(meant("floor.timer.loaded"), 1);
+        assert_eq!(meant("fan-out"), 4);
+        assert_eq!(meant("fan"), 0);
+    }
+}

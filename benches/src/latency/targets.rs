@@ -1,0 +1,266 @@
+//! What must be reached: ratios within one run, each filled from the measurements or left open.
+
+use serde::{Deserialize, Serialize};
+
+use super::Measurement;
+
+/// Whether a target was reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It was.
+    Met,
+    /// It was not.
+    Missed,
+    /// Something it compares was not measured in this run.
+    NotMeasured,
+}
+
+/// A target and what was measured of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// What is compared with what.
+    pub what: String,
+    /// The largest value that meets it.
+    pub at_most: f64,
+    /// Its unit: empty for a ratio.
+    pub unit: String,
+    /// What was measured.
+    pub measured: Option<f64>,
+    /// Whether it was reached.
+    pub verdict: Verdict,
+    /// Of a target that was missed: how much the machine and its host did, in words.
+    pub host: Option<String>,
+}
+
+type Value = fn(&Seen<'_>) -> Option<f64>;
+
+/// What, the largest value, its unit, how it is computed, and the measurement whose host share counts.
+const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
+    (
+        "blocking hop, one core, 512 B, p50 / raw futex hand-off",
+        1.25,
+        "",
+        |seen| seen.ratio("hop.blocking.same.512", "floor.futex.same"),
+        "hop.blocking.same.512",
+    ),
+    (
+        "the same / stock iceoryx2 event + publish-subscribe",
+        0.5,
+        "",
+        |seen| seen.ratio("hop.blocking.same.512", "iceoryx2.same.512"),
+        "hop.blocking.same.512",
+    ),
+    (
+        "blocking hop across cores, 512 B, p50 / raw futex across cores",
+        0.7,
+        "",
+        |seen| seen.ratio("hop.blocking.across.512", "floor.futex.across"),
+        "hop.blocking.across.512",
+    ),
+    (
+        "polling hop across cores, 512 B, p50 / cache-line ping-pong",
+        3.0,
+        "",
+        |seen| seen.ratio("hop.polling.across.512", "floor.cache-line"),
+        "hop.polling.across.512",
+    ),
+    (
+        "release lateness at 1 kHz, p99 / p50 of plain clock_nanosleep",
+        0.01,
+        "",
+        |seen| Some(seen.get("release.1khz")?.ns.p99 as f64 / seen.get("floor.timer")?.ns.p50.max(1) as f64),
+        "release.1khz",
+    ),
+    (
+        "worker overhead per step beyond hop and user code, p50",
+        1.0,
+        "us",
+        |seen| seen.worker_overhead(),
+        "chain.8",
+    ),
+    (
+        "chain of 4 processes on one core, p99 / 4 hops",
+        1.5,
+        "",
+        |seen| {
+            let hops = 4.0 * seen.get("hop.blocking.same.512")?.ns.p50.max(1) as f64;
+            Some(seen.get("chain.4")?.ns.p99 as f64 / hops)
+        },
+        "chain.4",
+    ),
+    (
+        "caterpillar of 17 processes, p99 / dora's",
+        0.05,
+        "",
+        |seen| Some(seen.get("chain.17")?.ns.p99 as f64 / seen.get("peer.dora.17")?.ns.p99.max(1) as f64),
+        "chain.17",
+    ),
+    ("Panda loop, idle, p99.9", 300.0, "us", |seen| Some(seen.get("panda")?.ns.p99_9 as f64 * 1e-3), "panda"),
+    (
+        "Panda loop, under load, p99.9",
+        300.0,
+        "us",
+        |seen| Some(seen.get("panda.loaded")?.ns.p99_9 as f64 * 1e-3),
+        "panda.loaded",
+    ),
+    (
+        "Panda loop, p99.9 under load / idle",
+        1.5,
+        "",
+        |seen| Some(seen.get("panda.loaded")?.ns.p99_9 as f64 / seen.get("panda")?.ns.p99_9.max(1) as f64),
+        "panda.loaded",
+    ),
+];
+
+/// Fills the table of targets from what was measured in one run.
+pub fn targets(measured: &[Measurement]) -> Vec<Target> {
+    let seen = Seen(measured);
+    let fill = |(what, at_most, unit, value, blamed): &(&str, f64, &str, Value, &str)| {
+        let measured = value(&seen);
+        let verdict = match measured {
+            None => Verdict::NotMeasured,
+            // Anything that is not plainly at most the target is a miss, a NaN too.
+            Some(value) if value <= *at_most => Verdict::Met,
+            Some(_) => Verdict::Missed,
+        };
+        let host = (verdict == Verdict::Missed).then(|| seen.blame(blamed)).flatten();
+        Target {
+            what: (*what).to_string(),
+            at_most: *at_most,
+            unit: (*unit).to_string(),
+            measured,
+            verdict,
+            host,
+        }
+    };
+    TARGETS.iter().map(fill).collect()
+}
+
+struct Seen<'a>(&'a [Measurement]);
+
+impl Seen<'_> {
+    fn get(&self, name: &str) -> Option<&Measurement> {
+        self.0.iter().find(|measurement| measurement.name == name)
+    }
+
+    /// The ratio of two medians: the median over their turns, where they took turns.
+    fn ratio(&self, of: &str, to: &str) -> Option<f64> {
+        let (of, to) = (self.get(of)?, self.get(to)?);
+        let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
+        let turns = of.slices_p50.iter().zip(&to.slices_p50).map(|(of, to)| ratio(*of, *to));
+        let mut turns: Vec<f64> = turns.collect();
+        turns.sort_by(f64::total_cmp);
+        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| ratio(of.ns.p50, to.ns.p50)))
+    }
+
+    /// What a worker adds to a hop: a chain of 8 is 7 hops, each with one step that reads and writes a payload, as the
+    /// hop that was measured alone does.
+    fn worker_overhead(&self) -> Option<f64> {
+        let per_hop = self.get("chain.8")?.ns.p50 as f64 / 7.0;
+        Some((per_hop - self.get("hop.blocking.same.512")?.ns.p50 as f64) * 1e-3)
+    }
+
+    /// Which share of a miss is the host's: the time it took away, and how late the same core woke from plain sleep
+    /// with nothing else to do.
+    fn blame(&self, name: &str) -> Option<String> {
+        let missed = self.get(name)?;
+        let steal = format!(
+            "host took {:.0} ms of {:.1} s ({:.2} %)",
+            missed.host.steal_ms,
+            missed.host.seconds,
+            100.0 * missed.host.steal_share
+        );
+        let loaded = name.ends_with(".loaded");
+        let Some(timer) = self.get(if loaded { "floor.timer.loaded" } else { "floor.timer" }) else {
+            return Some(steal);
+        };
+        // How far the tail of a bare sleeper lies above its median: the machine's and its host's, not ours.
+        let (tail, floor) =
+            (missed.ns.p99_9.saturating_sub(missed.ns.p50), timer.ns.p99_9.saturating_sub(timer.ns.p50));
+        let share = if tail == 0 { 0.0 } else { (floor as f64 / tail as f64).min(1.0) };
+        Some(format!(
+            "{steal}; of its p99.9 above p50, {:.0} % ({:.0} of {:.0} us) are late wake-ups of an idle core, seen \
+             in floor.timer too",
+            100.0 * share,
+            (share * tail as f64) * 1e-3,
+            tail as f64 * 1e-3
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Distribution;
+    use crate::host::HostShare;
+
+    fn measured(name: &str, p50: u64, p99: u64, p99_9: u64) -> Measurement {
+        Measurement {
+            name: name.to_string(),
+            what: String::new(),
+            ns: Distribution { count: 1_000, p50, p99, p99_9, max: p99_9, ..Distribution::default() },
+            fifo: 80,
+            host: HostShare { seconds: 2.0, steal_ms: 40.0, steal_share: 0.01 },
+            slices_p50: Vec::new(),
+        }
+    }
+
+    fn find<'a>(table: &'a [Target], what: &str) -> &'a Target {
+        table.iter().find(|target| target.what.contains(what)).unwrap()
+    }
+
+    #[test]
+    fn a_ratio_within_its_target_is_met_and_one_above_is_missed() {
+        let good =
+            [measured("hop.blocking.same.512", 1_250, 0, 0), measured("floor.futex.same", 1_000, 0, 0)];
+        let table = targets(&good);
+        let target = find(&table, "raw futex hand-off");
+        assert_eq!((target.measured, target.verdict), (Some(1.25), Verdict::Met));
+        let bad = [measured("hop.blocking.same.512", 1_260, 0, 0), measured("floor.futex.same", 1_000, 0, 0)];
+        let table = targets(&bad);
+        assert_eq!(find(&table, "raw futex hand-off").verdict, Verdict::Missed);
+    }
+
+    #[test]
+    fn what_took_turns_is_compared_turn_by_turn() {
+        let mut hop = measured("hop.polling.across.512", 700, 0, 0);
+        let mut floor = measured("floor.cache-line", 280, 0, 0);
+        // The host moved the cores apart after the first turn: ratios of 3, 2, 2 and not 700 to 280.
+        hop.slices_p50 = vec![180, 560, 700];
+        floor.slices_p50 = vec![60, 280, 350];
+        let table = targets(&[hop, floor]);
+        assert_eq!(find(&table, "cache-line").measured, Some(2.0));
+    }
+
+    #[test]
+    fn what_was_not_measured_is_neither_met_nor_missed() {
+        let table = targets(&[measured("hop.blocking.same.512", 1, 1, 1)]);
+        assert!(
+            table.iter().all(|target| target.verdict == Verdict::NotMeasured && target.measured.is_none())
+        );
+    }
+
+    #[test]
+    fn a_miss_says_what_the_host_did_and_a_target_that_is_met_does_not() {
+        let table = targets(&[
+            measured("panda", 100_000, 150_000, 500_000),
+            measured("floor.timer", 20_000, 40_000, 120_000),
+            measured("panda.loaded", 100_000, 150_000, 200_000),
+        ]);
+        let missed = find(&table, "Panda loop, idle");
+        assert_eq!((missed.verdict, missed.measured), (Verdict::Missed, Some(500.0)));
+        let host = missed.host.as_deref().unwrap();
+        assert!(host.contains("40 ms of 2.0 s (1.00 %)") && host.contains("25 % (100 of 400 us)"), "{host}");
+        let met = find(&table, "Panda loop, under load");
+        assert_eq!((met.verdict, met.host.as_ref()), (Verdict::Met, None));
+    }
+
+    #[test]
+    fn the_overhead_of_a_worker_is_what_a_chain_takes_beyond_its_hops() {
+        let table =
+            targets(&[measured("chain.8", 35_000, 0, 0), measured("hop.blocking.same.512", 4_200, 0, 0)]);
+        let overhead = find(&table, "worker overhead").measured.unwrap();
+        assert!((overhead - 0.8).abs() < 1e-9, "{overhead}");
+    }
+}

@@ -1,0 +1,190 @@
+//! `motorium bench latency`: floors of the machine, motorium and peers side by side.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_benches::MeasureError;
+use motorium_benches::host::Machine;
+use motorium_benches::latency::{
+    Bench, Case, Measurement, Skipped, VERSION, Written, catalogue, plot, targets,
+};
+use motorium_benches::timer::Places;
+
+use super::{peers, ratchet, table};
+use crate::{exit, registry, style};
+
+/// `SCHED_FIFO` priority of what is measured: that of the fastest component of a graph.
+const FIFO: u8 = 80;
+
+/// Floors of the machine, motorium and peers side by side.
+///
+/// Measures in one run how fast this machine can hand over at all (a cache line, a futex, a timer), how fast motorium
+/// does, and says which targets are met. Nothing is trimmed: the maximum is the longest there was.
+///
+/// Example: motorium bench latency --json bench.json --svg bench.svg
+#[derive(Debug, clap::Args)]
+pub(crate) struct Latency {
+    /// Write the raw histograms, the machine and the table of targets to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw latency against percentile into this file
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Measure only these: names as in the table, or their beginnings up to a dot, such as `hop.blocking`
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    only: Vec<String>,
+    /// Samples of each hop
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
+    samples: Option<u32>,
+    /// Fewer and shorter: what the targets of hops, releases and the chain of 4 need, in well under a minute
+    #[arg(long)]
+    quick: bool,
+    /// Measure other systems too, as far as they are installed (see benches/peers)
+    #[arg(long)]
+    peers: bool,
+    /// Fail (exit code 6) when hops or releases are plainly slower than they were, by ratios to the floors of this run
+    #[arg(long, conflicts_with_all = ["only", "peers", "json", "svg", "samples", "quick"])]
+    ratchet: bool,
+}
+
+impl Latency {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let registry = registry::registry();
+        let bench = Bench {
+            program: std::env::current_exe().context("finding this program's own file")?,
+            registry: &registry,
+            places: Places::detect(),
+            fifo: FIFO,
+            samples: self
+                .samples
+                .map_or(if self.quick { 20_000 } else { 100_000 }, |samples| samples as usize),
+            seconds: if self.quick { 2 } else { 6 },
+        };
+        if self.ratchet {
+            return ratchet::run(&bench);
+        }
+        let cases = self.choose()?;
+        let machine = Machine::detect();
+        anstream::println!("{} {machine}\n", style::strong("machine:"));
+        let mut written = Written {
+            version: VERSION,
+            machine,
+            denied: Vec::new(),
+            measurements: Vec::new(),
+            skipped: Vec::new(),
+            targets: Vec::new(),
+        };
+        anstream::println!("{}", table::header());
+        for turns in cases.chunk_by(|one, next| one.group.is_some() && one.group == next.group) {
+            let measured = match turns {
+                [case] => vec![bench.measure(case)],
+                cases => bench.measure_in_turns(cases),
+            };
+            for (case, measured) in turns.iter().zip(measured) {
+                match measured {
+                    Ok(measurement) => keep(&mut written.measurements, measurement),
+                    Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
+                    Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
+                }
+            }
+        }
+        if self.peers {
+            let (measured, skipped) = peers::measure();
+            measured.into_iter().for_each(|measurement| keep(&mut written.measurements, measurement));
+            written.skipped.extend(skipped);
+        }
+        written.denied = denied(&written.measurements);
+        written.targets = targets(&written.measurements);
+        anstream::print!("{}", table::closing(&written));
+        if let Some(file) = &self.json {
+            let text = serde_json::to_string(&written)?;
+            std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
+        }
+        if let Some(file) = &self.svg {
+            let drawn = drawn(&written.measurements, self.only.is_empty());
+            let text = plot(&format!("Latency: {}", written.machine), &drawn);
+            std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
+        }
+        Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+
+    /// What to measure, in the order of the catalogue, those that are compared with each other side by side.
+    fn choose(&self) -> anyhow::Result<Vec<Case>> {
+        let all = catalogue();
+        if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
+            let names: Vec<&str> = all.iter().map(|case| case.name.as_str()).collect();
+            anyhow::bail!("nothing is named `{word}`; there are {}", names.join(", "));
+        }
+        let meant = |case: &Case| match self.only.as_slice() {
+            [] => case.quick || !self.quick,
+            words => words.iter().any(|word| case.is_meant_by(word)),
+        };
+        let mut cases: Vec<Case> = all.into_iter().filter(meant).collect();
+        let firsts: Vec<usize> = cases
+            .iter()
+            .enumerate()
+            .map(|(i, case)| {
+                let first = cases.iter().position(|first| first.group == case.group);
+                if case.group.is_some() { first.unwrap_or(i) } else { i }
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..cases.len()).collect();
+        order.sort_by_key(|i| firsts[*i]);
+        cases = order.into_iter().map(|i| cases[i].clone()).collect();
+        Ok(cases)
+    }
+}
+
+fn keep(measurements: &mut Vec<Measurement>, measurement: Measurement) {
+    anstream::println!("{}", table::row(&measurement));
+    measurements.push(measurement);
+}
+
+fn skipped(name: &str, reason: &str) -> Skipped {
+    anstream::eprintln!("{} {name}: {reason}", style::warning("not measured:"));
+    Skipped { name: name.to_string(), reason: reason.to_string() }
+}
+
+/// What the system denied: figures without real-time priority say little about a robot.
+fn denied(measurements: &[Measurement]) -> Vec<String> {
+    let is_ours =
+        |m: &&Measurement| !m.name.starts_with("peer.") && m.name != "floor.clock" && m.name != "panda";
+    let without: Vec<&str> = measurements
+        .iter()
+        .filter(is_ours)
+        .filter(|measurement| measurement.fifo == 0)
+        .map(|measurement| measurement.name.as_str())
+        .collect();
+    if without.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "SCHED_FIFO {FIFO} was denied to {}: these figures are those of normal time sharing; `motorium doctor` says \
+         what to change",
+        without.join(", ")
+    )]
+}
+
+/// The curves worth drawing side by side: all that was asked for, or the choice that the targets compare.
+fn drawn(measurements: &[Measurement], choice: bool) -> Vec<&Measurement> {
+    let compared = [
+        "floor.cache-line",
+        "floor.timer",
+        "floor.futex.same",
+        "floor.futex.across",
+        "hop.polling.across.512",
+        "hop.blocking.same.512",
+        "hop.blocking.across.512",
+        "iceoryx2.same.512",
+        "iceoryx2.across.512",
+        "release.1khz",
+        "chain.4",
+        "chain.17",
+        "panda",
+        "panda.loaded",
+    ];
+    let is_drawn =
+        |m: &&Measurement| !choice || compared.contains(&m.name.as_str()) || m.name.starts_with("peer.");
+    measurements.iter().filter(is_drawn).collect()
+}

@@ -1,0 +1,28 @@
+//! `motorium bench`: measures motorium on this machine.
+
+mod latency;
+mod peers;
+mod ratchet;
+mod table;
+
+use std::process::ExitCode;
+
+/// Measures motorium on this machine
+#[derive(Debug, clap::Args)]
+pub(crate) struct Bench {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    Latency(latency::Latency),
+}
+
+impl Bench {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.what {
+            What::Latency(latency) => latency.run(),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The table of what was measured, line by line as it comes, and the table of targets.
+
+use std::fmt::Write as _;
+
+use comfy_table::CellAlignment;
+use motorium_benches::latency::{Measurement, Target, Verdict, Written};
+
+use crate::{report, style};
+
+const NAME: usize = 27;
+const WHAT: usize = 56;
+
+/// The head of the table.
+pub(super) fn header() -> String {
+    let columns = ["p50", "p99", "p99.9", "max"].map(|column| format!("{column:>9}")).join(" ");
+    style::strong(format!("{:NAME$} {columns} {:>9}  us; what", "name", "samples")).to_string()
+}
+
+/// One measurement.
+pub(super) fn row(measurement: &Measurement) -> String {
+    let ns = &measurement.ns;
+    let columns = [ns.p50, ns.p99, ns.p99_9, ns.max].map(|ns| format!("{:>9}", microseconds(ns))).join(" ");
+    let mut line =
+        format!("{:NAME$} {columns} {:>9}  {:WHAT$}", measurement.name, ns.count, measurement.what);
+    if measurement.host.steal_ms > 0.0 {
+        let _ = write!(line, " steal {:.2} %", 100.0 * measurement.host.steal_share);
+    }
+    line.trim_end().to_string()
+}
+
+/// A duration in microseconds: nanoseconds matter below ten.
+fn microseconds(ns: u64) -> String {
+    match ns {
+        ..10_000 => format!("{:.3}", ns as f64 * 1e-3),
+        10_000..1_000_000 => format!("{:.1}", ns as f64 * 1e-3),
+        1_000_000.. => format!("{:.0}", ns as f64 * 1e-3),
+    }
+}
+
+/// What follows the measurements: what was denied and left out, and the targets.
+pub(super) fn closing(written: &Written) -> String {
+    let mut text = String::new();
+    for denied in &written.denied {
+        let _ = writeln!(text, "\n{} {denied}", style::warning("denied:"));
+    }
+    for skipped in &written.skipped {
+        let _ = writeln!(text, "{} {}: {}", style::dim("not measured:"), skipped.name, skipped.reason);
+    }
+    let mut table = report::table(["target", "at most", "measured", ""]);
+    let mut why = String::new();
+    for target in &written.targets {
+        let word = match target.verdict {
+            Verdict::Met => style::good("met"),
+            Verdict::Missed => style::error("missed"),
+            Verdict::NotMeasured => style::dim("not measured"),
+        };
+        let measured = target.measured.map_or("-".to_string(), |value| with_unit(value, target));
+        let cells = [target.what.clone(), with_unit(target.at_most, target), measured, word.to_string()];
+        table.add_row(cells);
+        if let Some(host) = &target.host {
+            let _ = writeln!(why, "missed: {}: {host}", target.what);
+        }
+    }
+    for column in table.column_iter_mut().skip(1).take(2) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    let _ = write!(text, "\n{}\n{why}", table.trim_fmt());
+    text
+}
+
+fn with_unit(value: f64, target: &Target) -> String {
+    let number = match value.abs() {
+        x if x >= 100.0 => format!("{value:.0}"),
+        x if x >= 0.1 => format!("{value:.2}"),
+        _ => format!("{value:.4}"),
+    };
+    format!("{number} {}", target.unit).trim_end().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium_benches::Distribution;
+    use motorium_benches::host::{HostShare, Machine};
+    use motorium_benches::latency::{Skipped, VERSION, targets};
+
+    use super::*;
+
+    fn measured(name: &str, p50: u64) -> Measurement {
+        Measurement {
+            name: name.to_string(),
+            what: "something".to_string(),
+            ns: Distribution {
+                count: 10,
+                p50,
+                p99: p50,
+                p99_9: p50,
+                max: 12_345_678,
+                ..Distribution::default()
+            },
+            fifo: 80,
+            host: HostShare { seconds: 1.0, steal_ms: 20.0, steal_share: 0.01 },
+            slices_p50: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_row_shows_every_percentile_up_to_the_maximum_and_what_the_host_took() {
+        let row = row(&measured("hop.x", 1_234));
+        let words: Vec<&str> = row.split_whitespace().collect();
+        assert_eq!(words[..6], ["hop.x", "1.234", "1.234", "1.234", "12346", "10"]);
+        assert!(row.ends_with("steal 1.00 %"), "{row}");
+    }
+
+    #[test]
+    fn the_table_says_plainly_which_targets_are_met_missed_and_not_measured() {
+        let measurements = vec![
+            measured("hop.blocking.same.512", 4_000),
+            measured("floor.futex.same", 2_000),
+            measured("iceoryx2.same.512", 9_000),
+        ];
+        let written = Written {
+            version: VERSION,
+            machine: Machine::default(),
+            denied: vec!["SCHED_FIFO 80 was denied".to_string()],
+            targets: targets(&measurements),
+            measurements,
+            skipped: vec![Skipped { name: "peer.lcm".to_string(), reason: "not installed".to_string() }],
+        };
+        let text = anstream::adapter::strip_str(&closing(&written)).to_string();
+        let line = |what: &str| text.lines().find(|line| line.contains(what)).unwrap().to_string();
+        assert!(line("raw futex hand-off").ends_with("1.25      2.00  missed"), "{text}");
+        assert!(line("stock iceoryx2").ends_with("0.50      0.44  met"), "{text}");
+        assert!(line("caterpillar").ends_with("not measured"), "{text}");
+        assert!(text.contains("denied: SCHED_FIFO 80 was denied"), "{text}");
+        assert!(text.contains("not measured: peer.lcm: not installed"), "{text}");
+        assert!(text.contains("missed: blocking hop, one core"), "{text}");
+        assert!(text.contains("host took 20 ms"), "{text}");
+    }
+}

@@ -1,0 +1,101 @@
+//! `motorium bench latency`: its table, its file and its picture, from a short real run.
+
+mod program;
+
+use std::process::Output;
+
+use serde_json::Value as Json;
+
+fn bench(arguments: &[&str]) -> Output {
+    program::run(&[&["bench", "latency"], arguments].concat())
+}
+
+fn text(output: &[u8]) -> String {
+    String::from_utf8_lossy(output).into_owned()
+}
+
+#[test]
+fn a_short_run_leaves_every_sample_in_its_file_its_picture_and_the_filled_table() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (json, svg) = (folder.path().join("bench.json"), folder.path().join("bench.svg"));
+    let names = ["floor.clock", "floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"];
+    let mut arguments = vec!["--samples", "2000", "--json", json.to_str().expect("a plain path")];
+    arguments.extend(["--svg", svg.to_str().expect("a plain path"), "--quick", "--only"]);
+    arguments.extend(names);
+    let output = bench(&arguments);
+    let table = text(&output.stdout);
+    assert!(output.status.success(), "{table}{}", text(&output.stderr));
+    for name in names {
+        assert!(table.lines().any(|line| line.starts_with(name)), "no line of {name}:\n{table}");
+    }
+
+    let written: Json = serde_json::from_slice(&std::fs::read(json).expect("a file")).expect("it is JSON");
+    assert_eq!(written["version"], 1);
+    assert!(written["machine"]["kernel"].as_str().is_some_and(|kernel| !kernel.is_empty()));
+    let measurements = written["measurements"].as_array().expect("measurements");
+    for name in names {
+        let is_it = |m: &&Json| m["name"] == name;
+        let ns =
+            &measurements.iter().find(is_it).unwrap_or_else(|| panic!("{name} is not in the file"))["ns"];
+        let count = ns["count"].as_u64().expect("a count");
+        assert!(count >= 2_000, "{name}: {count} samples");
+        let buckets = ns["buckets"].as_array().expect("the raw histogram");
+        let gathered: u64 = buckets.iter().filter_map(|bucket| bucket[1].as_u64()).sum();
+        assert_eq!(gathered, count, "{name}: every sample is in the histogram");
+        let percentile = |key: &str| ns[key].as_u64().expect("a percentile");
+        let rising = ["p50", "p99", "p99_9", "max"].map(percentile);
+        assert!(rising.is_sorted() && rising[0] > 0, "{name}: {rising:?}");
+        let last = buckets.last().and_then(|bucket| bucket[0].as_u64()).expect("a last bucket");
+        assert!(last >= rising[3], "{name}: the longest of {} lies beyond {last}", rising[3]);
+    }
+    // What was compared is decided, all else is open; the words say the same as the file.
+    for target in written["targets"].as_array().expect("targets") {
+        let (what, verdict) =
+            (target["what"].as_str().expect("words"), target["verdict"].as_str().expect("one"));
+        match target["measured"].as_f64() {
+            None => assert_eq!(verdict, "not_measured", "{what}"),
+            Some(value) => {
+                let met = value <= target["at_most"].as_f64().expect("a number");
+                assert_eq!(verdict, if met { "met" } else { "missed" }, "{what}");
+            }
+        }
+        assert!(table.contains(what), "{what}");
+    }
+    let decided = written["targets"].as_array().expect("targets").iter().filter(|t| !t["measured"].is_null());
+    assert_eq!(decided.count(), 2, "to the futex and to stock iceoryx2");
+
+    let picture = std::fs::read_to_string(svg).expect("a picture");
+    let document = roxmltree::Document::parse(&picture).expect("it is XML");
+    let curves = document.descendants().filter(|node| node.has_tag_name("polyline")).count();
+    assert_eq!(curves, names.len());
+}
+
+#[test]
+fn a_chain_of_real_processes_is_measured_from_end_to_end() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let json = folder.path().join("bench.json");
+    let output = bench(&["--quick", "--only", "chain.2", "--json", json.to_str().expect("a plain path")]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let written: Json = serde_json::from_slice(&std::fs::read(json).expect("a file")).expect("it is JSON");
+    let chain =
+        written["measurements"].as_array().expect("measurements").iter().find(|m| m["name"] == "chain.2");
+    let count = chain.expect("the chain")["ns"]["count"].as_u64().expect("a count");
+    assert!(count > 500, "{count} samples of two seconds at 1 kHz");
+}
+
+#[test]
+fn a_name_that_does_not_exist_is_answered_with_those_that_do() {
+    let output = bench(&["--only", "hop.teleport"]);
+    assert!(!output.status.success());
+    let words = text(&output.stderr);
+    assert!(
+        words.contains("nothing is named `hop.teleport`") && words.contains("hop.blocking.same.512"),
+        "{words}"
+    );
+}
+
+#[test]
+fn the_ratchet_takes_no_other_options() {
+    let output = bench(&["--ratchet", "--quick"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
