@@ -368,3 +368,49 @@ fn the_panda_at_home_stands_free_of_itself() {
     let met = collisions.colliding(&solids, 0.0);
     assert!(met.is_none(), "{:?} {met:?}", met.map(|met| solids.pair_links(met.pair)));
 }
+
+/// `MOTORIUM_EXAMPLE_ROBOT_DATA`: the folder of the robots of the PyPI package example-robot-data.
+#[test]
+fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
+    let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA").map(std::path::PathBuf::from) else {
+        println!("skipped: set MOTORIUM_EXAMPLE_ROBOT_DATA to the robots of example-robot-data");
+        return;
+    };
+    let mut options = LoadOptions { base: BaseMode::Floating, ..LoadOptions::default() };
+    options.packages.folders = folder.ancestors().map(std::path::Path::to_owned).collect();
+    let model = load_with("talos_data/robots/talos_reduced.urdf", &folder, &options).unwrap().model;
+    let text = std::fs::read_to_string(folder.join("talos_data/srdf/talos.srdf")).unwrap();
+    let srdf = Srdf::parse(&text).unwrap();
+    // The posture that the file calls half sitting.
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let posture = document.descendants().find(|node| node.attribute("name") == Some("half_sitting")).unwrap();
+    let mut q = model.neutral();
+    for joint in posture.children().filter(|child| child.has_tag_name("joint")) {
+        if let Some(index) = model.joint_index(joint.attribute("name").unwrap()) {
+            q[7 + index] = joint.attribute("value").unwrap().parse().unwrap();
+        }
+    }
+    let options = CollisionOptions { srdf, leave_out_defects: true, ..CollisionOptions::default() };
+    let capsules = CollisionOptions { meshes: MeshMode::Capsule, ..options.clone() };
+    let mut found = Vec::new();
+    for options in [options, capsules] {
+        let solids = CollisionModel::new(&model, &options).unwrap();
+        println!("{:?}: {} solids, {} pairs", options.meshes, solids.solid_count(), solids.pairs().len());
+        assert!(solids.pairs().len() > 100 && solids.left_out().is_empty(), "{:?}", solids.left_out());
+        let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+        kinematics.update(&model, &q);
+        collisions.update(&solids, &kinematics);
+        let start = std::time::Instant::now();
+        let near = collisions.within(&solids, 0.1).len();
+        println!("{near} pairs within 0.1 m in {:?}", start.elapsed());
+        let nearest = collisions.nearest(&solids).unwrap();
+        println!("nearest {:?} {:.4}", solids.pair_links(nearest.pair), nearest.distance);
+        let all = (0..solids.pairs().len()).map(|pair| collisions.distance(&solids, pair).distance);
+        found.push(all.collect::<Vec<_>>());
+    }
+    // Capsules hold their meshes: they are never farther apart.
+    assert!(found[0].iter().zip(&found[1]).all(|(hull, capsule)| *capsule <= hull + 1e-6));
+    // Hulls fill the hollows of their meshes: a few links that nestle into each other overlap then.
+    let overlaps = found[0].iter().filter(|distance| **distance <= 0.0).count();
+    assert!(overlaps < found[0].len() / 100, "{overlaps} of {}", found[0].len());
+}

@@ -20,8 +20,8 @@ pub struct CollisionOptions {
     pub adjacent: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Leave out shapes that cannot be used, such as meshes that are nowhere, instead of refusing the robot.
-    /// [`CollisionModel::left_out`] names them.
+    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist, instead
+    /// of refusing the robot. [`CollisionModel::left_out`] names them.
     pub leave_out_defects: bool,
 }
 
@@ -128,24 +128,27 @@ impl CollisionModel {
             }
         }
         built.robot_solids = built.solids.len();
-        built.check_rules(model, &options.srdf)?;
+        built.check_rules(model, options)?;
         built.choose_pairs(model, options);
         built.share_surfaces();
         Ok(built)
     }
 
-    fn check_rules(&self, model: &Model, rules: &Srdf) -> Result<(), CollisionError> {
+    fn check_rules(&mut self, model: &Model, options: &CollisionOptions) -> Result<(), CollisionError> {
         let known: HashSet<&str> = model.frames().iter().map(|frame| frame.name.as_str()).collect();
-        let mut links: Vec<_> = rules.links().into_iter().filter(|link| !known.contains(link)).collect();
-        links.sort_unstable();
-        match links.first() {
-            None => Ok(()),
-            Some(link) => Err(CollisionError::UnknownLink {
-                robot: model.name().to_owned(),
-                link: (*link).to_owned(),
-                nearest: nearest(link, known).map(str::to_owned),
-            }),
+        let links = options.srdf.links();
+        let mut unknown: Vec<_> = links.into_iter().filter(|link| !known.contains(link)).collect();
+        unknown.sort_unstable();
+        let mut errors = unknown.into_iter().map(|link| CollisionError::UnknownLink {
+            robot: model.name().to_owned(),
+            link: link.to_owned(),
+            nearest: nearest(link, known.iter().copied()).map(str::to_owned),
+        });
+        if options.leave_out_defects {
+            self.left_out.extend(errors);
+            return Ok(());
         }
+        errors.next().map_or(Ok(()), Err)
     }
 
     fn choose_pairs(&mut self, model: &Model, options: &CollisionOptions) {
@@ -247,7 +250,7 @@ impl CollisionModel {
         self.pairs[index].map(|solid| self.link(solid))
     }
 
-    /// Shapes left out because they cannot be used.
+    /// Shapes and rules left out because they cannot be used.
     pub fn left_out(&self) -> &[CollisionError] {
         &self.left_out
     }
