@@ -7,6 +7,7 @@ mod draw;
 mod loading;
 mod new;
 mod param;
+mod primitive;
 mod run;
 mod runs;
 mod schema;
@@ -36,6 +37,7 @@ enum Command {
     Graph(draw::Draw),
     Topic(topic::Topic),
     Param(param::Param),
+    Primitive(primitive::PrimitiveCommand),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     New(new::New),
@@ -51,6 +53,7 @@ impl Cli {
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
+            Some(Command::Primitive(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
