@@ -8,6 +8,7 @@
 //! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: a hand led through a sequence of poses by them.
 //! - [`rotation`]: the exponential map they stand on.
+//! - [`recording`]: recorded movements: CSV, JSON, topics as they are printed.
 //! - [`file`]: primitives in files.
 //! - [`component`]: the components of graphs, `policy.dmp`, `policy.promp` and `policy.cpg`. Nothing else here knows the
 //!   runtime.
@@ -44,6 +45,7 @@ pub mod learning;
 pub mod library;
 pub mod promp;
 pub mod reach;
+pub mod recording;
 pub mod regression;
 pub mod rotation;
 

@@ -311,9 +311,9 @@ fn a_runner_leaves_where_it_is_without_a_jump_and_arrives_where_the_mean_does() 
     let mut before = runner.position().to_vec();
     for k in 1..=2000 {
         runner.step(1e-3);
-        for d in 0..2 {
-            let slope = (runner.position()[d] - before[d]) / 1e-3;
-            assert!((slope - runner.velocity()[d]).abs() < 0.3, "step {k}: {slope} {}", runner.velocity()[d]);
+        for (now, (before, velocity)) in runner.position().iter().zip(before.iter().zip(runner.velocity())) {
+            let slope = (now - before) / 1e-3;
+            assert!((slope - velocity).abs() < 0.3, "step {k}: {slope} {velocity}");
         }
         before.copy_from_slice(runner.position());
         if k > 700 && k < 2000 {

@@ -10,6 +10,7 @@ mod library;
 mod loading;
 mod new;
 mod param;
+mod primitive;
 mod reproduce;
 mod robot;
 mod run;
@@ -47,6 +48,7 @@ enum Command {
     Param(param::Param),
     Bench(bench::Bench),
     Robot(robot::Robot),
+    Primitive(primitive::PrimitiveCommand),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     Library(library::Library),
@@ -68,6 +70,7 @@ impl Cli {
             Some(Command::Param(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
+            Some(Command::Primitive(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::Library(command)) => command.run(),

@@ -34,7 +34,7 @@ pub struct ProMpPolicyConfig {
     #[serde(default)]
     pub via: Vec<ViaConfig>,
     /// Time of a movement, such as "2 s". Default: that of the demonstrations.
-    #[serde(default, deserialize_with = "optional_time")]
+    #[serde(default, deserialize_with = "super::config::optional_time")]
     #[schemars(with = "Option<TimeSpan>")]
     pub duration: Option<Duration>,
     /// Time to stay at the end of a movement, such as "500 ms". Default none.
@@ -74,10 +74,6 @@ pub struct ViaConfig {
 
 fn precise() -> f64 {
     1e-3
-}
-
-fn optional_time<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Duration>, D::Error> {
-    super::config::time(deserializer).map(Some)
 }
 
 /// Moves joints along the mean of a probabilistic primitive, conditioned on the places it is to pass.
