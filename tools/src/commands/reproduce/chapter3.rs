@@ -26,7 +26,7 @@ pub(super) struct Chapter3 {
     #[arg(long, default_value_t = 10)]
     searches: usize,
     /// Epochs of the network that sees letters
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 220)]
     epochs: usize,
     /// Print as JSON
     #[arg(long)]

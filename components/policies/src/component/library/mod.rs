@@ -3,6 +3,7 @@
 mod config;
 mod episode;
 mod messages;
+mod outcome;
 mod picture;
 mod plane;
 mod signal;
@@ -18,7 +19,7 @@ use motorium::state::{JointState, PoseTarget};
 use motorium::worker::{Input, Output, Parameter, Setup};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::library::{Generator, MotionLibrary, Superposition};
+use crate::library::{Generator, MotionLibrary};
 use crate::reach::Repeat;
 use episode::{Current, Planned, Stage, ease, plan};
 use plane::Plane;
@@ -58,6 +59,8 @@ pub struct LibraryPolicy {
     begun: u64,
     on_request: bool,
     orientation: UnitQuaternion<f64>,
+    /// The point of the last target.
+    published: Vector3<f64>,
     /// Where the transit began, in space or in joints.
     from: Vec<f64>,
     position: Vec<f64>,
@@ -85,8 +88,8 @@ impl Component for LibraryPolicy {
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         let library = source::load(config, Some(&robot.base))?;
-        entries(config, &library)?;
-        check(config, &library)?;
+        source::entries(config, &library)?;
+        source::check(config, &library)?;
         if let Some(hand) = &config.hand {
             Plane::new(hand, &library)?;
             Hand::new(&robot, hand.frame.as_deref())?;
@@ -124,7 +127,7 @@ impl Component for LibraryPolicy {
     fn configure(config: LibraryPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let library = source::load(&config, Some(&robot.base))?;
-        let planned = plan(&library, &entries(&config, &library)?, &config.terms, config.duration);
+        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, config.duration);
         let dofs = library.layout().dofs();
         let period = setup.period().as_secs_f64();
         let (mut hand, mut joints) = (None, Vec::new());
@@ -157,6 +160,7 @@ impl Component for LibraryPolicy {
             begun: 0,
             on_request: false,
             orientation: UnitQuaternion::identity(),
+            published: Vector3::zeros(),
             from: vec![0.0; dofs.max(3)],
             position: vec![0.0; dofs],
             velocity: vec![0.0; dofs],
@@ -193,77 +197,8 @@ impl Component for LibraryPolicy {
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let metres = self.hand.as_ref().map(|(_, plane)| *plane);
-        let mut by_terms = serde_json::Map::new();
-        let mut movements = Vec::new();
-        for (planned, trace) in self.planned.iter().zip(&self.traces) {
-            let scale = metres.map_or(1.0, |mut plane| {
-                plane.fit(&self.library, planned.entry);
-                plane.scale()
-            });
-            let errors = trace.errors(&self.library, planned).map(|error| error.map(|error| error * scale));
-            let [generated, tracking, path] = errors;
-            by_terms.insert(planned.terms.to_string(), serde_json::json!(generated));
-            movements.push(serde_json::json!({
-                "movement": planned.name,
-                "terms": planned.terms,
-                "generated_error": generated,
-                "tracking_error": tracking,
-                "path_error": path,
-            }));
-        }
-        let seen: Vec<_> = self
-            .seen
-            .iter()
-            .map(|(movement, label, novelty)| {
-                serde_json::json!({ "movement": movement, "label": messages::text(label), "novelty": novelty })
-            })
-            .collect();
-        Some(serde_json::json!({
-            "movements_begun": self.begun,
-            "finished": self.stage == Stage::Finished,
-            "path_error_by_terms": by_terms,
-            "movements": movements,
-            "recognised": seen,
-            "picture": self.picture,
-        }))
+        Some(self.outcome())
     }
-}
-
-/// The movements that are named in the configuration.
-fn entries(
-    config: &LibraryPolicyConfig,
-    library: &MotionLibrary,
-) -> Result<Vec<(usize, String)>, ConfigError> {
-    if config.movements.is_empty() {
-        return Err(ConfigError::key("movements", "there is none, expected at least one label or id"));
-    }
-    let named = config.movements.iter().enumerate();
-    named
-        .map(|(k, name)| Ok((source::find(library, name, &format!("movements[{k}]"))?, name.clone())))
-        .collect()
-}
-
-fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Result<(), ConfigError> {
-    if let Some(terms) = config.terms.iter().find(|terms| **terms == 0 || **terms > library.rank()) {
-        let message = format!("{terms} eigenforces, the library has {}", library.rank());
-        return Err(ConfigError::key("terms", message));
-    }
-    let r = &config.recognition;
-    for (key, value, least) in [
-        ("duration", config.duration.unwrap_or(1.0), 1e-3),
-        ("transit", config.transit, 1e-3),
-        ("rest", config.rest, 0.0),
-        ("recognition.still", r.still, 0.0),
-        ("recognition.pause", r.pause, 1e-3),
-        ("recognition.longest", r.longest, 1e-2),
-        ("rate", config.rate, 1e-6),
-    ] {
-        if !(value.is_finite() && value >= least) {
-            return Err(ConfigError::key(key, format!("{value}, expected at least {least}")));
-        }
-    }
-    Ok(())
 }
 
 impl LibraryPolicy {
@@ -364,7 +299,7 @@ impl LibraryPolicy {
             self.current.set(&planned.movement.weights);
         }
         if let Some((_, plane)) = &mut self.hand {
-            plane.fit(&self.library, entry);
+            plane.fit(entry);
         }
     }
 
@@ -388,6 +323,9 @@ impl LibraryPolicy {
             let count = if count == 0 { rank } else { count };
             self.current.set(&self.library.weights().column(entry).as_slice()[..count]);
             self.current.set_frame(&self.library.entries()[entry].frame);
+            if let Some((_, plane)) = &mut self.hand {
+                plane.fit(entry);
+            }
         }
         self.on_request = true;
         true
@@ -396,14 +334,9 @@ impl LibraryPolicy {
     /// Sets out for the start of the current movement, from where the policy is, or at first from where the robot is.
     fn set_out(&mut self, pose: &Isometry3<f64>) {
         let first = self.stage == Stage::Waiting;
-        if let Some((_, plane)) = &self.hand {
-            let here = pose.translation.vector;
-            let before = self.index.checked_sub(1).unwrap_or(self.planned.len() - 1);
-            let place = if self.on_request { self.index } else { before };
-            let ended = if first { here } else { plane.point(self.generator.position(), place) };
-            // the plane may have been fitted to another movement since: where the hand is now is where it sets out
-            let from = if (ended - here).norm() < 0.02 { ended } else { here };
-            self.from[..3].copy_from_slice(from.as_slice());
+        if self.hand.is_some() {
+            let here = if first { pose.translation.vector } else { self.published };
+            self.from[..3].copy_from_slice(here.as_slice());
         } else {
             let here = if first { self.measured.as_slice() } else { self.generator.position() };
             self.from[..here.len()].copy_from_slice(here);
@@ -450,6 +383,7 @@ impl LibraryPolicy {
             point = from + way * part + off * bump;
             velocity = (way * slope + off * bump_slope) / self.transit;
         }
+        self.published = point;
         let mut out = target.loan()?;
         *out = PoseTarget {
             position: point.into(),
@@ -460,23 +394,6 @@ impl LibraryPolicy {
             at_goal: u64::from(matches!(self.stage, Stage::Finished)),
         };
         out.publish()
-    }
-
-    fn panels(&self) -> Vec<picture::Panel> {
-        let dofs = self.library.layout().dofs();
-        let pairs = self.planned.iter().zip(&self.traces);
-        pairs
-            .map(|(planned, trace)| {
-                let whole =
-                    Superposition::of(&self.library, planned.entry, self.library.rank()).path(&self.library);
-                let whole =
-                    whole.row_iter().map(|row| [row[0], if dofs > 1 { row[1] } else { 0.0 }]).collect();
-                let [commanded, measured] =
-                    [&trace.commanded, &trace.measured].map(|s| Trace::points(s, dofs));
-                let name = format!("{}, n = {}", planned.name, planned.terms);
-                picture::Panel { name, paths: [whole, commanded, measured] }
-            })
-            .collect()
     }
 }
 

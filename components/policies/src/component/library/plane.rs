@@ -7,7 +7,7 @@ use super::config::HandConfig;
 use crate::library::{MotionLibrary, Superposition};
 
 /// Where a movement of two degrees of freedom is in space.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Plane {
     origin: Vector3<f64>,
     axes: [Vector3<f64>; 2],
@@ -16,7 +16,8 @@ pub(super) struct Plane {
     /// m per unit of the library, and the point of the movement that lies at the origin.
     scale: f64,
     centre: [f64; 2],
-    size: f64,
+    /// Of each movement of the library, when it is made by all eigenforces: scale and centre.
+    fits: Vec<[f64; 3]>,
 }
 
 impl Plane {
@@ -41,22 +42,20 @@ impl Plane {
             return Err(ConfigError::key("hand.y_axis", "the axes are not at right angles"));
         }
         let (origin, axes) = (Vector3::from(config.origin), [x.normalize(), y.normalize()]);
-        let (pitch, lift, size) = (config.pitch, config.lift, config.size);
-        Ok(Self { origin, axes, pitch, lift, scale: 1.0, centre: [0.0; 2], size })
+        let (pitch, lift) = (config.pitch, config.lift);
+        let fits = (0..library.entries().len()).map(|entry| fit(library, entry, config.size)).collect();
+        Ok(Self { origin, axes, pitch, lift, scale: 1.0, centre: [0.0; 2], fits })
     }
 
-    /// Fits a movement, made with all eigenforces, into the size.
-    pub(super) fn fit(&mut self, library: &MotionLibrary, entry: usize) {
-        let path = Superposition::of(library, entry, library.rank()).path(library);
-        let range = |d: usize| (path.column(d).min(), path.column(d).max());
-        let (x, y) = (range(0), range(1));
-        self.centre = [0.5 * (x.0 + x.1), 0.5 * (y.0 + y.1)];
-        self.scale = self.size / (x.1 - x.0).max(y.1 - y.0).max(1e-9);
+    /// From now on for this movement of the library.
+    pub(super) fn fit(&mut self, entry: usize) {
+        let [scale, x, y] = self.fits[entry];
+        (self.scale, self.centre) = (scale, [x, y]);
     }
 
-    /// m per unit of the library.
-    pub(super) fn scale(&self) -> f64 {
-        self.scale
+    /// m per unit of the library, for a movement.
+    pub(super) fn scale_of(&self, entry: usize) -> f64 {
+        self.fits[entry][0]
     }
 
     /// The point of a position in the library, in the `place`-th movement from the origin.
@@ -80,4 +79,13 @@ impl Plane {
     pub(super) fn normal(&self) -> Vector3<f64> {
         self.axes[0].cross(&self.axes[1])
     }
+}
+
+/// Scale and centre that bring a movement, made by all eigenforces, to a size.
+fn fit(library: &MotionLibrary, entry: usize, size: f64) -> [f64; 3] {
+    let path = Superposition::of(library, entry, library.rank()).path(library);
+    let range = |d: usize| (path.column(d).min(), path.column(d).max());
+    let (x, y) = (range(0), range(1));
+    let scale = size / (x.1 - x.0).max(y.1 - y.0).max(1e-9);
+    [scale, 0.5 * (x.0 + x.1), 0.5 * (y.0 + y.1)]
 }

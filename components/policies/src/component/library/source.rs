@@ -49,3 +49,38 @@ pub(super) fn find(library: &MotionLibrary, name: &str, key: &str) -> Result<usi
         ConfigError::key(key, message).advise(format!("its labels are {}", labels.join(", ")))
     })
 }
+
+/// The movements that are named in the configuration.
+pub(super) fn entries(
+    config: &LibraryPolicyConfig,
+    library: &MotionLibrary,
+) -> Result<Vec<(usize, String)>, ConfigError> {
+    if config.movements.is_empty() {
+        return Err(ConfigError::key("movements", "there is none, expected at least one label or id"));
+    }
+    let named = config.movements.iter().enumerate();
+    named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone()))).collect()
+}
+
+/// Checks the numbers of a configuration.
+pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Result<(), ConfigError> {
+    if let Some(terms) = config.terms.iter().find(|terms| **terms == 0 || **terms > library.rank()) {
+        let message = format!("{terms} eigenforces, the library has {}", library.rank());
+        return Err(ConfigError::key("terms", message));
+    }
+    let r = &config.recognition;
+    for (key, value, least) in [
+        ("duration", config.duration.unwrap_or(1.0), 1e-3),
+        ("transit", config.transit, 1e-3),
+        ("rest", config.rest, 0.0),
+        ("recognition.still", r.still, 0.0),
+        ("recognition.pause", r.pause, 1e-3),
+        ("recognition.longest", r.longest, 1e-2),
+        ("rate", config.rate, 1e-6),
+    ] {
+        if !(value.is_finite() && value >= least) {
+            return Err(ConfigError::key(key, format!("{value}, expected at least {least}")));
+        }
+    }
+    Ok(())
+}

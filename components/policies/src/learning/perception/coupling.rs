@@ -18,7 +18,7 @@ use crate::library::{
 pub struct Training {
     /// Weights of the library. Default 24.
     pub terms: usize,
-    /// Times that every letter is seen, each time a little changed. Default 100.
+    /// Times that every letter is seen, each time a little changed. Default 220.
     pub epochs: usize,
     /// Letters in a batch. Default 8.
     pub batch: usize,
@@ -26,7 +26,7 @@ pub struct Training {
     pub rate: f32,
     /// Draws the parameters of the network to 0. Default 1e-5.
     pub decay: f32,
-    /// How much the letters are changed: rad and parts. Default 0.06.
+    /// How much the letters are changed: rad and parts. Default 0.08.
     pub augmentation: f64,
     /// Of the network, the order and the changes. Default 1.
     pub seed: u64,
@@ -34,7 +34,7 @@ pub struct Training {
 
 impl Default for Training {
     fn default() -> Self {
-        Self { terms: 24, epochs: 100, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.06, seed: 1 }
+        Self { terms: 24, epochs: 220, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.08, seed: 1 }
     }
 }
 
