@@ -26,7 +26,7 @@ pub(super) use data::Top as Data;
 use order::Order;
 use view::View;
 
-/// Shows how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores, memory.
+/// Show how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores, memory.
 ///
 /// It reads shared memory and /proc from the shared cores. No component waits for it.
 ///
