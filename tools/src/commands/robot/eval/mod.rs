@@ -116,7 +116,7 @@ impl Eval {
         anstream::println!("{}", rows.trim_fmt());
         let apart: Vec<&str> = differences
             .iter()
-            .filter(|(_, (_, worst))| !(*worst <= self.tolerance))
+            .filter(|(_, (_, worst))| *worst > self.tolerance)
             .map(|(name, _)| &**name)
             .collect();
         if apart.is_empty() {
