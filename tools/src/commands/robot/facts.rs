@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let texts = [0.0, 1.0, -2.5, 3.21987654, 1e-5, 100.0, f64::INFINITY].map(short);
-        assert_eq!(texts, ["0", "1", "-2.5", "3.2199", "1.00e-5", "100", "-"]);
+        let texts = [0.0, 1.0, -2.5, 1.234567, 1e-5, 100.0, f64::INFINITY].map(short);
+        assert_eq!(texts, ["0", "1", "-2.5", "1.2346", "1.00e-5", "100", "-"]);
     }
 }
