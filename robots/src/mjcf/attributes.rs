@@ -112,7 +112,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
 
     pub(super) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
         let at = self.document.text_pos_at(node.range().start);
-        MjcfError { file: None, at: Position { line: at.row, column: at.col }, problem }
+        MjcfError { file: None, at: Position { line: at.row, column: at.col }, problem: Box::new(problem) }
     }
 
     /// Exactly `N` numbers.

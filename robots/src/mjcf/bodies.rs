@@ -57,7 +57,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
                 let at = error.pos();
                 let message = error.to_string().replace(&format!(" at {at}"), "");
                 let at = Position { line: at.row, column: at.col };
-                MjcfError { file: None, at, problem: MjcfProblem::Xml(message) }
+                MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
             })?;
     let attributes = Attributes::new(&document)?;
     let root = document.root_element();

@@ -14,7 +14,7 @@ pub struct MjcfError {
     /// The element at fault.
     pub at: Position,
     /// What is wrong.
-    pub problem: MjcfProblem,
+    pub problem: Box<MjcfProblem>,
 }
 
 impl fmt::Display for MjcfError {
