@@ -141,6 +141,31 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
     assert_eq!((policy.allocations, policy.errors), (Some(0), 0));
 }
 
+/// Noise at the ends says nothing of velocity and acceleration there, where one-sided differences are all there is.
+#[test]
+fn noise_at_the_beginning_of_a_recording_does_not_lead_astray() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut state = 12_345_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5) * 2e-4
+    };
+    let mut text = String::from("t,x,y,z\n");
+    for k in 0..=200 {
+        let [x, y, z] = stroke(f64::from(k) * 0.01);
+        text += &format!("{},{},{},{}\n", f64::from(k) * 0.01, x + noise(), y + noise(), z + noise());
+    }
+    let path = folder.path().join("noisy.csv");
+    std::fs::write(&path, text).unwrap();
+    let config = format!(
+        "goals = [{{ shape = {{ demonstration = {{ file = \"{}\", approach = \"1 s\" }} }} }}]",
+        path.display()
+    );
+    let (report, _) = run(&config, "");
+    let error = report.results["policy"]["imitation"]["target"]["largest_path_error_m"].as_f64().unwrap();
+    assert!(error < 2e-3, "off by {error} m, for noise of 0.1 mm");
+}
+
 /// A primitive that sways by `sway` half way.
 fn swaying(folder: &std::path::Path, name: &str, sway: f64, kernels: usize) -> String {
     let positions = DMatrix::from_fn(201, 3, |k, d| {

@@ -70,7 +70,9 @@ impl Demonstrated {
         let (positions, turns) = hand(&recording, config, robot, frame, key)?;
         let duration = recording.duration();
         let demonstration = Demonstration::from_positions(duration, positions.clone())
-            .map_err(|error| ConfigError::key(&file, error.to_string()))?;
+            .map_err(|error| ConfigError::key(&file, error.to_string()))?
+            // as the hand will be
+            .at_rest_at_its_ends();
         let settings = Settings { kernels: config.kernels, ..Settings::default() };
         let model = DmpModel::fit(settings, &[demonstration], Regression::default())
             .map_err(|error| ConfigError::key(format!("{key}.demonstration"), error.to_string()))?;

@@ -104,6 +104,28 @@ impl Demonstration {
         Ok(Self { duration, positions, velocities, accelerations })
     }
 
+    /// The same movement, unaccelerated at its ends.
+    ///
+    /// What a recording says of the acceleration at its ends is mostly noise, and a primitive with a quintic goal plans by it:
+    /// a movement that is to begin unaccelerated must be learned so.
+    #[must_use]
+    pub fn unaccelerated_at_its_ends(mut self) -> Self {
+        let last = self.samples() - 1;
+        self.accelerations.row_mut(0).fill(0.0);
+        self.accelerations.row_mut(last).fill(0.0);
+        self
+    }
+
+    /// The same movement, at rest and unaccelerated at its ends.
+    #[must_use]
+    pub fn at_rest_at_its_ends(self) -> Self {
+        let mut demonstration = self.unaccelerated_at_its_ends();
+        let last = demonstration.samples() - 1;
+        demonstration.velocities.row_mut(0).fill(0.0);
+        demonstration.velocities.row_mut(last).fill(0.0);
+        demonstration
+    }
+
     /// Seconds from the first sample to the last.
     pub fn duration(&self) -> f64 {
         self.duration

@@ -200,8 +200,10 @@ impl Fit {
         let demonstrations = shown
             .demonstrations
             .iter()
-            .map(|(duration, positions)| Demonstration::from_positions(*duration, positions.clone()))
-            .collect::<Result<Vec<_>, _>>()?;
+            .map(|(duration, positions)| {
+                Ok(Demonstration::from_positions(*duration, positions.clone())?.unaccelerated_at_its_ends())
+            })
+            .collect::<anyhow::Result<Vec<_>>>()?;
         let settings = Settings {
             variant: match self.variant.unwrap_or(VariantArg::QuinticGoal) {
                 VariantArg::QuinticGoal => Variant::QuinticGoal,
