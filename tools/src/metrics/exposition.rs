@@ -52,6 +52,9 @@ impl Collector for Collected {
     }
 }
 
+/// Some of the histograms of a component.
+type Durations = fn(&ComponentSample) -> &Snapshot;
+
 /// Families of a sample.
 struct View<'a> {
     plan: &'a Plan,
@@ -101,8 +104,7 @@ impl<'a> View<'a> {
             &Family::plain("component_steps", "Steps done, through restarts."),
             self.each(|c| c.steps),
         )?;
-        type Of = fn(&ComponentSample) -> &Snapshot;
-        let of_steps: [(_, _, _, Of); 3] = [
+        let of_steps: [(_, _, _, Durations); 3] = [
             (
                 ["component_lateness", "component_lateness_max"],
                 "From release or triggering publication to the beginning of the step.",
