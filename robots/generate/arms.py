@@ -217,7 +217,7 @@ The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 
             "ready": dict(zip(arm, UR5E_READY)),
             "travel": dict(zip(arm, [0.0, -2.4, 2.4, -pi / 2, -pi / 2, 0.0])),
         },
-        stiffness=dict(zip(base, [2000, 2000, 800])) | dict(zip(arm, UR5E_STIFFNESS)),
+        stiffness=dict(zip(base, [8000, 8000, 2000])) | dict(zip(arm, UR5E_STIFFNESS)),
         end_effectors={
             "tool": {"frame": "arm_tool0", "joints": arm},
             "tool_with_base": {"frame": "arm_tool0", "joints": base + arm},

@@ -73,7 +73,7 @@ Wheels (radius 0.05 m, 0.1 kg) and how the mass spreads are estimates.
         "base",
         box((0.45, 0.16, 0.07), at=(com_x, 0, com_z), mass=chassis, colour="blue"),
         box((0.04, 0.25, 0.05), at=(0.415, 0, 0), colour="black"),
-        box((0.03, 0.25, 0.03), at=(-0.115, 0, 0.09), colour="black"),
+        box((0.03, 0.25, 0.05), at=(-0.08, 0, 0), colour="black"),
     )
     wheels, steering, stiffness = [], [], {}
     for end, x in (("front", base), ("rear", 0.0)):

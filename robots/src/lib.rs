@@ -18,6 +18,7 @@
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
 //! - Joint damping and friction are read but never part of a dynamics quantity here: they belong to who simulates them.
+//!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};
@@ -35,10 +36,12 @@ mod algebra;
 mod catalogue;
 mod configuration;
 mod dynamics;
+mod geometry;
 mod installed;
 mod inverse_kinematics;
 mod kinematics;
 mod load;
+mod mjcf;
 mod model;
 mod nearest;
 mod profile;
@@ -50,16 +53,21 @@ pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
 };
+pub use geometry::{
+    CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
+    Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
+};
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
-pub use kinematics::{CentreOfMass, Kinematics};
+pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
+pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
-    Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics, JointKind, Limits,
-    Model, Shape, UnknownFrame,
+    AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
+    JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,
 };
 pub use profile::{
-    BaseKind, BasePose, Drive, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin,
+    BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
 };
 pub use spatial::{Reference, Twist};
 pub use urdf::{

@@ -8,8 +8,9 @@ use std::cell::Cell;
 use std::path::Path;
 
 use motorium_robots::{
-    BaseMode, ConstrainedDynamics, Constraint, Derivatives, Dynamics, IkOptions, InverseKinematics,
-    Kinematics, LoadOptions, MimicMode, Reference, load, load_with,
+    BaseMode, CollisionModel, CollisionOptions, Collisions, ConstrainedDynamics, Constraint, Derivatives,
+    Dynamics, IkOptions, InverseKinematics, Kinematics, LoadOptions, MimicMode, Reference, load, load_with,
+    parse_urdf_with,
 };
 use nalgebra::{DMatrix, Matrix6xX, Vector3};
 
@@ -129,4 +130,58 @@ fn nothing_allocates_on_a_floating_base_either() {
     });
     assert_eq!(count, 0);
     assert!(checksum.is_finite() && checksum != 0.0);
+}
+
+#[test]
+fn distances_and_their_jacobians_do_not_allocate_either() {
+    let model = load("panda", Path::new(".")).unwrap().model;
+    let solids =
+        CollisionModel::new(&model, &CollisionOptions { adjacent: true, ..CollisionOptions::default() })
+            .unwrap();
+    let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+    let mut rows = DMatrix::zeros(solids.pairs().len(), model.nv());
+    let (mut deepest, mut found): (f64, usize) = (0.0, 0);
+    let mut run = |range: f64| {
+        for step in 0..100 {
+            let q: [f64; 8] =
+                std::array::from_fn(|joint| (f64::from(step) * 0.37 + joint as f64).sin() * 1.5);
+            kinematics.update(&model, &q);
+            collisions.update(&solids, &kinematics);
+            let nearest = collisions.nearest(&solids).unwrap().distance;
+            deepest = deepest.min(nearest);
+            found += collisions.within(&solids, range).len();
+            solids.distance_jacobians(&model, &kinematics, collisions.found(), &mut rows);
+        }
+    };
+    // Depths search in memory that grows with the hardest case met.
+    run(0.2);
+    assert_eq!(calls(|| run(0.2)), 0);
+    // Overlaps that no radius bridges are among them.
+    assert!(deepest < -0.02 && found > 1000, "{deepest} {found}");
+}
+
+#[test]
+fn capsules_never_allocate_however_deep() {
+    let text = "<robot name=\"r\"><link name=\"a\"><collision><geometry><capsule radius=\"0.1\" length=\"1\"/></geometry>\
+                </collision></link><link name=\"v\"/><link name=\"b\"><collision><geometry><capsule radius=\"0.2\" length=\"1\"/>\
+                </geometry></collision></link>\
+                <joint name=\"p\" type=\"planar\"><parent link=\"a\"/><child link=\"v\"/><axis xyz=\"0 0 1\"/></joint>\
+                <joint name=\"t\" type=\"continuous\"><parent link=\"v\"/><child link=\"b\"/><axis xyz=\"1 0 0\"/></joint></robot>";
+    let model = parse_urdf_with(text, None, &LoadOptions::default()).unwrap().model;
+    let solids =
+        CollisionModel::new(&model, &CollisionOptions { adjacent: true, ..CollisionOptions::default() })
+            .unwrap();
+    let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+    let mut depths = 0;
+    let count = calls(|| {
+        for step in 0..500 {
+            let q: [f64; 4] =
+                std::array::from_fn(|joint| (f64::from(step) * 0.37 + joint as f64).sin() * 0.4);
+            kinematics.update(&model, &q);
+            collisions.update(&solids, &kinematics);
+            depths += usize::from(collisions.colliding(&solids, 0.0).is_some());
+        }
+    });
+    assert_eq!(count, 0);
+    assert!(depths > 100 && depths < 500, "{depths}");
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use approx::assert_relative_eq;
-use motorium_robots::{BaseMode, Drive, LoadOptions, Profile, ProfileError, catalogue, load, load_with};
+use motorium_robots::{BaseMode, LoadOptions, Profile, ProfileError, Steering, catalogue, load, load_with};
 
 fn profile(name: &str) -> Profile {
     catalogue().iter().find(|entry| entry.name == name).unwrap().profile.clone()
@@ -100,7 +100,7 @@ fn a_profile_beside_a_file_makes_its_base_float() {
 #[test]
 fn facts_of_bases_and_rotors_are_there() {
     let car = profile("ackermann").mobile_base.unwrap();
-    assert_eq!(car.drive, Drive::Ackermann);
+    assert_eq!(car.drive, Steering::Ackermann);
     assert_relative_eq!(car.wheelbase.unwrap(), 0.15875 + 0.17145);
     assert_eq!((car.wheels.len(), car.steering.len()), (4, 2));
     let burger = profile("differential-drive").mobile_base.unwrap();

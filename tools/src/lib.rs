@@ -3,6 +3,8 @@
 mod commands;
 mod draw;
 mod exit;
+mod metrics;
+mod overheads;
 mod registry;
 mod report;
 mod screen;

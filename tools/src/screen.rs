@@ -4,6 +4,7 @@ use std::io::Stderr;
 
 use motorium::launcher::{ComponentStatus, Event, Status};
 use motorium::plan::Plan;
+use motorium::region::Misses;
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Constraint;
 use ratatui::style::{Modifier, Style};
@@ -49,20 +50,21 @@ impl Drop for Screen {
 
 fn draw(frame: &mut Frame<'_>, status: &Status) {
     let rows = status.components.iter().map(|component| {
-        let style =
-            if misses(component) > 0 { Style::new().fg(ratatui::style::Color::Yellow) } else { Style::new() };
+        let missed = component.misses.missed() > 0;
+        let style = if missed { Style::new().fg(ratatui::style::Color::Yellow) } else { Style::new() };
         Row::new(cells(component)).style(style)
     });
-    let header = ["component", "phase", "steps", "Hz", "late p99 us", "step p99 us", "missed", "restarts"];
+    let header = ["component", "phase", "steps", "Hz", "late p99 us", "step p99 us", "restarts", "missed"];
+    let longest = status.components.iter().map(|component| component.name.chars().count()).max().unwrap_or(0);
     let widths = [
-        Constraint::Min(12),
+        Constraint::Length(longest.max(12) as u16),
         Constraint::Length(10),
         Constraint::Length(10),
         Constraint::Length(9),
         Constraint::Length(12),
         Constraint::Length(12),
-        Constraint::Length(7),
         Constraint::Length(8),
+        Constraint::Fill(1),
     ];
     let title = format!("{:.1} s   (Ctrl-C stops)", status.elapsed_ns as f64 * 1e-9);
     let table = Table::new(rows, widths)
@@ -71,8 +73,23 @@ fn draw(frame: &mut Frame<'_>, status: &Status) {
     frame.render_widget(table, frame.area());
 }
 
-fn misses(component: &ComponentStatus) -> u64 {
-    component.misses.missed()
+/// Missed steps and their causes: `4 (3 stolen, 1 long step)`.
+pub(crate) fn causes(misses: &Misses) -> String {
+    let causes = [
+        (misses.stolen, "stolen"),
+        (misses.late_wake, "late wake"),
+        (misses.long_step, "long step"),
+        (misses.late_input, "late input"),
+    ];
+    let those: Vec<String> = causes
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, cause)| format!("{count} {cause}"))
+        .collect();
+    match misses.missed() {
+        0 => "0".to_string(),
+        all => format!("{all} ({})", those.join(", ")),
+    }
 }
 
 fn cells(component: &ComponentStatus) -> [String; 8] {
@@ -88,8 +105,8 @@ fn cells(component: &ComponentStatus) -> [String; 8] {
         format!("{:.1}", component.rate_hz),
         microseconds(component.lateness_ns.p99),
         microseconds(component.execution_ns.p99),
-        misses(component).to_string(),
         component.restarts.to_string(),
+        causes(&component.misses),
     ]
 }
 
@@ -136,9 +153,55 @@ fn status_line(status: &Status) -> String {
                 component.name,
                 component.rate_hz,
                 microseconds(component.lateness_ns.p99),
-                misses(component)
+                causes(&component.misses)
             )
         })
         .collect();
     format!("{:5.1} s  {}", status.elapsed_ns as f64 * 1e-9, parts.join(" | "))
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium::region::{Phase, Stalls};
+    use motorium::telemetry::Percentiles;
+    use ratatui::backend::TestBackend;
+
+    use super::*;
+
+    fn component(name: &str, misses: Misses) -> ComponentStatus {
+        let percentiles = Percentiles { p50: 1_000, p99: 25_000, p999: 30_000, max: 41_000 };
+        ComponentStatus {
+            name: name.to_string(),
+            phase: Phase::Running,
+            pid: 17,
+            steps: 2_004,
+            rate_hz: 999.97,
+            lateness_ns: percentiles,
+            execution_ns: percentiles,
+            cpu_ns: percentiles,
+            spin_ns: 0,
+            stalls: Stalls::default(),
+            misses,
+            restarts: 0,
+            safe: false,
+        }
+    }
+
+    #[test]
+    fn the_live_table_names_the_causes_of_misses() {
+        let misses = Misses { stolen: 3, long_step: 1, skipped: 9, ..Misses::default() };
+        let components =
+            vec![component("joint-trajectory-controller", misses), component("b", Misses::default())];
+        let status = Status { elapsed_ns: 2_000_000_000, components, latencies: vec![], edges: vec![] };
+        let mut terminal = Terminal::new(TestBackend::new(120, 4)).expect("a picture");
+        terminal.draw(|frame| draw(frame, &status)).expect("it can be drawn on");
+        insta::assert_snapshot!(terminal.backend());
+    }
+
+    #[test]
+    fn causes_come_with_their_counts() {
+        assert_eq!(causes(&Misses::default()), "0");
+        let all = Misses { stolen: 1, late_wake: 2, long_step: 3, late_input: 4, ..Misses::default() };
+        assert_eq!(causes(&all), "10 (1 stolen, 2 late wake, 3 long step, 4 late input)");
+    }
 }

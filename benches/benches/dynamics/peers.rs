@@ -8,9 +8,9 @@ use std::time::Instant;
 use crate::quantities::{Bench, NAMES};
 use crate::robots::Subject;
 
-/// Turns of each side, and calls timed together in a turn.
-const TURNS: usize = 40;
-const CALLS: usize = 500;
+/// Turns of each side, and calls timed together in a turn: few enough that other programs seldom fall into it.
+const TURNS: usize = 200;
+const CALLS: usize = 64;
 
 /// Prints the time of every quantity on both sides, and the ratio of the medians.
 pub(crate) fn compare(subjects: &[Subject]) -> Result<(), String> {

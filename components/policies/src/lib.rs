@@ -1,9 +1,17 @@
 //! Policies for motorium: movement primitives.
 //!
-//! - [`dmp`]: discrete dynamic movement primitives for any number of dimensions, and for orientations.
+//! - [`dmp`]: dynamic movement primitives: discrete, rhythmic, with a final velocity, and for orientations.
+//! - [`promp`]: probabilistic movement primitives.
+//! - [`kmp`]: kernelised movement primitives.
+//! - [`gmm`]: Gaussian mixtures and regression with them.
+//! - [`cpg`]: central pattern generators and gaits.
+//! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: a hand led through a sequence of poses by them.
 //! - [`rotation`]: the exponential map they stand on.
-//! - [`component`]: `policy.dmp`, the reach as a component of a graph. Nothing else here knows the runtime.
+//! - [`recording`]: recorded movements: CSV, JSON, topics as they are printed.
+//! - [`file`]: primitives in files.
+//! - [`component`]: the components of graphs, `policy.dmp`, `policy.promp` and `policy.cpg`. Nothing else here knows the
+//!   runtime.
 //!
 //! The models are plain libraries: construct, start, step. Only construction allocates.
 //!
@@ -30,7 +38,16 @@
 pub mod component;
 pub mod cpg;
 pub mod dmp;
+pub mod file;
+pub mod gmm;
+pub mod kmp;
+pub mod learning;
+pub mod library;
+pub mod promp;
 pub mod reach;
+pub mod recording;
+pub mod regression;
 pub mod rotation;
 
-pub use component::DmpPolicy;
+pub use component::library::LibraryPolicy;
+pub use component::{CpgPolicy, DmpPolicy, ProMpPolicy};

@@ -94,6 +94,15 @@ fn a_fitted_rhythm_has_the_weights_of_least_squares_and_repeats_its_period_at_an
 }
 
 #[test]
+fn a_locally_weighted_rhythm_has_the_weights_of_the_published_formula() {
+    let fit = &golden("rhythmic")["fit"];
+    let settings = RhythmicSettings { kernels: 20, ..RhythmicSettings::default() };
+    let model = RhythmicModel::fit_locally_weighted(settings, &[matrix(&fit["positions"])]).unwrap();
+    let expected = matrix(&fit["locally_weighted"]);
+    assert!((model.weights() - &expected).amax() / expected.amax() < 1e-12);
+}
+
+#[test]
 fn a_rhythm_changes_period_amplitude_and_baseline_without_a_jump() {
     let positions = matrix(&golden("rhythmic")["fit"]["positions"]);
     let mut dmp =

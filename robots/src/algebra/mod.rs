@@ -4,7 +4,9 @@
 mod spatial;
 mod three;
 mod trigonometry;
+mod wide;
 
 pub(crate) use spatial::{ArticulatedInertia, RigidInertia, Spatial};
 pub(crate) use three::{M3, S3, V3};
 pub(crate) use trigonometry::{LANES, sin_cos};
+pub(crate) use wide::{Work, fused, widest};

@@ -135,7 +135,7 @@ impl Dynamics {
             let (outer, inner) = self.articulated.split_at_mut(index + 1);
             let (parent, body) = (&mut outer[node.parent], &mut inner[0]);
             let yielding = body.inertia.apply(body.joint);
-            let d = body.joint.dot(yielding);
+            let d = body.joint.dot(yielding) + node.armature;
             // Cancellation leaves rounding noise where an exact result would be zero.
             if d.is_nan() || d <= 1e-14 * magnitude(body.joint, yielding) {
                 return Err(SingularMassMatrix { index: node.column });

@@ -4,8 +4,24 @@ use nalgebra::DMatrix;
 
 use super::Dynamics;
 use crate::Model;
-use crate::algebra::Spatial;
+use crate::algebra::{Spatial, Work, widest};
 use crate::model::program::Program;
+
+struct BodiesMass<'a> {
+    dynamics: &'a mut Dynamics,
+    model: &'a Model,
+    q: &'a [f64],
+    out: &'a mut DMatrix<f64>,
+}
+
+impl Work for BodiesMass<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.dynamics.bodies_mass::<FUSED>(self.model, self.q, self.out);
+    }
+}
 
 impl Dynamics {
     /// Joint-space mass matrix `M(q)` (nv x nv), both triangles.
@@ -25,13 +41,23 @@ impl Dynamics {
     /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
     /// hand in a matrix of zeros once and the same one ever after.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
+        widest(BodiesMass { dynamics: self, model, q, out });
+        let program = model.program();
+        if program.geared {
+            program.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
+        }
+    }
+
+    /// The mass matrix without the rotors of the drives.
+    #[inline(always)]
+    fn bodies_mass<const FUSED: bool>(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         let n = model.nv();
         assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
         self.place(model, q);
         let program = model.program();
         let out = out.as_mut_slice();
         if program.short_limbs && !program.coupled {
-            self.mass_in_place(program, out, n);
+            self.mass_in_place::<FUSED>(program, out, n);
             if program.floating {
                 self.base_block(out, n);
             }

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector3};
 
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
-use crate::algebra::{M3, RigidInertia, S3, Spatial, V3};
+use crate::algebra::{M3, RigidInertia, S3, Spatial, V3, Work, fused, widest};
 use crate::model::program::Program;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
@@ -168,13 +168,11 @@ impl Dynamics {
         self.forward(model, q, v, tau, gravity, a_out)?;
         self.rnea_derivatives(model, q, v, a_out, gravity, out);
         self.factor.factor(&out.input)?;
-        for matrix in [&mut out.q, &mut out.v] {
-            matrix.transpose_mut();
-            self.factor.solve_right(matrix);
-            matrix.neg_mut();
-            matrix.transpose_mut();
-        }
         self.factor.inverse(&mut out.input);
+        for matrix in [&mut out.q, &mut out.v] {
+            self.mass.copy_from(matrix);
+            widest(Response { mobility: &out.input, change: &self.mass, out: matrix });
+        }
         Ok(())
     }
 
@@ -231,7 +229,7 @@ impl Dynamics {
         let column = node.column;
         by_q[column * n + column] += joint.dot(change_q);
         by_v[column * n + column] += joint.dot(change_v);
-        by_a[column * n + column] += joint.dot(weight);
+        by_a[column * n + column] += joint.dot(weight) + node.armature;
         let mut ancestor = node.parent;
         while ancestor != 0 {
             let above = &program.nodes[ancestor - 1];
@@ -286,6 +284,58 @@ impl Dynamics {
             }
         }
     }
+}
+
+/// `out = -mobility change`: what accelerations make up for a change of the efforts.
+struct Response<'a> {
+    mobility: &'a DMatrix<f64>,
+    change: &'a DMatrix<f64>,
+    out: &'a mut DMatrix<f64>,
+}
+
+/// Rows computed in registers.
+const ROWS: usize = 16;
+
+impl Work for Response<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let n = self.out.nrows();
+        let mobility = self.mobility.as_slice();
+        let columns = self.out.as_mut_slice().chunks_exact_mut(n).zip(self.change.as_slice().chunks_exact(n));
+        for (out, change) in columns {
+            let mut row = 0;
+            while row + ROWS <= n {
+                respond::<FUSED, ROWS>(mobility, change, row, out);
+                row += ROWS;
+            }
+            while row + 4 <= n {
+                respond::<FUSED, 4>(mobility, change, row, out);
+                row += 4;
+            }
+            while row < n {
+                respond::<FUSED, 1>(mobility, change, row, out);
+                row += 1;
+            }
+        }
+    }
+}
+
+/// `N` rows of one column. Joints that do not carry each other leave zeros in `change`, and cost nothing.
+#[inline(always)]
+fn respond<const FUSED: bool, const N: usize>(mobility: &[f64], change: &[f64], row: usize, out: &mut [f64]) {
+    let mut sum = [0.0; N];
+    for (column, &change) in mobility.chunks_exact(change.len()).zip(change) {
+        if change != 0.0
+            && let Some(column) = column[row..].first_chunk::<N>()
+        {
+            for lane in 0..N {
+                sum[lane] = fused::<FUSED>(-column[lane], change, sum[lane]);
+            }
+        }
+    }
+    out[row..row + N].copy_from_slice(&sum);
 }
 
 /// The vector with `result . x == wrench . (v x x)` for every motion `x`.

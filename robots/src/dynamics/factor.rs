@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::Model;
+use crate::algebra::{Work, fused, widest};
 
 /// The mass matrix is not positive definite: some joint moves nothing that has inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,6 +37,11 @@ impl MassFactor {
     ///
     /// [`SingularMassMatrix`]; the factor is then useless.
     pub fn factor(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
+        widest(Factor { factor: self, mass })
+    }
+
+    #[inline(always)]
+    fn take_apart<const FUSED: bool>(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
         self.factor.copy_from(mass);
         let n = self.above.len();
         let above = &*self.above;
@@ -100,6 +106,11 @@ impl MassFactor {
 
     /// Solves `X M = B` in place, for any number of rows. M is symmetric: the transposed of `M X' = B'`.
     pub fn solve_right(&self, b: &mut DMatrix<f64>) {
+        widest(SolveRight { factor: self, b });
+    }
+
+    #[inline(always)]
+    fn divide<const FUSED: bool>(&self, b: &mut DMatrix<f64>) {
         let n = self.above.len();
         assert_eq!(b.ncols(), n, "columns of the right-hand side");
         let rows = b.nrows();
@@ -110,7 +121,7 @@ impl MassFactor {
             let mut i = k;
             while self.above[i] != i {
                 i = self.above[i];
-                subtract(&mut left[i * rows..][..rows], &right[..rows], l[k * n + i]);
+                subtract::<FUSED>(&mut left[i * rows..][..rows], &right[..rows], l[k * n + i]);
             }
         }
         for k in 0..n {
@@ -122,13 +133,18 @@ impl MassFactor {
             let mut i = k;
             while self.above[i] != i {
                 i = self.above[i];
-                subtract(&mut right[..rows], &left[i * rows..][..rows], l[k * n + i]);
+                subtract::<FUSED>(&mut right[..rows], &left[i * rows..][..rows], l[k * n + i]);
             }
         }
     }
 
     /// `M^-1`, both triangles.
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
+        widest(Inverse { factor: self, out });
+    }
+
+    #[inline(always)]
+    fn invert<const FUSED: bool>(&self, out: &mut DMatrix<f64>) {
         let n = self.above.len();
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
         out.fill_with_identity();
@@ -140,7 +156,7 @@ impl MassFactor {
             let mut i = k;
             while self.above[i] != i {
                 i = self.above[i];
-                subtract(&mut left[i * n..][k..n], &right[k..n], l[k * n + i]);
+                subtract::<FUSED>(&mut left[i * n..][k..n], &right[k..n], l[k * n + i]);
             }
         }
         for k in 0..n {
@@ -152,7 +168,7 @@ impl MassFactor {
             let mut i = k;
             while self.above[i] != i {
                 i = self.above[i];
-                subtract(&mut right[k..n], &left[i * n..][k..n], l[k * n + i]);
+                subtract::<FUSED>(&mut right[k..n], &left[i * n..][k..n], l[k * n + i]);
             }
         }
         for column in 1..n {
@@ -163,10 +179,52 @@ impl MassFactor {
     }
 }
 
+struct Factor<'a> {
+    factor: &'a mut MassFactor,
+    mass: &'a DMatrix<f64>,
+}
+
+impl Work for Factor<'_> {
+    type Output = Result<(), SingularMassMatrix>;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        self.factor.take_apart::<FUSED>(self.mass)
+    }
+}
+
+struct SolveRight<'a> {
+    factor: &'a MassFactor,
+    b: &'a mut DMatrix<f64>,
+}
+
+impl Work for SolveRight<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.factor.divide::<FUSED>(self.b);
+    }
+}
+
+struct Inverse<'a> {
+    factor: &'a MassFactor,
+    out: &'a mut DMatrix<f64>,
+}
+
+impl Work for Inverse<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.factor.invert::<FUSED>(self.out);
+    }
+}
+
 /// `target -= scale * source`
 #[inline(always)]
-fn subtract(target: &mut [f64], source: &[f64], scale: f64) {
+fn subtract<const FUSED: bool>(target: &mut [f64], source: &[f64], scale: f64) {
     for (target, source) in target.iter_mut().zip(source) {
-        *target -= scale * source;
+        *target = fused::<FUSED>(-scale, *source, *target);
     }
 }

@@ -32,7 +32,8 @@ pub use regressor::PARAMETERS;
 /// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
 /// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the acceleration of
-/// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part.
+/// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part; rotors of
+/// drives count as an armature on the diagonal of the mass matrix, without gyroscopic effects.
 #[derive(Clone, Debug)]
 pub struct Dynamics {
     positions: Positions,
@@ -42,6 +43,7 @@ pub struct Dynamics {
     composite: Vec<base_sweep::Composite>,
     articulated: Vec<aba::Articulated>,
     hanging: Vec<crba_local::Hanging>,
+    wrenches: crba_local::Wrenches,
     varied: Vec<derivatives::Varied>,
     mass: DMatrix<f64>,
     factor: MassFactor,
@@ -59,6 +61,7 @@ impl Dynamics {
             composite: vec![base_sweep::Composite::START; slots],
             varied: vec![derivatives::Varied::START; slots],
             hanging: vec![crba_local::Hanging::START; slots],
+            wrenches: crba_local::Wrenches::new(model.bodies().len()),
             articulated: vec![aba::Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),

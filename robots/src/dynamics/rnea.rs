@@ -68,6 +68,7 @@ impl Dynamics {
         self.start(program, q, gravity, Some((v, Some(a))));
         self.outward::<true>(program, v, a);
         self.inward(program, tau_out);
+        turn_rotors(program, a, tau_out);
     }
 
     /// [`rnea`](Self::rnea) of a robot on which outside wrenches act: `tau_out = M a + C v + g - sum J' f`.
@@ -97,6 +98,7 @@ impl Dynamics {
             }
         }
         self.inward(program, tau_out);
+        turn_rotors(program, a, tau_out);
     }
 
     /// Leaves the motions of all bodies in their slots.
@@ -218,6 +220,16 @@ impl Dynamics {
         }
         if program.floating {
             out[..6].copy_from_slice(&self.local[0].wrench.array());
+        }
+    }
+}
+
+/// What the rotors of the drives take.
+#[inline(always)]
+fn turn_rotors(program: &Program, a: &[f64], tau: &mut [f64]) {
+    if program.geared {
+        for node in &program.nodes {
+            tau[node.column] += node.armature * a[node.column];
         }
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use super::Kinematics;
 use crate::algebra::{M3, V3};
+use crate::model::program::Program;
 use crate::{FrameId, Model, Reference, Twist};
 
 impl Kinematics {
@@ -63,6 +64,12 @@ impl Kinematics {
         let velocity = body.linear + body.angular.cross(arm);
         let linear = V3::from(classical.linear) - body.angular.cross(velocity);
         express(reference, &(body.rotation, mount.rotation), body.position + arm, (linear, body.angular_rate))
+    }
+
+    /// Node frame of a slot in the world.
+    pub(crate) fn slot_pose(&self, slot: usize) -> (M3, V3) {
+        let body = if slot == Program::WORLD { &self.world } else { &self.bodies[slot] };
+        (body.rotation, body.position)
     }
 
     /// Orientation and origin of `frame` in the world.

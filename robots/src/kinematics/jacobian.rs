@@ -157,11 +157,53 @@ impl Kinematics {
             write(out, column, &Some(axes), (linear, angular), 1.0);
         }
     }
+
+    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along `direction` per unit of
+    /// each velocity.
+    pub(crate) fn add_point_slope(
+        &self,
+        model: &Model,
+        slot: usize,
+        point: V3,
+        direction: V3,
+        row: &mut [f64],
+    ) {
+        self.add_point_slope_strided(model, slot, (point, direction), row, 1);
+    }
+
+    /// The same into every `stride`-th entry: a row of a matrix that is stored by columns.
+    pub(crate) fn add_point_slope_strided(
+        &self,
+        model: &Model,
+        slot: usize,
+        (point, direction): (V3, V3),
+        row: &mut [f64],
+        stride: usize,
+    ) {
+        if slot == Program::WORLD {
+            return;
+        }
+        let program = model.program();
+        if program.floating {
+            let base = &self.bodies[0];
+            let linear = base.rotation.tr_mul(direction);
+            let angular = base.rotation.tr_mul((point - base.position).cross(direction));
+            for (column, entry) in linear.array().into_iter().chain(angular.array()).enumerate() {
+                row[column * stride] += entry;
+            }
+        }
+        let Some(body) = slot.checked_sub(1) else { return };
+        for &slot in program.chain(body) {
+            let (node, state) = (&program.nodes[slot - 1], &self.bodies[slot]);
+            let (linear, _) = column(node.prismatic, state, point);
+            row[node.column * stride] += node.multiplier * linear.dot(direction);
+        }
+    }
 }
 
 /// What one unit of velocity of the joint does to `point`.
 #[inline(always)]
-fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
+pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     let axis = body.rotation.z;
     if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
 }

@@ -3,8 +3,10 @@
 mod centre_of_mass;
 mod frames;
 mod jacobian;
+mod manipulability;
 
 pub use centre_of_mass::CentreOfMass;
+pub use manipulability::TaskRows;
 
 use crate::Model;
 use crate::algebra::{M3, V3};

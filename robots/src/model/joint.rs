@@ -1,6 +1,6 @@
 //! Joints as the algorithms see them: fixed ones are gone, mimics know their master.
 
-use nalgebra::{Isometry3, Unit, Vector3};
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// What a joint lets its body do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -43,6 +43,45 @@ pub struct JointDynamics {
     pub damping: f64,
     /// Static (Coulomb) friction \[Nm or N\].
     pub friction: f64,
+}
+
+/// The drive behind a joint, where the file says. Only its [`armature`](Self::armature) plays a part in the dynamics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Turns of the motor per turn of the joint (or radians of it per metre).
+    pub reduction: f64,
+    /// Inertia of the motor's rotor about its axis \[kg m2\].
+    pub rotor_inertia: f64,
+}
+
+impl Drive {
+    /// A joint that is driven directly, by something without inertia.
+    pub const DIRECT: Self = Self { reduction: 1.0, rotor_inertia: 0.0 };
+
+    /// Inertia of the rotor as the joint feels it \[kg m2 or kg\]: part of the mass matrix, on its diagonal.
+    pub fn armature(&self) -> f64 {
+        self.reduction * self.reduction * self.rotor_inertia
+    }
+}
+
+impl Default for Drive {
+    fn default() -> Self {
+        Self::DIRECT
+    }
+}
+
+/// Limits that a safe controller keeps, inside those of the joint (URDF's `<safety_controller>`). For who controls: no
+/// quantity of this crate contains them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafetyController {
+    /// Where the allowed speed begins to shrink \[rad or m\].
+    pub soft_lower: f64,
+    /// The same at the other end \[rad or m\].
+    pub soft_upper: f64,
+    /// Allowed speed per distance from the soft limit \[1/s\].
+    pub k_position: f64,
+    /// Allowed effort per distance from the allowed speed \[Nms/rad or Ns/m\].
+    pub k_velocity: f64,
 }
 
 /// Where the position of a joint comes from.
@@ -108,6 +147,26 @@ pub struct Joint {
     pub limits: Limits,
     /// Damping and friction.
     pub dynamics: JointDynamics,
+    /// What drives it.
+    pub drive: Drive,
+    /// Limits for controllers, where the file gives them.
+    pub safety: Option<SafetyController>,
     /// Where its position comes from.
     pub coordinate: Coordinate,
+}
+
+impl Joint {
+    /// The body frame at joint position `x` \[rad or m\], in the parent body's frame.
+    pub fn pose(&self, x: f64) -> Isometry3<f64> {
+        let motion = match self.kind {
+            JointKind::Prismatic => {
+                Isometry3::from_parts((self.axis.into_inner() * x).into(), UnitQuaternion::identity())
+            }
+            JointKind::Revolute | JointKind::Continuous => Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_axis_angle(&self.axis, x),
+            ),
+        };
+        self.placement * motion
+    }
 }

@@ -1,16 +1,22 @@
 //! The robot: bodies, joints, frames. Immutable once built.
 
+mod attach;
 mod frame;
 mod inertia;
 mod joint;
+mod lock;
 pub(crate) mod program;
+mod scale;
 mod shape;
 
 use nalgebra::{DVector, Isometry3};
 
+pub use attach::{AttachError, Placed};
 pub use frame::{Frame, FrameId, UnknownFrame};
 pub use inertia::Inertia;
-pub use joint::{Coordinate, Joint, JointDynamics, JointKind, Limits};
+pub use joint::{Coordinate, Drive, Joint, JointDynamics, JointKind, Limits, SafetyController};
+pub use lock::LockError;
+pub use scale::ScaleError;
 pub use shape::{Geometry, Shape};
 
 use crate::nearest::nearest;
@@ -215,4 +221,23 @@ impl Model {
     pub(crate) fn program(&self) -> &Program {
         &self.program
     }
+}
+
+/// Makes a piece, given in the frame of `carrier` (or of the base), part of it.
+fn weld(
+    base: &mut Base,
+    bodies: &mut [Body],
+    carrier: Option<usize>,
+    inertia: &Inertia,
+    added: impl Iterator<Item = Shape>,
+) {
+    let (whole, shapes) = match carrier {
+        Some(carrier) => {
+            let Body { inertia, shapes, .. } = &mut bodies[carrier];
+            (inertia, shapes)
+        }
+        None => (&mut base.inertia, &mut base.shapes),
+    };
+    *whole = whole.merged(inertia);
+    shapes.extend(added);
 }

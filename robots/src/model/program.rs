@@ -26,6 +26,8 @@ pub(crate) struct Node {
     pub(crate) place: usize,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
+    /// Rotor inertia as the column of `v` feels it.
+    pub(crate) armature: f64,
 }
 
 /// A frame, by the node it is fixed to.
@@ -47,6 +49,8 @@ pub(crate) struct Program {
     /// Inertia of the floating base about its origin; zero on a fixed base.
     pub(crate) base: RigidInertia,
     pub(crate) floating: bool,
+    /// Some joint has an armature.
+    pub(crate) geared: bool,
     /// Some joint follows another: columns of `v` belong to several joints.
     pub(crate) coupled: bool,
     /// Steps from the joints down to the base are so few that composites are cheaper in the bodies' own frames than in
@@ -57,7 +61,12 @@ pub(crate) struct Program {
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
     chains: Vec<usize>,
     starts: Vec<usize>,
+    /// Where what each body carries ends, counted in bodies: with bodies depth first it carries those up to there.
+    pub(crate) ends: Vec<usize>,
 }
+
+/// Multiplications and additions for a wrench carried a step down.
+const CARRYING: usize = 42;
 
 impl Program {
     /// The slot of frames that stand still beside a floating base.
@@ -92,6 +101,7 @@ impl Program {
                 place: q_start + joint.coordinate.index(),
                 multiplier: joint.coordinate.multiplier(),
                 offset: joint.coordinate.offset(),
+                armature: joint.drive.armature() * joint.coordinate.multiplier().powi(2),
             });
         }
         let mounts = frames
@@ -117,7 +127,8 @@ impl Program {
         // Multiplications and additions: carrying a wrench a step down, against placing a body and its joint in base
         // coordinates, applying its inertia, and the products with the joints below.
         let steps: usize = starts.windows(2).map(|range| range[1] - range[0] - usize::from(!floating)).sum();
-        let short_limbs = 42 * steps < 126 * nodes.len() + 11 * steps;
+        let ends = ends(&nodes);
+        let short_limbs = ends.is_some() && CARRYING * steps < 126 * nodes.len() + 11 * steps;
         Self {
             short_limbs,
             above: columns_above(&nodes, floating, coupled, nv),
@@ -125,9 +136,11 @@ impl Program {
             mounts,
             base: if floating { rigid(&base.inertia, &Matrix3::identity()) } else { RigidInertia::ZERO },
             floating,
+            geared: nodes.iter().any(|node| node.armature != 0.0),
             coupled,
             chains,
             starts,
+            ends: ends.unwrap_or_default(),
             nodes,
         }
     }
@@ -245,6 +258,28 @@ fn rigid(inertia: &Inertia, align: &Matrix3<f64>) -> RigidInertia {
         moment: (align.tr_mul(&inertia.com) * inertia.mass).into(),
         rotational: S3::from_upper(&rotational),
     }
+}
+
+/// The end of each body's own range of bodies; `None` when some body stands outside that of its parent.
+fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
+    let mut ends: Vec<usize> = (1..=nodes.len()).collect();
+    for (index, node) in nodes.iter().enumerate().rev() {
+        if let Some(parent) = node.parent.checked_sub(1) {
+            ends[parent] = ends[parent].max(ends[index]);
+        }
+    }
+    // Depth first, every body comes right after its parent's range so far.
+    let mut open: Vec<usize> = Vec::new();
+    for (index, node) in nodes.iter().enumerate() {
+        while open.last().is_some_and(|&last| ends[last] <= index) {
+            open.pop();
+        }
+        if open.last().map_or(0, |last| last + 1) != node.parent {
+            return None;
+        }
+        open.push(index);
+    }
+    Some(ends)
 }
 
 fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Vec<usize> {

@@ -15,6 +15,13 @@ pub struct Shape {
     pub geometry: Geometry,
 }
 
+impl Shape {
+    /// The same shape in the frame in which its own has this `pose`.
+    pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
+        Self { placement: pose * self.placement, ..self.clone() }
+    }
+}
+
 /// Geometry centred on the origin of its frame. Metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry {

@@ -1,6 +1,6 @@
 //! A profile against itself, and against its robot.
 
-use super::{BaseKind, Drive, Profile, ProfileError};
+use super::{BaseKind, Profile, ProfileError, Steering};
 use crate::Model;
 
 impl Profile {
@@ -37,7 +37,7 @@ impl Profile {
     fn check_drive(&self) -> Result<(), ProfileError> {
         let Some(base) = &self.mobile_base else { return Ok(()) };
         let missing = |key| Err(ProfileError::MobileBase { drive: base.drive.name(), key });
-        let on_wheels = base.drive != Drive::Omnidirectional;
+        let on_wheels = base.drive != Steering::Omnidirectional;
         if on_wheels && base.wheels.is_empty() {
             return missing("wheels");
         }
@@ -47,13 +47,13 @@ impl Profile {
         if !base.wheels.is_empty() && base.wheel_radius.is_none() {
             return missing("wheel_radius");
         }
-        if matches!(base.drive, Drive::Ackermann | Drive::SteeredWheels) && base.steering.is_empty() {
+        if matches!(base.drive, Steering::Ackermann | Steering::SteeredWheels) && base.steering.is_empty() {
             return missing("steering");
         }
-        if matches!(base.drive, Drive::Differential | Drive::Ackermann) && base.track.is_none() {
+        if matches!(base.drive, Steering::Differential | Steering::Ackermann) && base.track.is_none() {
             return missing("track");
         }
-        if base.drive == Drive::Ackermann && base.wheelbase.is_none() {
+        if base.drive == Steering::Ackermann && base.wheelbase.is_none() {
             return missing("wheelbase");
         }
         let sizes =

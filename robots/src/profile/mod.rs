@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use serde::Deserialize;
 
 pub use error::ProfileError;
-pub use parts::{BaseKind, BasePose, Drive, EndEffector, Foot, MobileBase, Rotor, Spin};
+pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
 use crate::Model;
 use crate::configuration::write_pose;

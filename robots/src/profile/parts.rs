@@ -64,7 +64,7 @@ pub struct Foot {
 /// How a mobile base is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Drive {
+pub enum Steering {
     /// Two wheels, or two rows of wheels, at speeds of their own.
     Differential,
     /// Steered front wheels that aim at one centre on the rear axle's line.
@@ -75,7 +75,7 @@ pub enum Drive {
     SteeredWheels,
 }
 
-impl Drive {
+impl Steering {
     /// Its name in a profile.
     pub fn name(self) -> &'static str {
         match self {
@@ -92,7 +92,7 @@ impl Drive {
 #[serde(deny_unknown_fields)]
 pub struct MobileBase {
     /// How it is driven.
-    pub drive: Drive,
+    pub drive: Steering,
     /// Link that stands for the base: x ahead, z up.
     pub frame: String,
     /// Joints that are the base's pose in the world, where the model has such: x, y, yaw.

@@ -10,9 +10,11 @@ use super::mimic::{self, Follow};
 use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
-use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints};
+use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission};
 use crate::load::{BaseMode, LoadOptions};
-use crate::{Base, Body, Coordinate, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape};
+use crate::{
+    Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
+};
 
 /// Parses, checks and builds.
 pub(crate) fn assemble(
@@ -50,6 +52,8 @@ pub(crate) fn assemble(
     for edge in &structure.joints {
         assembly.add_joint(edge, &columns, &follows)?;
     }
+    assembly.warnings.extend(survey.warnings.iter().cloned());
+    transmission::warn_of_unknown_joints(&robot, &survey, &mut assembly.warnings);
     inertia::warn_of_massless_ends(&assembly.bodies, &mut assembly.warnings);
     let Assembly { bodies, frames, base, warnings, .. } = assembly;
     Ok(UrdfRobot { model: Model::new(robot.name.clone(), base, bodies, frames), warnings })
@@ -121,6 +125,8 @@ impl Assembly<'_> {
             placement,
             limits: joints::limits(joint, kind, source, &mut self.warnings)?,
             dynamics: joints::dynamics(joint, source)?,
+            drive: self.survey.drives.get(&joint.name).map(|(_, drive)| *drive).unwrap_or_default(),
+            safety: source.safety,
             coordinate,
         };
         let name = self.robot.links[edge.child].name.clone();
@@ -185,7 +191,8 @@ impl Assembly<'_> {
             let name = format!("{}/{suffix}", joint.name);
             let coordinate = Coordinate::Independent(column + place);
             let dynamics = joints::dynamics(joint, source)?;
-            let joint = Joint { name, kind, axis, placement, limits, dynamics, coordinate };
+            let (drive, safety) = (Drive::DIRECT, None);
+            let joint = Joint { name, kind, axis, placement, limits, dynamics, drive, safety, coordinate };
             let name = if place == 2 { child.clone() } else { format!("{child}/{suffix}") };
             self.bodies.push(Body { name, joint, parent, inertia: Inertia::zero(), shapes: Vec::new() });
             (parent, placement) = (Some(self.bodies.len() - 1), Isometry3::identity());

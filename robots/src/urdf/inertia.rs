@@ -20,7 +20,16 @@ pub(crate) fn of_link(
     }
     let i = &link.inertial.inertia;
     let rotational = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
-    if mass == 0.0 {
+    let frame = Inertia { mass, com: Vector3::zeros(), rotational };
+    check_inertia(&link.name, &frame, warnings);
+    Ok(frame.moved(&pose(&link.inertial.origin)))
+}
+
+/// Names an inertia that no body has.
+pub(crate) fn check_inertia(link: &str, inertia: &Inertia, warnings: &mut Vec<ModelWarning>) {
+    let name = || link.to_owned();
+    let rotational = inertia.rotational;
+    if inertia.mass == 0.0 {
         if rotational != Matrix3::zeros() {
             warnings.push(ModelWarning::InertiaWithoutMass { link: name() });
         }
@@ -32,8 +41,6 @@ pub(crate) fn of_link(
             warnings.push(ModelWarning::TriangleInequality { link: name(), principal });
         }
     }
-    let frame = Inertia { mass, com: Vector3::zeros(), rotational };
-    Ok(frame.moved(&pose(&link.inertial.origin)))
 }
 
 /// Eigenvalues, ascending.

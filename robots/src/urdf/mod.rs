@@ -8,9 +8,12 @@ mod mimic;
 mod packages;
 mod source;
 mod structure;
+mod transmission;
 mod warning;
 
 use std::path::Path;
+
+pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
 
 pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
@@ -39,8 +42,8 @@ pub struct UrdfRobot {
 
 /// Parses URDF `text`. `file` is where it came from: for messages, and to find meshes beside it.
 ///
-/// Links, joints, inertias and collision geometry are read; visuals, materials, transmissions, safety controllers and
-/// other programs' extensions are skipped.
+/// Links, joints with their safety controllers, inertias and collision geometry are read, and of transmissions the
+/// reduction and the rotor's inertia; visuals, materials and other programs' extensions are skipped.
 ///
 /// # Errors
 ///

@@ -1,17 +1,24 @@
 //! The XML itself: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but its errors carry no
 //! place and it cannot tell an absent element from a default one; this pass can.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::error::{Position, UrdfError, UrdfProblem};
+use super::transmission;
+use super::warning::ModelWarning;
 use crate::nearest::nearest;
+use crate::{Drive, SafetyController};
 
 /// What the parsed values do not show, in file order.
 pub(crate) struct Survey {
     pub(crate) links: Vec<Position>,
     pub(crate) joints: Vec<JointSource>,
+    /// By the joint it names, each transmission's name and what it says.
+    pub(crate) drives: HashMap<String, (String, Drive)>,
+    pub(crate) warnings: Vec<ModelWarning>,
     /// The text with everything blanked that the model does not use.
     pub(crate) text: String,
 }
@@ -20,6 +27,7 @@ pub(crate) struct JointSource {
     pub(crate) at: Position,
     /// Attributes of `<limit>`, if there is one.
     pub(crate) limit: Option<LimitSource>,
+    pub(crate) safety: Option<SafetyController>,
 }
 
 pub(crate) struct LimitSource {
@@ -54,6 +62,10 @@ const NUMBERS: &[(&str, &str, usize, bool)] = &[
     ("capsule", "length", 1, true),
     ("sphere", "radius", 1, true),
     ("mesh", "scale", 3, false),
+    ("safety_controller", "soft_lower_limit", 1, false),
+    ("safety_controller", "soft_upper_limit", 1, false),
+    ("safety_controller", "k_position", 1, false),
+    ("safety_controller", "k_velocity", 1, false),
 ];
 
 const JOINT_TYPES: [&str; 7] =
@@ -77,6 +89,7 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
         return Err(source.error(root, UrdfProblem::Root(root.tag_name().name().to_owned())));
     }
     let (mut links, mut joints, mut unused) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut drives, mut warnings) = (HashMap::new(), Vec::new());
     for child in root.children().filter(Node::is_element) {
         match child.tag_name().name() {
             "link" => {
@@ -84,13 +97,18 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
                 links.push(source.at(child));
             }
             "joint" => joints.push(source.check_joint(child, &mut unused)?),
+            "transmission" => {
+                transmission::read(child, &mut drives, &mut warnings)
+                    .map_err(|(node, problem)| source.error(node, problem))?;
+                unused.push(child.range());
+            }
             _ => unused.push(child.range()),
         }
     }
     if links.is_empty() {
         return Err(source.error(root, UrdfProblem::Empty));
     }
-    Ok(Survey { links, joints, text: blank(text, &unused) })
+    Ok(Survey { links, joints, drives, warnings, text: blank(text, &unused) })
 }
 
 fn is_xacro(node: &Node<'_, '_>) -> bool {
@@ -156,8 +174,17 @@ impl<'a> Source<'a, '_> {
         joint: Node<'a, '_>,
         unused: &mut Vec<Range<usize>>,
     ) -> Result<JointSource, UrdfError> {
-        const KNOWN: [&str; 8] =
-            ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "joint_properties"];
+        const KNOWN: [&str; 9] = [
+            "origin",
+            "parent",
+            "child",
+            "axis",
+            "limit",
+            "dynamics",
+            "mimic",
+            "joint_properties",
+            "safety_controller",
+        ];
         let name = self.require_attribute(joint, "name")?;
         let kind = self.require_attribute(joint, "type")?;
         if !JOINT_TYPES.contains(&kind) {
@@ -172,6 +199,8 @@ impl<'a> Source<'a, '_> {
         for child in joint.children().filter(Node::is_element) {
             match child.tag_name().name() {
                 "mimic" => drop(self.require_attribute(child, "joint")?),
+                // Read here; `urdf-rs` would want all of its attributes.
+                "safety_controller" => unused.push(child.range()),
                 known if KNOWN.contains(&known) => {}
                 _ => unused.push(child.range()),
             }
@@ -183,7 +212,18 @@ impl<'a> Source<'a, '_> {
         }
         let limit =
             limit.map(|limit| LimitSource { at: self.at(limit), has_effort: limit.has_attribute("effort") });
-        Ok(JointSource { at: self.at(joint), limit })
+        let safety = joint.children().find(|child| child.has_tag_name("safety_controller")).map(|safety| {
+            // The numbers have been checked.
+            let number =
+                |name, default| safety.attribute(name).and_then(|x| x.trim().parse().ok()).unwrap_or(default);
+            SafetyController {
+                soft_lower: number("soft_lower_limit", 0.0),
+                soft_upper: number("soft_upper_limit", 0.0),
+                k_position: number("k_position", 0.0),
+                k_velocity: number("k_velocity", 0.0),
+            }
+        });
+        Ok(JointSource { at: self.at(joint), limit, safety })
     }
 
     /// Every attribute of [`NUMBERS`] below `parent` holds its numbers.

@@ -71,6 +71,26 @@ pub enum ModelWarning {
         /// Length found.
         length: f64,
     },
+    /// A transmission that names a joint nobody defines.
+    #[error("transmission \"{transmission}\": its joint \"{joint}\" does not exist; ignored")]
+    TransmissionJoint {
+        /// The transmission.
+        transmission: String,
+        /// The name it gives.
+        joint: String,
+    },
+    /// A transmission that joins several joints or motors.
+    #[error(
+        "transmission \"{transmission}\" couples {joints} joints and {actuators} actuators; ignored: only one of each is"
+    )]
+    CoupledTransmission {
+        /// The transmission.
+        transmission: String,
+        /// Joints it names.
+        joints: usize,
+        /// Actuators it names.
+        actuators: usize,
+    },
     /// A mesh file that is nowhere.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.tried))]
     MissingMesh {
@@ -88,5 +108,5 @@ fn searched(tried: &[std::path::PathBuf]) -> String {
         return String::new();
     }
     let folders: Vec<_> = tried.iter().map(|path| path.display().to_string()).collect();
-    format!(" in {}; set ROS_PACKAGE_PATH or AMENT_PREFIX_PATH", folders.join(", "))
+    format!(" in {}; set ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or --package-path", folders.join(", "))
 }

@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use serde::{Deserialize, Serialize};
 
+use super::Snapshot;
+
 /// Bits of precision within a power of two: buckets are at most 1/32 wide.
 const SUB_BITS: u32 = 5;
 /// Durations from 2^40 ns (18 minutes) on share the last bucket.
@@ -84,6 +86,13 @@ impl Histogram {
     pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let counts = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).enumerate();
         counts.filter(|(_, count)| *count > 0).map(|(i, count)| (upper_bound(i), count))
+    }
+
+    /// A copy of it as it is now, for a reader who compares it with a later one.
+    pub fn snapshot(&self) -> Snapshot {
+        // The largest value is written after its bucket; read after it too, it is never below what the buckets say.
+        let buckets = self.buckets().collect();
+        Snapshot { buckets, sum: self.sum.load(Relaxed), max: self.max.load(Relaxed) }
     }
 
     /// The smallest bucket bound that at least this share of all values does not exceed, ns.

@@ -2,6 +2,8 @@
 
 mod allocation;
 mod histogram;
+mod snapshot;
 
 pub use allocation::{Allocations, CountingAllocator, allocations, counts_allocations, set_apart};
 pub use histogram::{Histogram, Percentiles};
+pub use snapshot::Snapshot;

@@ -20,6 +20,10 @@ use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 use crate::worker::Context;
 
+/// At the first and then at every so manieth look all connections are asked, not only until the topic's own component
+/// has no more to say.
+const THOROUGH: u32 = 16;
+
 /// Reads a topic in place. An input that the graph leaves unwired never has a sample.
 #[derive(Debug)]
 pub struct Input<T: StateBuffer> {
@@ -38,6 +42,8 @@ pub struct Input<T: StateBuffer> {
     heard: u32,
     /// Where the publisher counts the places of its samples from, in the memory of this process.
     base: usize,
+    /// Looks at the newest sample so far.
+    looks: u32,
     /// Index of the edge from the topic to this component.
     edge: Option<usize>,
 }
@@ -83,6 +89,7 @@ impl<T: StateBuffer> Input<T> {
             bell: None,
             heard: 0,
             base: 0,
+            looks: 0,
             edge: None,
         }
     }
@@ -132,6 +139,8 @@ impl<T: StateBuffer> Input<T> {
     /// The newest valid sample, if there ever was one; it is read in place, nothing is copied.
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
         let (place, published) = self.fetch();
+        let thorough = self.looks.is_multiple_of(THOROUGH);
+        self.looks = self.looks.wrapping_add(1);
         while let Some(sample) = self.receive() {
             let stamp = sample.user_header();
             let next = (stamp.origin, stamp.incarnation) == self.last_origin
@@ -140,8 +149,8 @@ impl<T: StateBuffer> Input<T> {
                 let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
                 self.base = address.wrapping_sub(place);
                 self.current = Some(sample);
-                if next && published == 1 {
-                    // The one publication since the last look: there is nothing more to look for.
+                if next && published == 1 && !thorough {
+                    // The one publication since the last look: only another iceoryx2 program may have sent more.
                     break;
                 }
             }

@@ -164,8 +164,8 @@ mod tests {
         let (_folder, [there, back]) = bells("to-and-fro");
         let answers = AtomicU32::new(0);
         let stuck = AtomicBool::new(true);
+        let ready = std::sync::Barrier::new(2);
         std::thread::scope(|scope| {
-            let ready = std::sync::Barrier::new(2);
             let (ready, answers, stuck) = (&ready, &answers, &stuck);
             let (there, back) = (&there, &back);
             scope.spawn(move || {
@@ -212,8 +212,8 @@ mod tests {
     fn every_waiter_hears_one_ring() {
         let (_folder, [path]) = bells("many");
         let heard = AtomicU32::new(0);
+        let ready = std::sync::Barrier::new(9);
         std::thread::scope(|scope| {
-            let ready = std::sync::Barrier::new(9);
             for _ in 0..8 {
                 scope.spawn(|| {
                     let trigger = Trigger::new(Bell::open(&path).unwrap());

@@ -28,6 +28,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
             "controller.trigger=target",
             "latency=[]",
             "component.controller={ kind = \"control.qp\", robot = \"panda\", trigger = \"target\", subscribe = { target = \"target\", joint_state = \"joint_state\" }, publish = { joint_command = \"joint_command\" } }",
+            "physics.spin=auto",
         ],
     ),
     ("Component.phase", &["physics.phase=10 us"]),

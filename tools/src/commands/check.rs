@@ -9,12 +9,12 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::graph::units::TimeSpan;
 use motorium::plan::{ClockKind, Plan};
-use motorium::schedule::{Admission, Overheads, RtLimit, Timeline, admit, timeline};
+use motorium::schedule::{Admission, RtLimit, Timeline, admit, timeline};
 
-pub(crate) use admission::problems;
+pub(crate) use admission::{describe as describe_admission, problems};
 
 use super::loading::GraphArgs;
-use crate::{draw, exit, registry, style};
+use crate::{draw, exit, overheads, registry, style};
 
 /// No more than this of a hyperperiod is drawn unless more is asked for.
 const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
@@ -57,10 +57,10 @@ impl Check {
             Err(code) => return Ok(code),
         };
         let plan = &checked.plan;
-        let overheads = Overheads::default();
-        let admission = admit(plan, &overheads, RtLimit::detect());
+        let known = overheads::known();
+        let admission = admit(plan, &known.overheads, RtLimit::detect());
         let span = self.span.unwrap_or(LONGEST);
-        let drawn = (plan.clock == ClockKind::Realtime).then(|| timeline(plan, &overheads, span.ns));
+        let drawn = (plan.clock == ClockKind::Realtime).then(|| timeline(plan, &known.overheads, span.ns));
         let to_file = self.write(plan, drawn.as_ref())?;
         if self.json {
             let diagnostics: Vec<_> = checked.warnings.iter().map(|warning| warning.report()).collect();
@@ -75,7 +75,7 @@ impl Check {
             }
             println!("{}", serde_json::to_string_pretty(&answer)?);
         } else {
-            self.print(plan, &admission, drawn.as_ref().filter(|_| !to_file));
+            self.print(plan, &admission, known.origin, drawn.as_ref().filter(|_| !to_file));
         }
         Ok(if admission.refuses() { exit::invalid() } else { ExitCode::SUCCESS })
     }
@@ -89,9 +89,9 @@ impl Check {
         Ok(true)
     }
 
-    fn print(&self, plan: &Plan, admission: &Admission, drawn: Option<&Timeline>) {
+    fn print(&self, plan: &Plan, admission: &Admission, origin: &str, drawn: Option<&Timeline>) {
         let mut text = components::describe(plan);
-        text += &admission::describe(admission);
+        text += &admission::describe(admission, origin);
         let picture = self.timeline == Some(Format::Svg);
         match drawn {
             // a picture on standard output is there alone

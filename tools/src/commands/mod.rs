@@ -1,21 +1,28 @@
 //! The subcommands, one file each.
 
 mod bench;
+mod calibrate;
 mod check;
 mod completions;
 mod doctor;
 mod draw;
+mod library;
 mod loading;
 mod new;
 mod param;
+mod primitive;
+mod reproduce;
+mod robot;
 mod run;
 mod runs;
 mod schema;
+mod top;
 mod topic;
 
 use std::process::ExitCode;
 
 pub(crate) use run::line;
+pub(crate) use runs::LivingRun;
 
 use clap::{Parser, Subcommand};
 
@@ -34,12 +41,18 @@ pub(crate) struct Cli {
 enum Command {
     Run(run::Run),
     Check(check::Check),
+    Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
+    Top(top::Top),
     Topic(topic::Topic),
     Param(param::Param),
     Bench(bench::Bench),
+    Robot(robot::Robot),
+    Primitive(primitive::PrimitiveCommand),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
+    Library(library::Library),
+    Reproduce(reproduce::Reproduce),
     New(new::New),
     Completions(completions::Completions),
 }
@@ -50,12 +63,18 @@ impl Cli {
             None => run::Run::default().run(),
             Some(Command::Run(command)) => command.run(),
             Some(Command::Check(command)) => command.run(),
+            Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
+            Some(Command::Top(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
+            Some(Command::Robot(command)) => command.run(),
+            Some(Command::Primitive(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
+            Some(Command::Library(command)) => command.run(),
+            Some(Command::Reproduce(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
             Some(Command::Completions(command)) => command.run(),
         }

@@ -7,12 +7,13 @@ use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{self, Event, Exit, Hosting, Options};
 use motorium::plan::ClockKind;
-use motorium::schedule::{self, Overheads, RtLimit};
+use motorium::schedule::{self, RtLimit};
 
 use super::check::problems;
 use super::loading::GraphArgs;
+use crate::metrics::{Address, Server};
 use crate::screen::{Plain, Screen};
-use crate::{exit, registry, report, style};
+use crate::{exit, overheads, registry, report, style};
 
 /// Launch a graph: every component as its own process.
 ///
@@ -36,6 +37,9 @@ pub(crate) struct Run {
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
+    /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
+    #[arg(long, value_name = "ADDR")]
+    metrics: Option<Address>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -64,12 +68,24 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
-        let admission = schedule::admit(&checked.plan, &Overheads::default(), RtLimit::detect());
+        let admission = schedule::admit(&checked.plan, &overheads::known().overheads, RtLimit::detect());
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() && !self.force {
             anstream::eprint!("{}", problems(&admission));
             anstream::eprintln!("nothing was started; `--force` runs it all the same");
             return Ok(exit::invalid());
         }
+        let mut metrics = self.metrics.map(Server::bind).transpose()?;
+        if let Some(server) = &metrics {
+            anstream::eprintln!("metrics at {}", server.url());
+        }
+        let mut serve = |event: &Event<'_>| {
+            if let Event::Created { run, plan } = event
+                && let Some(server) = metrics.take()
+                && let Err(error) = server.serve_created(run, plan)
+            {
+                anstream::eprintln!("{} metrics are not served: {error:#}", style::warning("warning:"));
+            }
+        };
         let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
         let program = std::env::current_exe().context("finding this program's own file")?;
         let options = Options { hosting, program };
@@ -79,10 +95,16 @@ impl Run {
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let report = if live {
             let mut screen = Screen::new(&plan)?;
-            launcher::run(plan, &registry, &options, &mut |event| screen.show(&event))?
+            launcher::run(plan, &registry, &options, &mut |event| {
+                serve(&event);
+                screen.show(&event);
+            })?
         } else {
             let mut plain = Plain::new(self.json);
-            launcher::run(plan, &registry, &options, &mut |event| plain.show(&event))?
+            launcher::run(plan, &registry, &options, &mut |event| {
+                serve(&event);
+                plain.show(&event);
+            })?
         };
         if self.json {
             println!("{}", serde_json::to_string_pretty(&report)?);

@@ -3,11 +3,13 @@
 use std::process::ExitCode;
 
 use motorium::launcher::Report;
+use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
+use super::top::Data as Top;
 use crate::registry;
 
-/// Print the JSON Schema of graph files or of a report.
+/// Print the JSON Schema of graph files, of a report, or of what `top` prints.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -23,20 +25,23 @@ enum Document {
     Graph,
     /// What `motorium run --json` prints
     Report,
+    /// What `motorium top --json` prints
+    Top,
 }
 
 impl Schema {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let schema = match self.document {
             Document::Graph => motorium::graph::schema(&registry::registry()),
-            Document::Report => report(),
+            Document::Report => written::<Report>(),
+            Document::Top => written::<Top>(),
         };
         println!("{}", serde_json::to_string_pretty(&schema)?);
         Ok(ExitCode::SUCCESS)
     }
 }
 
-/// The schema of reports as they are written: what is always there is required.
-fn report() -> schemars::Schema {
-    SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<Report>()
+/// The schema of a document as it is written: what is always there is required.
+fn written<T: JsonSchema>() -> schemars::Schema {
+    SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<T>()
 }

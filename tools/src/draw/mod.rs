@@ -26,6 +26,7 @@ mod tests;
 pub(crate) use dot::dot;
 pub(crate) use mermaid::mermaid;
 pub(crate) use svg::svg;
+pub(crate) use text::escape;
 pub(crate) use timeline_svg::timeline_svg;
 pub(crate) use timeline_text::timeline_text;
 

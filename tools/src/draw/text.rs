@@ -18,7 +18,7 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
 }
 
 /// Characters that mean something in XML and HTML, as entities.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

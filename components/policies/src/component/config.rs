@@ -6,6 +6,7 @@ use motorium::graph::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
+use super::imitation::DemonstrationConfig;
 use crate::dmp::StoredModel;
 use crate::reach::Repeat;
 
@@ -32,6 +33,10 @@ pub struct DmpPolicyConfig {
     /// Pose to start from, in the world frame. Without it, the hand's measured pose, from the input `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
+    /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected": files that
+    /// `motorium primitive fit` wrote, relative to the graph file.
+    #[serde(default)]
+    pub primitives: Vec<String>,
 }
 
 /// A pose in the world frame.
@@ -52,7 +57,7 @@ pub struct PoseConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoalConfig {
-    /// Position in the world frame, m. This or `offset`.
+    /// Position in the world frame, m. This or `offset`; after a demonstration, neither: where it ended.
     #[serde(default)]
     pub position: Option<[f64; 3]>,
     /// Position relative to the goal before, or to the start for the first one, in world axes, m. This or `position`.
@@ -64,10 +69,10 @@ pub struct GoalConfig {
     /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
-    /// Time to get there, at least 1 ms, such as "2 s".
-    #[serde(deserialize_with = "time")]
-    #[schemars(with = "TimeSpan")]
-    pub duration: Duration,
+    /// Time to get there, at least 1 ms, such as "2 s". Required, but for a demonstration, which brings its own.
+    #[serde(default, deserialize_with = "optional_time")]
+    #[schemars(with = "Option<TimeSpan>")]
+    pub duration: Option<Duration>,
     /// Time to stay there, such as "500 ms". Default none.
     #[serde(default, deserialize_with = "time")]
     #[schemars(with = "TimeSpan")]
@@ -88,9 +93,21 @@ pub enum ShapeConfig {
     Arc([f64; 3]),
     /// A primitive of three dimensions, as it was fitted to a demonstration.
     Primitive(StoredModel),
+    /// A primitive from a file that `motorium primitive fit` wrote, relative to the graph file.
+    File(String),
+    /// A primitive fitted to a recording when the component is configured.
+    Demonstration(DemonstrationConfig),
+    /// The one of `primitives` that the parameter `primitive` chooses, from the next time the goal is set out for.
+    Selected,
 }
 
-fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+pub(super) fn optional_time<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Duration>, D::Error> {
+    time(deserializer).map(Some)
+}
+
+pub(super) fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
     let text = String::deserialize(deserializer)?;
     let span: TimeSpan = text.parse().map_err(|error: motorium::graph::units::UnitError| {
         serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))

@@ -1,9 +1,10 @@
 //! Goals as they are configured, turned into legs.
 
-use motorium::component::ConfigError;
+use motorium::component::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+use super::imitation::{self, Demonstrated, PathRecord};
 use crate::dmp::DmpModel;
 use crate::reach::{Leg, PathShape, PoseReach, ReachError, Repeat, SteerError};
 
@@ -12,6 +13,11 @@ use crate::reach::{Leg, PathShape, PoseReach, ReachError, Repeat, SteerError};
 pub(super) struct Course {
     goals: Vec<Goal>,
     legs: Vec<Leg>,
+    /// Of every leg, the goal of the configuration it belongs to, and the path that was demonstrated.
+    keys: Vec<usize>,
+    paths: Vec<Option<Vec<Vector3<f64>>>>,
+    primitives: Vec<DmpModel>,
+    selected: Vec<usize>,
     repeat: Repeat,
     origin: Isometry3<f64>,
 }
@@ -31,39 +37,145 @@ enum Place {
 }
 
 impl Course {
-    pub(super) fn new(config: &DmpPolicyConfig) -> Result<Self, ConfigError> {
+    pub(super) fn new(config: &DmpPolicyConfig, robot: Option<&RobotReference>) -> Result<Self, ConfigError> {
         let mut course = Self {
             goals: Vec::new(),
             legs: Vec::new(),
+            keys: Vec::new(),
+            paths: Vec::new(),
+            primitives: Vec::new(),
+            selected: Vec::new(),
             repeat: config.repeat,
             origin: Isometry3::identity(),
         };
+        for (index, file) in config.primitives.iter().enumerate() {
+            let key = format!("primitives[{index}]");
+            let model = imitation::primitive(file, robot, &key)?;
+            if course.primitives.first().is_some_and(|first| first.settings() != model.settings()) {
+                let message = format!("{file} was fitted with other settings than the first primitive");
+                return Err(ConfigError::key(key, message)
+                    .advise("fit all of them with the same variant and number of kernels"));
+            }
+            course.primitives.push(model);
+        }
         for (index, goal) in config.goals.iter().enumerate() {
-            let key = |name: &str| format!("goals[{index}].{name}");
-            course.goals.push(Goal {
-                place: place(goal, &format!("goals[{index}]"), key)?,
-                turn: orientation(goal.orientation, goal.rpy, key)?,
-            });
-            course.legs.push(Leg {
-                goal: Isometry3::identity(),
-                duration: goal.duration,
-                dwell: goal.dwell,
-                shape: shape(&goal.shape).map_err(|message| ConfigError::key(key("shape"), message))?,
-            });
+            course.add(index, goal, robot, config.frame.as_deref())?;
         }
         Ok(course)
+    }
+
+    /// Adds the legs of a goal.
+    fn add(
+        &mut self,
+        index: usize,
+        goal: &GoalConfig,
+        robot: Option<&RobotReference>,
+        frame: Option<&str>,
+    ) -> Result<(), ConfigError> {
+        let key = |name: &str| format!("goals[{index}].{name}");
+        let mut turn = orientation(goal.orientation, goal.rpy, key)?;
+        let mut leg = Leg {
+            goal: Isometry3::identity(),
+            duration: goal.duration.unwrap_or_default(),
+            dwell: goal.dwell,
+            shape: PathShape::Straight,
+        };
+        let (mut at, mut path) = (None, None);
+        if let ShapeConfig::Demonstration(config) = &goal.shape {
+            let shown = Demonstrated::read(config, robot, frame, &key("shape"))?;
+            if let Some(approach) = config.approach {
+                let goal = Goal {
+                    place: Place::At(shown.start()),
+                    turn: shown.turns.map(|[start, _]| start).or(turn),
+                };
+                let to_start = Leg { duration: approach, dwell: std::time::Duration::ZERO, ..leg.clone() };
+                self.push(index, goal, to_start, None);
+            }
+            at = Some(Place::At(shown.end()));
+            turn = turn.or(shown.turns.map(|[_, end]| end));
+            leg.duration = goal.duration.unwrap_or(shown.duration);
+            leg.shape = PathShape::Learned(Box::new(shown.model));
+            path = Some(shown.path);
+        } else {
+            if goal.duration.is_none() {
+                return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
+                    .advise("say how long the way takes, such as `duration = \"2 s\"`"));
+            }
+            leg.shape = self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
+                None => ConfigError { key: Some(key("shape")), ..error },
+                Some(_) => error,
+            })?;
+            if matches!(goal.shape, ShapeConfig::Selected) {
+                self.selected.push(self.legs.len());
+            }
+        }
+        let place = match at {
+            // a path of its own is compared with only where it leads where it led
+            Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
+            _ => {
+                path = None;
+                place(goal, &format!("goals[{index}]"), key)?
+            }
+        };
+        self.push(index, Goal { place, turn }, leg, path);
+        Ok(())
+    }
+
+    fn push(&mut self, index: usize, goal: Goal, leg: Leg, path: Option<Vec<Vector3<f64>>>) {
+        self.goals.push(goal);
+        self.legs.push(leg);
+        self.keys.push(index);
+        self.paths.push(path);
+    }
+
+    fn shape(
+        &self,
+        config: &ShapeConfig,
+        robot: Option<&RobotReference>,
+        key: &str,
+    ) -> Result<PathShape, ConfigError> {
+        let learned = |model: DmpModel| PathShape::Learned(Box::new(model));
+        match config {
+            ShapeConfig::Straight | ShapeConfig::Demonstration(_) => Ok(PathShape::Straight),
+            ShapeConfig::Arc(apex) => Ok(PathShape::Arc { apex: Vector3::from(*apex) }),
+            ShapeConfig::Primitive(stored) => DmpModel::try_from(stored.clone())
+                .map(learned)
+                .map_err(|error| ConfigError::key(key, error.to_string())),
+            ShapeConfig::File(file) => Ok(learned(imitation::primitive(file, robot, key)?)),
+            ShapeConfig::Selected => match self.primitives.first() {
+                Some(model) => Ok(learned(model.clone())),
+                None => Err(ConfigError::key(key, "there are no `primitives` to select from")),
+            },
+        }
+    }
+
+    /// The primitives that can be selected.
+    pub(super) fn primitives(&self) -> &[DmpModel] {
+        &self.primitives
+    }
+
+    /// The legs that follow the selected primitive.
+    pub(super) fn selected(&self) -> &[usize] {
+        &self.selected
+    }
+
+    /// What there is to be followed.
+    pub(super) fn record(&self) -> PathRecord {
+        PathRecord::new(self.paths.clone())
     }
 
     /// The reach, its goals still to be aimed at.
     pub(super) fn reach(&self) -> Result<PoseReach, ConfigError> {
         PoseReach::new(self.legs.clone(), self.repeat).map_err(|error| match &error {
             ReachError::NoLegs => ConfigError::key("goals", error.to_string()),
-            ReachError::Goal { leg } => ConfigError::key(format!("goals[{leg}]"), error.to_string()),
+            ReachError::Goal { leg } => {
+                ConfigError::key(format!("goals[{}]", self.keys[*leg]), error.to_string())
+            }
             ReachError::Duration { leg, .. } => {
-                ConfigError::key(format!("goals[{leg}].duration"), error.to_string())
+                ConfigError::key(format!("goals[{}].duration", self.keys[*leg]), error.to_string())
             }
             ReachError::Shape { leg, source } => {
-                ConfigError::key(format!("goals[{leg}].shape"), source.to_string())
+                ConfigError::key(format!("goals[{}].shape", self.keys[*leg]), source.to_string())
             }
         })
     }
@@ -135,16 +247,6 @@ fn orientation(
             }
             Ok(Some(UnitQuaternion::new_normalize(quaternion)))
         }
-    }
-}
-
-fn shape(config: &ShapeConfig) -> Result<PathShape, String> {
-    match config {
-        ShapeConfig::Straight => Ok(PathShape::Straight),
-        ShapeConfig::Arc(apex) => Ok(PathShape::Arc { apex: Vector3::from(*apex) }),
-        ShapeConfig::Primitive(stored) => DmpModel::try_from(stored.clone())
-            .map(|model| PathShape::Learned(Box::new(model)))
-            .map_err(|error| error.to_string()),
     }
 }
 

@@ -1,10 +1,19 @@
-//! `policy.dmp`: leads the hand of a robot through goals.
+//! `policy.dmp`: leads the hand of a robot through goals; `policy.promp` and `policy.cpg`: move its joints.
 
 mod config;
 mod course;
+mod cpg;
+mod drive;
+mod imitation;
+pub mod library;
 mod origin;
+mod promp;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+pub use cpg::{CpgPolicy, CpgPolicyConfig, LegConfig, SwingConfig};
+pub use drive::DriveConfig;
+pub use imitation::DemonstrationConfig;
+pub use promp::{ProMpPolicy, ProMpPolicyConfig, ProMpSource, ViaConfig};
 
 use std::time::Duration;
 
@@ -15,6 +24,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::reach::{PoseReach, ReachPhase};
 use course::Course;
+use imitation::PathRecord;
 use origin::Origin;
 
 /// Leads the hand of a robot through goals, one movement primitive to each; see [`PoseReach`].
@@ -29,6 +39,11 @@ pub struct DmpPolicy {
     origin: Origin,
     course: Course,
     reach: PoseReach,
+    /// Which of the primitives is chosen, and which every leg that may choose has.
+    primitive: Option<Parameter<i64>>,
+    chosen: Vec<usize>,
+    exchanges: u64,
+    record: PathRecord,
     /// Goals set out for before a crash.
     goals_before: u64,
     memory: Checkpoint,
@@ -44,7 +59,7 @@ impl Component for DmpPolicy {
     type Config = DmpPolicyConfig;
 
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let course = Course::new(config)?;
+        let course = Course::new(config, declare.robot())?;
         course.reach()?;
         Origin::declare(config, declare)?;
         declare.output::<PoseTarget>(
@@ -52,12 +67,24 @@ impl Component for DmpPolicy {
             "where the hand should be and how it should move, in the world frame",
         );
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the hand where it is");
+        if !course.primitives().is_empty() {
+            let last = course.primitives().len() as i64 - 1;
+            declare.integer("primitive", 0, 0..=last, "the primitive of `selected` ways, counted from 0");
+        }
         Ok(())
     }
 
     fn configure(config: DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let course = Course::new(&config)?;
+        let course = Course::new(&config, setup.robot().ok())?;
+        let primitive = match course.primitives() {
+            [] => None,
+            _ => Some(setup.parameter("primitive")?),
+        };
         Ok(Self {
+            primitive,
+            chosen: vec![0; course.selected().len()],
+            exchanges: 0,
+            record: course.record(),
             reach: course.reach()?,
             course,
             origin: Origin::new(&config, setup)?,
@@ -71,6 +98,7 @@ impl Component for DmpPolicy {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
+        self.select()?;
         if self.reach.phase() == ReachPhase::Waiting {
             let Some(start) = self.origin.find()? else { return Ok(()) };
             self.set_out(start)?;
@@ -79,19 +107,49 @@ impl Component for DmpPolicy {
             self.reach.step(Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP));
         }
         self.last_tick_ns = Some(tick.time_ns);
+        let leg = self.reach.leg();
+        if self.reach.phase() == ReachPhase::Moving && self.record.watches(leg) {
+            let hand = self.origin.hand();
+            self.record.observe(leg, self.reach.progress(), self.reach.pose().translation.vector, hand);
+        }
         self.publish()
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!({
+        let mut result = serde_json::json!({
             "goals_set_out_for": self.goals(),
             "goals": self.reach.legs(),
             "finished": self.reach.phase() == ReachPhase::Finished,
-        }))
+        });
+        if self.primitive.is_some() {
+            result["exchanges"] = self.exchanges.into();
+        }
+        if let Some(imitation) = self.record.result() {
+            result["imitation"] = imitation;
+        }
+        Some(result)
     }
 }
 
 impl DmpPolicy {
+    /// Gives the legs that may choose the primitive that is chosen; one that is under way keeps what it has.
+    fn select(&mut self) -> Result<(), StepError> {
+        let Some(primitive) = &self.primitive else { return Ok(()) };
+        let primitives = self.course.primitives();
+        let wanted = usize::try_from(primitive.get()).unwrap_or(0).min(primitives.len() - 1);
+        for (leg, has) in self.course.selected().iter().zip(&mut self.chosen) {
+            let under_way = *leg == self.reach.leg() && self.reach.phase() == ReachPhase::Moving;
+            if *has != wanted && !under_way {
+                self.reach
+                    .reshape(*leg, &primitives[wanted])
+                    .map_err(|_| StepError::failed("a primitive of other settings"))?;
+                *has = wanted;
+                self.exchanges += 1;
+            }
+        }
+        Ok(())
+    }
+
     /// Begins at `start`, or goes on after a crash with what was under way.
     fn set_out(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
         let refused = |_| StepError::failed("the hand has no finite pose to start from");

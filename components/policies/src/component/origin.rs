@@ -70,6 +70,15 @@ impl Origin {
         matches!(self, Self::Measured(_))
     }
 
+    /// Where the hand is measured to be at this moment, if it is.
+    pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
+        let Self::Measured(measured) = self else { return None };
+        let Measured { state, model, frame, kinematics } = measured.as_mut();
+        let state = state.latest().filter(|state| state.count() == model.nq())?;
+        kinematics.update(model, state.position());
+        Some(kinematics.pose(model, *frame).translation.vector)
+    }
+
     /// The pose, once it is known.
     pub(super) fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let measured = match self {
@@ -89,7 +98,7 @@ impl Origin {
 }
 
 /// The model of a robot and the frame that is led.
-fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+pub(super) fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
     let loaded = motorium_robots::load(&robot.urdf, &robot.base)
         .map_err(|error| ConfigError::new(error.to_string()))?;
     let (name, key) = match frame {

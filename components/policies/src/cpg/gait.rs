@@ -45,6 +45,16 @@ fn advice(legs: usize) -> &'static str {
 }
 
 impl Gait {
+    /// The gaits that a number of legs has; none for other numbers than 2, 4 and 6.
+    pub fn of(legs: usize) -> &'static [Self] {
+        match legs {
+            2 => &[Self::Walk, Self::Bound],
+            4 => &[Self::Walk, Self::Trot, Self::Pace, Self::Bound],
+            6 => &[Self::Walk, Self::Tripod],
+            _ => &[],
+        }
+    }
+
     /// The phase of each leg, rad in \[0, 2 pi).
     ///
     /// # Errors

@@ -77,8 +77,8 @@ impl CoupledPhases {
         }
         for i in 0..self.phase.len() {
             let (mut sines, mut cosines) = (0.0, 0.0);
-            for j in 0..self.phase.len() {
-                let weight = amplitudes[j] * self.weights[(i, j)];
+            for (j, amplitude) in amplitudes.iter().enumerate() {
+                let weight = amplitude * self.weights[(i, j)];
                 sines += weight * self.sine[j];
                 cosines += weight * self.cosine[j];
             }

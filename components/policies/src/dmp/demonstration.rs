@@ -63,19 +63,23 @@ impl Demonstration {
         check(duration, &positions)?;
         let (samples, dimensions) = positions.shape();
         let step = duration / (samples - 1) as f64;
-        let last = samples - 1;
-        let y = &positions;
-        let velocities = DMatrix::from_fn(samples, dimensions, |k, d| match k {
-            0 => (-3.0 * y[(0, d)] + 4.0 * y[(1, d)] - y[(2, d)]) / (2.0 * step),
-            k if k == last => (3.0 * y[(last, d)] - 4.0 * y[(last - 1, d)] + y[(last - 2, d)]) / (2.0 * step),
-            k => (y[(k + 1, d)] - y[(k - 1, d)]) / (2.0 * step),
-        });
-        let one_sided = |a: f64, b: f64, c: f64, e: f64| (2.0 * a - 5.0 * b + 4.0 * c - e) / (step * step);
-        let accelerations = DMatrix::from_fn(samples, dimensions, |k, d| match k {
-            0 => one_sided(y[(0, d)], y[(1, d)], y[(2, d)], y[(3, d)]),
-            k if k == last => one_sided(y[(last, d)], y[(last - 1, d)], y[(last - 2, d)], y[(last - 3, d)]),
-            k => (y[(k + 1, d)] - 2.0 * y[(k, d)] + y[(k - 1, d)]) / (step * step),
-        });
+        let (per_two_steps, per_square) = (0.5 / step, 1.0 / (step * step));
+        let mut velocities = DMatrix::zeros(samples, dimensions);
+        let mut accelerations = DMatrix::zeros(samples, dimensions);
+        let columns = velocities.as_mut_slice().chunks_exact_mut(samples);
+        let columns = columns.zip(accelerations.as_mut_slice().chunks_exact_mut(samples));
+        for (y, (v, a)) in positions.as_slice().chunks_exact(samples).zip(columns) {
+            for ((y, v), a) in y.windows(3).zip(&mut v[1..]).zip(&mut a[1..]) {
+                *v = (y[2] - y[0]) * per_two_steps;
+                *a = (y[2] - 2.0 * y[1] + y[0]) * per_square;
+            }
+            let one_sided = |a: f64, b: f64, c: f64, e: f64| (2.0 * a - 5.0 * b + 4.0 * c - e) * per_square;
+            let last = samples - 1;
+            v[0] = (-3.0 * y[0] + 4.0 * y[1] - y[2]) * per_two_steps;
+            v[last] = (3.0 * y[last] - 4.0 * y[last - 1] + y[last - 2]) * per_two_steps;
+            a[0] = one_sided(y[0], y[1], y[2], y[3]);
+            a[last] = one_sided(y[last], y[last - 1], y[last - 2], y[last - 3]);
+        }
         Ok(Self { duration, positions, velocities, accelerations })
     }
 
@@ -151,13 +155,9 @@ pub(super) fn check(duration: f64, samples: &DMatrix<f64>) -> Result<(), Demonst
     if !(duration.is_finite() && duration > 0.0) {
         return Err(DemonstrationError::Duration { found: duration });
     }
-    for dimension in 0..samples.ncols() {
-        for sample in 0..samples.nrows() {
-            let value = samples[(sample, dimension)];
-            if !value.is_finite() {
-                return Err(DemonstrationError::NotFinite { sample, dimension, value });
-            }
-        }
+    if let Some(place) = samples.iter().position(|value| !value.is_finite()) {
+        let (sample, dimension) = (place % samples.nrows(), place / samples.nrows());
+        return Err(DemonstrationError::NotFinite { sample, dimension, value: samples.as_slice()[place] });
     }
     Ok(())
 }

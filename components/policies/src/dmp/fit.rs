@@ -185,14 +185,20 @@ fn forcing_terms(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let samples = demo.samples();
     let pull =
         |jet: Jet, equilibrium| jet.acceleration - spring.acceleration(jet.value, jet.rate, equilibrium);
+    let per_sample = progress_of(1, samples);
     let mut forcing = DMatrix::zeros(samples, demo.dimensions());
     for (d, column) in forcing.as_mut_slice().chunks_exact_mut(samples).enumerate() {
         let (start, goal) = (demo.start(d), demo.goal(d));
-        let jets = (0..samples).map(|k| normalised(demo, k, d, duration));
+        let range = d * samples..(d + 1) * samples;
+        let jets = demo.positions().as_slice()[range.clone()]
+            .iter()
+            .zip(&demo.velocities().as_slice()[range.clone()])
+            .zip(&demo.accelerations().as_slice()[range])
+            .map(|((y, v), a)| Jet { value: *y, rate: v * duration, acceleration: a * duration * duration });
         if variant.plans_goal() {
             let reference = reference(model, demo, d);
             for (k, (forcing, jet)) in column.iter_mut().zip(jets).enumerate() {
-                *forcing = pull(deviation(jet, &reference, progress_of(k, samples)), 0.0);
+                *forcing = pull(deviation(jet, &reference, k as f64 * per_sample), 0.0);
             }
         } else if variant.eases_in() {
             for (k, (forcing, jet)) in column.iter_mut().zip(jets).enumerate() {

@@ -25,6 +25,7 @@ pub enum Gate {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernels {
     decay: f64,
+    overlap: f64,
     gate: Gate,
     final_phase: f64,
     centres: Vec<f64>,
@@ -50,8 +51,15 @@ impl Kernels {
         let mut widths: Vec<f64> =
             centres.windows(2).map(|pair| -overlap.ln() / (pair[1] - pair[0]).powi(2)).collect();
         widths.extend(widths.last().copied());
-        let mut kernels =
-            Self { decay, gate, final_phase: (-decay).exp(), centres, widths, reach: [count, count] };
+        let mut kernels = Self {
+            decay,
+            overlap,
+            gate,
+            final_phase: (-decay).exp(),
+            centres,
+            widths,
+            reach: [count, count],
+        };
         kernels.reach = [kernels.reach_of(false), kernels.reach_of(true)];
         kernels
     }
@@ -120,16 +128,33 @@ impl Kernels {
         let kernels = self.window(progress);
         let (centres, widths) = (&self.centres[kernels.clone()], &self.widths[kernels.clone()]);
         let features = &mut features[kernels.clone()];
-        let mut largest = f64::NEG_INFINITY;
-        for ((feature, centre), width) in features.iter_mut().zip(centres).zip(widths) {
+        // within the movement the kernel before is worth at least the overlap; past it, all may be worth next to nothing
+        let largest = if (0.0..=1.0).contains(&progress) && self.overlap > 1e-3 {
+            0.0
+        } else {
+            let exponents = centres.iter().zip(widths).map(|(c, h)| -h * (phase - c) * (phase - c));
+            exponents.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let (blocks, rest) = features.as_chunks_mut::<4>();
+        let (centre_blocks, centre_rest) = centres.as_chunks::<4>();
+        let (width_blocks, width_rest) = widths.as_chunks::<4>();
+        let mut strands = [0.0; 4];
+        for ((block, centres), widths) in blocks.iter_mut().zip(centre_blocks).zip(width_blocks) {
+            for k in 0..4 {
+                let distance = phase - centres[k];
+                block[k] = exp_of_negative(-widths[k] * distance * distance - largest);
+            }
+            for k in 0..4 {
+                strands[k] += block[k];
+            }
+        }
+        let mut sum = strands.iter().sum::<f64>();
+        for ((feature, centre), width) in rest.iter_mut().zip(centre_rest).zip(width_rest) {
             let distance = phase - centre;
-            *feature = -width * distance * distance;
-            largest = if *feature > largest { *feature } else { largest };
+            *feature = exp_of_negative(-width * distance * distance - largest);
+            sum += *feature;
         }
-        for feature in features.iter_mut() {
-            *feature = exp_of_negative(*feature - largest);
-        }
-        let factor = gate / sum(features);
+        let factor = gate / sum;
         features.iter_mut().for_each(|feature| *feature *= factor);
         Activation { kernels, phase }
     }
@@ -142,26 +167,19 @@ impl Kernels {
             return 0..count;
         }
         let before = ((progress * (count - 1) as f64) as usize).min(count - 1);
-        (before + 1).saturating_sub(self.reach[0])..(before + 1 + self.reach[1]).min(count)
+        // whole blocks of four
+        let (first, end) = ((before + 1).saturating_sub(self.reach[0]), before + 1 + self.reach[1]);
+        first & !3..end.next_multiple_of(4).min(count)
     }
-}
-
-/// The sum of numbers, in several strands that do not wait for each other.
-fn sum(values: &[f64]) -> f64 {
-    let (blocks, rest) = values.as_chunks::<8>();
-    let mut strands = [0.0; 8];
-    for block in blocks {
-        strands.iter_mut().zip(block).for_each(|(strand, value)| *strand += value);
-    }
-    strands.iter().sum::<f64>() + rest.iter().sum::<f64>()
 }
 
 /// The inner product of two vectors of one length, in several strands that do not wait for each other.
+#[inline]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let mut strands = [0.0; 8];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut strands = [0.0; 4];
     for (a, b) in a.iter().zip(b) {
-        for k in 0..8 {
+        for k in 0..4 {
             strands[k] += a[k] * b[k];
         }
     }

@@ -94,6 +94,12 @@ impl DmpModel {
         self.weights.as_view_mut()
     }
 
+    /// Takes weights and displacement of a model of the same size.
+    pub(super) fn copy_weights(&mut self, other: &Self) {
+        self.weights.copy_from(&other.weights);
+        self.displacement.copy_from(&other.displacement);
+    }
+
     /// The displacement `g - y0` the weights were learned for.
     pub fn displacement(&self) -> &DVector<f64> {
         &self.displacement

@@ -27,7 +27,13 @@ impl CriticalSpring {
 
     /// The coefficients of one step of width `h` (in progress).
     pub fn stride(&self, h: f64) -> Stride {
-        Stride { root: self.root, h, fade: (-self.root * h).exp() }
+        Stride {
+            root: self.root,
+            h,
+            fade: (-self.root * h).exp(),
+            per_h: if h > 0.0 { h.recip() } else { 0.0 },
+            lag: 2.0 / self.root,
+        }
     }
 
     /// The acceleration `x''` of a state under the input `u`.
@@ -42,17 +48,21 @@ pub struct Stride {
     root: f64,
     h: f64,
     fade: f64,
+    per_h: f64,
+    /// Lag behind a ramp, per slope: `D / K`.
+    lag: f64,
 }
 
 impl Stride {
     /// Carries `(x, x')` over the step while the input runs linearly from `from` to `to`.
+    #[inline]
     pub fn advance(&self, (x, rate): (f64, f64), from: f64, to: f64) -> (f64, f64) {
         if self.h <= 0.0 {
             return (x, rate);
         }
         // a ramp is followed with the constant lag D m / K
-        let slope = (to - from) / self.h;
-        let lag = 2.0 * slope / self.root;
+        let slope = (to - from) * self.per_h;
+        let lag = slope * self.lag;
         let deviation = x - (from - lag);
         let deviation_rate = rate - slope;
         let mixed = deviation_rate + self.root * deviation;

@@ -83,6 +83,12 @@ pub enum SteerError {
         /// What was found.
         found: f64,
     },
+    /// Another shape for a leg that is under way.
+    #[error("leg {leg} is under way: its shape can change when the hand has arrived")]
+    UnderWay {
+        /// Which one, from 0.
+        leg: usize,
+    },
     /// What the primitives refused.
     #[error(transparent)]
     Move(#[from] MoveError),

@@ -8,7 +8,7 @@ use super::leg::{Leg, ReachError, Repeat, SteerError, numbers};
 use super::shape::plain;
 use super::speed::Pace;
 use super::twist::Twist;
-use crate::dmp::{DiscreteDmp, MoveError, OrientationDmp};
+use crate::dmp::{DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 
 /// Where in its sequence a hand is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,6 +132,19 @@ impl PoseReach {
         Ok(())
     }
 
+    /// Gives the way to a goal another shape from the next time it is set out for, without allocating: a primitive of the
+    /// same settings.
+    ///
+    /// # Errors
+    /// A leg that does not exist or is under way, or a primitive of other settings.
+    pub fn reshape(&mut self, leg: usize, shape: &DmpModel) -> Result<(), SteerError> {
+        self.check_leg(leg)?;
+        if leg == self.current && self.phase == ReachPhase::Moving {
+            return Err(SteerError::UnderWay { leg });
+        }
+        Ok(self.legs[leg].position.exchange(shape)?)
+    }
+
     /// Sets the speed factor: 1 is the nominal speed, 0 stops where it is. Stretches movements and dwells alike, and
     /// is approached at [`SPEED_SLEW`](super::SPEED_SLEW).
     ///
@@ -232,6 +245,11 @@ impl PoseReach {
     /// The leg it is on, from 0.
     pub fn leg(&self) -> usize {
         self.current
+    }
+
+    /// Elapsed time of the current leg over its duration; 1 from the arrival on.
+    pub fn progress(&self) -> f64 {
+        if self.arrival == 0 { 1.0 } else { (self.elapsed as f64 / self.arrival as f64).min(1.0) }
     }
 
     /// The goal it is on the way to or at, in the world frame.

@@ -66,7 +66,8 @@ def rhythmic():
     fitted = np.linalg.lstsq(features, target, rcond=None)[0]
     return {"period": period, "width": width, "phase": phi0, "amplitude": r, "baseline": g.tolist(), "weights": weights.tolist(),
             "start": y0.tolist(), "velocity": v0.tolist(), "samples": samples,
-            "fit": {"positions": y.tolist(), "baseline": base.tolist(), "weights": fitted.tolist()}}
+            "fit": {"positions": y.tolist(), "baseline": base.tolist(), "weights": fitted.tolist(),
+                    "locally_weighted": (psi.T @ target / psi.sum(0)[:, None]).tolist()}}
 
 
 def quintic(y0, r0, a0, y1, r1):

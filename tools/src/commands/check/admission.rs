@@ -11,7 +11,9 @@ use crate::report::table;
 use crate::style;
 
 /// Cores, components and latencies with their bounds, each as the sum it comes from.
-pub(super) fn describe(admission: &Admission) -> String {
+///
+/// `origin` says where the overheads come from.
+pub(crate) fn describe(admission: &Admission, origin: &str) -> String {
     if admission.clock == ClockKind::Lockstep {
         return "in lockstep nothing has a deadline: budgets, priorities and latencies are not analysed\n"
             .to_string();
@@ -47,7 +49,7 @@ pub(super) fn describe(admission: &Admission) -> String {
         }
         let _ = write!(text, "\n{}\n", latencies.trim_fmt());
     }
-    let _ = writeln!(text, "\n{}", style::dim(assumptions(admission)));
+    let _ = writeln!(text, "\n{}", style::dim(assumptions(admission, origin)));
     text
 }
 
@@ -60,11 +62,11 @@ fn verdict(verdict: Verdict) -> &'static str {
     }
 }
 
-fn assumptions(admission: &Admission) -> String {
+fn assumptions(admission: &Admission, origin: &str) -> String {
     let time = |ns: u64| TimeSpan { ns };
     let overheads = &admission.overheads;
     format!(
-        "included: {} per step, {} per hand-over on a core, {} to another core, {} late wake-up unless spun away",
+        "included: {} per step, {} per hand-over on a core, {} to another core, {} late wake-up unless spun away\n({origin})",
         time(overheads.worker_ns),
         time(overheads.hop_same_core_ns),
         time(overheads.hop_cross_core_ns),

@@ -107,6 +107,11 @@ fn read(path: &str) -> Option<String> {
     Some(std::fs::read_to_string(path).ok()?.trim().to_string())
 }
 
+/// How late this machine wakes a real-time thread, ns, measured for a while.
+pub(crate) fn measure_wake_up(time: std::time::Duration) -> Option<motorium::telemetry::Percentiles> {
+    Some(wakeup::measure(time)?.lateness_ns)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

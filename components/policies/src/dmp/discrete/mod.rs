@@ -289,7 +289,7 @@ impl DiscreteDmp {
     }
 
     /// Where the spring is drawn to in one dimension at the current progress.
-    #[inline]
+    #[inline(always)]
     fn equilibrium(&self, d: usize) -> f64 {
         let forced = self.forcing[d] + self.pushed[d];
         let variant = self.model.settings().variant;

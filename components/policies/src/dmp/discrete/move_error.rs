@@ -35,4 +35,7 @@ pub enum MoveError {
         /// The variant.
         variant: Variant,
     },
+    /// A model that was made with other settings.
+    #[error("the other model has other settings: only weights can be exchanged while it runs")]
+    OtherSettings,
 }

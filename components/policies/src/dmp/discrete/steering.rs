@@ -1,9 +1,27 @@
 //! Another goal or another duration while a primitive runs.
 
 use super::{DiscreteDmp, MoveError, REPLANNING_TIME};
+use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
+    /// Takes the weights of another model of the same settings and dimensions, without allocating. Between movements: one
+    /// that runs would change its forcing term at once.
+    ///
+    /// # Errors
+    /// Other settings or another number of dimensions.
+    pub fn exchange(&mut self, model: &DmpModel) -> Result<(), MoveError> {
+        if model.settings() != self.model.settings() {
+            return Err(MoveError::OtherSettings);
+        }
+        let (found, expected) = (model.dimensions(), self.model.dimensions());
+        if found != expected {
+            return Err(MoveError::Dimensions { name: "the other model", found, expected });
+        }
+        self.model.copy_weights(model);
+        Ok(())
+    }
+
     /// Sets another goal while it runs. Position and velocity stay continuous.
     ///
     /// A variant with a quintic goal keeps the acceleration continuous too: it plans a new polynomial from where the old one

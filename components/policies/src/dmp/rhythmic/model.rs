@@ -1,13 +1,11 @@
-//! A rhythmic primitive.
+//! What a rhythmic primitive has learned.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::discrete::MoveError;
-use super::kernels::dot;
-use super::settings::ModelError;
-use super::spring::CriticalSpring;
+use crate::dmp::settings::ModelError;
+use crate::dmp::spring::CriticalSpring;
 
 /// The settings of a rhythmic primitive; [`Default`] gives the values named on each field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,10 +29,10 @@ impl Default for RhythmicSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRhythmicModel", into = "StoredRhythmicModel")]
 pub struct RhythmicModel {
-    settings: RhythmicSettings,
+    pub(super) settings: RhythmicSettings,
     /// Kernels x dimensions.
-    weights: DMatrix<f64>,
-    baseline: DVector<f64>,
+    pub(super) weights: DMatrix<f64>,
+    pub(super) baseline: DVector<f64>,
 }
 
 /// A [`RhythmicModel`] as it is written to a file.
@@ -137,14 +135,64 @@ impl RhythmicModel {
         periods: &[DMatrix<f64>],
         lambda: f64,
     ) -> Result<Self, PeriodError> {
+        if !(lambda.is_finite() && lambda >= 0.0) {
+            let expected = "a finite number of at least 0";
+            return Err(ModelError::OutOfRange { name: "lambda", value: lambda, expected }.into());
+        }
+        let mut model = Self::unlearned(settings, periods)?;
+        let kernels = model.settings.kernels;
+        let (features, mut right) = model.asked(periods);
+        let samples = features.nrows();
+        let mut left = features.resize_vertically(samples + kernels, 0.0);
+        right.resize_vertically_mut(samples + kernels, 0.0);
+        left.rows_mut(samples, kernels).fill_diagonal(lambda.sqrt());
+        let factored = left.qr();
+        factored.q_tr_mul(&mut right);
+        let solution = right.rows(0, kernels).into_owned();
+        model.weights = factored
+            .r()
+            .solve_upper_triangular(&solution)
+            .filter(|weights| weights.iter().all(|weight| weight.is_finite()))
+            .ok_or(PeriodError::TooShort { found: samples, kernels })?;
+        Ok(model)
+    }
+
+    /// As [`fit`](Self::fit), each kernel by itself: `w_i = sum psi_i f / sum psi_i` over the samples (Ijspeert et al. 2013).
+    /// Less close at the same number of kernels.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn fit_locally_weighted(
+        settings: RhythmicSettings,
+        periods: &[DMatrix<f64>],
+    ) -> Result<Self, PeriodError> {
+        let mut model = Self::unlearned(settings, periods)?;
+        let (mut features, targets) = model.asked(periods);
+        let width = model.settings.width.unwrap_or(model.settings.kernels as f64);
+        let mut row = 0;
+        for period in periods {
+            for k in 0..period.nrows() {
+                let phase = std::f64::consts::TAU * k as f64 / period.nrows() as f64;
+                for i in 0..features.ncols() {
+                    let centre = std::f64::consts::TAU * i as f64 / features.ncols() as f64;
+                    features[(row, i)] = (width * ((phase - centre).cos() - 1.0)).exp();
+                }
+                row += 1;
+            }
+        }
+        let weighted = features.tr_mul(&targets);
+        let sums = features.row_sum();
+        model.weights =
+            DMatrix::from_fn(weighted.nrows(), weighted.ncols(), |i, d| weighted[(i, d)] / sums[i]);
+        Ok(model)
+    }
+
+    /// A model with the baseline of the periods and weights of zero.
+    fn unlearned(settings: RhythmicSettings, periods: &[DMatrix<f64>]) -> Result<Self, PeriodError> {
         let kernels = settings.kernels;
         let dimensions = periods.first().map_or(0, DMatrix::ncols);
         if dimensions == 0 {
             return Err(PeriodError::NoDimension);
-        }
-        if !(lambda.is_finite() && lambda >= 0.0) {
-            let expected = "a finite number of at least 0";
-            return Err(ModelError::OutOfRange { name: "lambda", value: lambda, expected }.into());
         }
         for (index, period) in periods.iter().enumerate() {
             if period.ncols() != dimensions {
@@ -159,44 +207,39 @@ impl RhythmicModel {
             }
         }
         let baseline = DVector::from_fn(dimensions, |d, _| {
-            let all =
-                || periods.iter().flat_map(|period| period.column(d).iter().copied().collect::<Vec<_>>());
-            0.5 * (all().fold(f64::INFINITY, f64::min) + all().fold(f64::NEG_INFINITY, f64::max))
+            let least = periods.iter().map(|period| period.column(d).min()).fold(f64::INFINITY, f64::min);
+            let most = periods.iter().map(|period| period.column(d).max()).fold(f64::NEG_INFINITY, f64::max);
+            0.5 * (least + most)
         });
-        let mut model = Self::with_weights(settings, DMatrix::zeros(kernels, dimensions), baseline)?;
-        let spring = CriticalSpring::new(model.settings.damping);
+        Ok(Self::with_weights(settings, DMatrix::zeros(kernels, dimensions), baseline)?)
+    }
+
+    /// The features at every sample (samples x kernels) and the forcing terms asked there (samples x dimensions).
+    fn asked(&self, periods: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
+        let spring = CriticalSpring::new(self.settings.damping);
         let samples: usize = periods.iter().map(DMatrix::nrows).sum();
-        let mut left = DMatrix::zeros(samples + kernels, kernels);
-        let mut right = DMatrix::zeros(samples + kernels, dimensions);
-        let (mut top, mut features) = (0, vec![0.0; kernels]);
+        let mut left = DMatrix::zeros(samples, self.settings.kernels);
+        let mut right = DMatrix::zeros(samples, self.dimensions());
+        let (mut top, mut features) = (0, vec![0.0; self.settings.kernels]);
         for period in periods {
             let n = period.nrows();
             let step = std::f64::consts::TAU / n as f64;
             for k in 0..n {
-                model.features_into(k as f64 * step, &mut features);
+                self.features_into(k as f64 * step, &mut features);
                 left.row_mut(top + k)
                     .iter_mut()
                     .zip(&features)
                     .for_each(|(place, feature)| *place = *feature);
-                for d in 0..dimensions {
+                for d in 0..self.dimensions() {
                     let [before, here, after] = [(k + n - 1) % n, k, (k + 1) % n].map(|k| period[(k, d)]);
                     let rate = (after - before) / (2.0 * step);
                     let acceleration = (after - 2.0 * here + before) / (step * step);
-                    right[(top + k, d)] = acceleration - spring.acceleration(here, rate, model.baseline[d]);
+                    right[(top + k, d)] = acceleration - spring.acceleration(here, rate, self.baseline[d]);
                 }
             }
             top += n;
         }
-        left.rows_mut(samples, kernels).fill_diagonal(lambda.sqrt());
-        let factored = left.qr();
-        factored.q_tr_mul(&mut right);
-        let solution = right.rows(0, kernels).into_owned();
-        model.weights = factored
-            .r()
-            .solve_upper_triangular(&solution)
-            .filter(|weights| weights.iter().all(|weight| weight.is_finite()))
-            .ok_or(PeriodError::TooShort { found: samples, kernels })?;
-        Ok(model)
+        (left, right)
     }
 
     /// Number of dimensions.
@@ -258,201 +301,5 @@ impl TryFrom<StoredRhythmicModel> for RhythmicModel {
         let weights =
             DMatrix::from_iterator(expected, stored.weights.len(), stored.weights.into_iter().flatten());
         Self::with_weights(stored.settings, weights, DVector::from_vec(stored.baseline))
-    }
-}
-
-/// A rhythm in progress (Ijspeert et al. 2013, section 2.1.2): with the period `P`, `tau = P / (2 pi)` and the phase
-/// `tau phi' = 1`,
-///
-/// `tau^2 y'' = K (g - y) - D tau y' + r f`, `f = sum(psi_i w_i) / sum(psi_i)`,
-/// `psi_i = exp(h (cos(phi - c_i) - 1))`, `c_i = 2 pi i / N`, `K = D^2 / 4`.
-///
-/// `g` is the baseline, `r` the amplitude (1 is that of the demonstration). Period, amplitude and baseline may change at
-/// any time; position and velocity stay continuous. The spring is advanced exactly for an input that is linear within a
-/// step. Only [`new`](Self::new) allocates.
-#[derive(Clone, Debug)]
-pub struct RhythmicDmp {
-    model: RhythmicModel,
-    period: f64,
-    phase: f64,
-    cycles: u64,
-    amplitude: f64,
-    baseline: Vec<f64>,
-    forcing: Vec<f64>,
-    features: Vec<f64>,
-    /// Position and its derivative by the phase.
-    state: Vec<(f64, f64)>,
-    position: Vec<f64>,
-    velocity: Vec<f64>,
-    acceleration: Vec<f64>,
-}
-
-impl RhythmicDmp {
-    /// At rest at its baseline with a period of 1 s, at phase 0.
-    pub fn new(model: RhythmicModel) -> Self {
-        let zeros = vec![0.0; model.dimensions()];
-        let baseline = model.baseline.as_slice().to_vec();
-        let mut dmp = Self {
-            period: 1.0,
-            phase: 0.0,
-            cycles: 0,
-            amplitude: 1.0,
-            forcing: zeros.clone(),
-            features: vec![0.0; model.settings.kernels],
-            state: baseline.iter().map(|value| (*value, 0.0)).collect(),
-            position: zeros.clone(),
-            velocity: zeros.clone(),
-            acceleration: zeros,
-            baseline,
-            model,
-        };
-        dmp.update_forcing();
-        dmp.observe();
-        dmp
-    }
-
-    /// The model it runs.
-    pub fn model(&self) -> &RhythmicModel {
-        &self.model
-    }
-
-    /// Starts at a phase (rad) from a position and a velocity (per second); from there it falls into its rhythm.
-    ///
-    /// # Errors
-    /// Wrong lengths, or numbers that are not finite.
-    pub fn start(&mut self, phase: f64, position: &[f64], velocity: &[f64]) -> Result<(), MoveError> {
-        finite("phase", &[phase], 1)?;
-        finite("position", position, self.state.len())?;
-        finite("velocity", velocity, self.state.len())?;
-        let tau = self.period / std::f64::consts::TAU;
-        for (state, (y, v)) in self.state.iter_mut().zip(position.iter().zip(velocity)) {
-            *state = (*y, v * tau);
-        }
-        self.phase = phase.rem_euclid(std::f64::consts::TAU);
-        self.cycles = 0;
-        self.update_forcing();
-        self.observe();
-        Ok(())
-    }
-
-    /// Sets the period, s.
-    ///
-    /// # Errors
-    /// A period that is no positive time.
-    pub fn set_period(&mut self, period: f64) -> Result<(), MoveError> {
-        if !(period.is_finite() && period > 0.0) {
-            return Err(MoveError::Duration { found: period });
-        }
-        let stretch = period / self.period;
-        self.state.iter_mut().for_each(|(_, rate)| *rate *= stretch);
-        self.period = period;
-        self.observe();
-        Ok(())
-    }
-
-    /// Sets the amplitude: 1 is that of the demonstration.
-    ///
-    /// # Errors
-    /// A number that is not finite.
-    pub fn set_amplitude(&mut self, amplitude: f64) -> Result<(), MoveError> {
-        finite("amplitude", &[amplitude], 1)?;
-        self.amplitude = amplitude;
-        self.update_forcing();
-        self.observe();
-        Ok(())
-    }
-
-    /// Sets the value about which each dimension swings.
-    ///
-    /// # Errors
-    /// Wrong length, or numbers that are not finite.
-    pub fn set_baseline(&mut self, baseline: &[f64]) -> Result<(), MoveError> {
-        finite("baseline", baseline, self.state.len())?;
-        self.baseline.copy_from_slice(baseline);
-        self.observe();
-        Ok(())
-    }
-
-    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
-    pub fn step(&mut self, dt: f64) {
-        self.step_entrained(dt, 0.0);
-    }
-
-    /// As [`step`](Self::step), the phase drawn along by `pull` (rad/s), such as `k sin(phi_measured - phi)`.
-    pub fn step_entrained(&mut self, dt: f64, pull: f64) {
-        let h = dt * std::f64::consts::TAU / self.period;
-        let advance = h + if pull.is_finite() { pull * dt } else { 0.0 };
-        if h.is_nan() || h <= 0.0 {
-            return;
-        }
-        let stride = CriticalSpring::new(self.model.settings.damping).stride(h);
-        self.position.copy_from_slice(&self.forcing);
-        self.phase += advance;
-        if !(0.0..std::f64::consts::TAU).contains(&self.phase) {
-            self.cycles += u64::from(self.phase > 0.0);
-            self.phase = self.phase.rem_euclid(std::f64::consts::TAU);
-        }
-        self.update_forcing();
-        for (d, state) in self.state.iter_mut().enumerate() {
-            let (from, to) = (self.baseline[d] + self.position[d], self.baseline[d] + self.forcing[d]);
-            *state = stride.advance(*state, from, to);
-        }
-        self.observe();
-    }
-
-    /// Position in every dimension.
-    pub fn position(&self) -> &[f64] {
-        &self.position
-    }
-
-    /// Velocity in every dimension, per second.
-    pub fn velocity(&self) -> &[f64] {
-        &self.velocity
-    }
-
-    /// Acceleration in every dimension, per second squared.
-    pub fn acceleration(&self) -> &[f64] {
-        &self.acceleration
-    }
-
-    /// The phase in \[0, 2 pi), rad.
-    pub fn phase(&self) -> f64 {
-        self.phase
-    }
-
-    /// Whole periods since the start.
-    pub fn cycles(&self) -> u64 {
-        self.cycles
-    }
-
-    /// The forcing term as a shift of the equilibrium.
-    fn update_forcing(&mut self) {
-        self.model.features_into(self.phase, &mut self.features);
-        let factor = self.amplitude / CriticalSpring::new(self.model.settings.damping).stiffness();
-        let columns = self.model.weights.as_slice().chunks_exact(self.features.len());
-        for (forcing, weights) in self.forcing.iter_mut().zip(columns) {
-            *forcing = factor * dot(weights, &self.features);
-        }
-    }
-
-    fn observe(&mut self) {
-        let spring = CriticalSpring::new(self.model.settings.damping);
-        let per_second = std::f64::consts::TAU / self.period;
-        for (d, (y, rate)) in self.state.iter().enumerate() {
-            self.position[d] = *y;
-            self.velocity[d] = rate * per_second;
-            let equilibrium = self.baseline[d] + self.forcing[d];
-            self.acceleration[d] = spring.acceleration(*y, *rate, equilibrium) * per_second * per_second;
-        }
-    }
-}
-
-fn finite(name: &'static str, values: &[f64], expected: usize) -> Result<(), MoveError> {
-    if values.len() != expected {
-        return Err(MoveError::Dimensions { name, found: values.len(), expected });
-    }
-    match values.iter().find(|value| !value.is_finite()) {
-        Some(&value) => Err(MoveError::NotFinite { name, value }),
-        None => Ok(()),
     }
 }

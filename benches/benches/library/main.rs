@@ -1,0 +1,61 @@
+//! The motion library: learning, recognition, recursive update, generation.
+//!
+//! With the recorded letters beside the checkout (`../shared/data/uci-char-trajectories/train.jsonl`) it measures on them;
+//! without, on as many letters of our own strokes. Peer: numpy's SVD of the same matrix takes 123 to 194 ms, its
+//! projection on 50 eigenforces 2.6 us, its recursive update at rank 50 0.66 ms, on this kind of machine.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Duration;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use motorium_policies::library::{
+    DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, RecursiveLibrary,
+    SampledSpring, Superposition, data, letters,
+};
+
+fn recordings() -> Recordings {
+    let file =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/uci-char-trajectories/train.jsonl");
+    data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })
+        .unwrap_or_else(|_| letters::letters(58, letters::Variation::default(), 1))
+}
+
+fn library(criterion: &mut Criterion) {
+    let set = recordings();
+    let spring = SampledSpring::new(200, DAMPING).expect("a stable spring");
+    let name = |what: &str| format!("{what}, {} letters of 398 forces", set.trajectories.len());
+    let build = |metric, keep| MotionLibrary::build(&set, spring, metric, keep).expect("letters that move");
+    let mut group = criterion.benchmark_group("library");
+    group.sample_size(10).measurement_time(Duration::from_secs(3));
+    for (metric, words) in [(Metric::Force, "force"), (Metric::Position, "position")] {
+        group.bench_function(name(&format!("build, 64 eigenforces, {words}")), |b| {
+            b.iter(|| build(metric, Keep::Rank(64)));
+        });
+    }
+    group.bench_function(name("build, all eigenforces"), |b| b.iter(|| build(Metric::Force, Keep::All)));
+    let library = build(Metric::Force, Keep::Rank(64));
+    let movement = Movement::of(&set.trajectories[0], &spring);
+    let mut recogniser = Recogniser::new(&library, 50);
+    group.sample_size(50);
+    group.bench_function("recognise by 50 eigenforces", |b| {
+        b.iter(|| recogniser.project(black_box(&movement.forces))[0]);
+    });
+    let forces: Vec<Vec<f64>> =
+        set.trajectories.iter().map(|letter| Movement::of(letter, &spring).forces).collect();
+    let mut recursive = RecursiveLibrary::new(library.clone(), 50, 1.0);
+    let mut next = forces.iter().cycle();
+    group.bench_function("recursive update, rank 50", |b| {
+        b.iter(|| recursive.add_forces(next.next().expect("a cycle has no end")));
+    });
+    let mut generator = Generator::new(&library);
+    let known = Superposition::of(&library, 0, 50);
+    group.bench_function("generator, start by 50 eigenforces", |b| {
+        b.iter(|| generator.start(black_box(&known.weights), &known.frame).is_ok());
+    });
+    group.bench_function("generator, step", |b| b.iter(|| generator.step(black_box(1e-6))));
+    group.finish();
+}
+
+criterion_group!(benches, library);
+criterion_main!(benches);

@@ -1,0 +1,124 @@
+//! The pairing with the Python packages: a process of each is asked over a pipe, in turn with our own code.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Duration;
+
+use rustix::time::{ClockId, clock_gettime};
+
+use crate::work::Work;
+
+/// Turns of each side, and the processor time that one turn takes at least, s.
+const TURNS: usize = 40;
+const TURN: f64 = 0.001;
+
+const PEERS: [&str; 2] = ["movement_primitives", "pydmps"];
+
+/// Prints the time of every work on all sides. `MOTORIUM_PEER_PYTHON` names the Python that has the packages
+/// (`pip install movement_primitives pytransform3d pydmps`), by default `python3`.
+pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
+    let mut peers = PEERS.map(Peer::start).into_iter().collect::<Result<Vec<_>, _>>()?;
+    println!("us of processor time per call, minimum / median of {TURNS} turns, the sides in turn\n");
+    println!("{:<22} {:>19} {:>19} {:>19}", "", "motorium", PEERS[0], PEERS[1]);
+    for work in works {
+        let mut ours = Vec::new();
+        let mut theirs = vec![Vec::new(); peers.len()];
+        for _ in 0..TURNS {
+            ours.push(seconds(work) * 1e6);
+            for (peer, times) in peers.iter_mut().zip(&mut theirs) {
+                if peer.works.iter().any(|name| name == work.name) {
+                    times.push(peer.measure(work.name)? * 1e-3);
+                }
+            }
+        }
+        let columns: Vec<String> = std::iter::once(ours).chain(theirs).map(shown).collect();
+        println!("{:<22} {:>19} {:>19} {:>19}", work.name, columns[0], columns[1], columns[2]);
+    }
+    Ok(())
+}
+
+fn shown(mut times: Vec<f64>) -> String {
+    times.sort_by(f64::total_cmp);
+    match times.first() {
+        None => "-".to_string(),
+        Some(least) => format!("{least:.3} / {:.3}", times[times.len() / 2]),
+    }
+}
+
+/// Processor time of this program. Unlike that of the day it does not pass while others have the processor.
+fn now() -> Duration {
+    let now = clock_gettime(ClockId::ProcessCPUTime);
+    Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or_default())
+}
+
+/// Seconds of one call, over as many as fill a turn.
+fn seconds(work: &mut Work) -> f64 {
+    let mut calls = 1_u32;
+    loop {
+        let start = now();
+        for _ in 0..calls {
+            (work.run)();
+        }
+        let elapsed = (now() - start).as_secs_f64();
+        if elapsed >= TURN {
+            return elapsed / f64::from(calls);
+        }
+        calls = calls.saturating_mul(2);
+    }
+}
+
+struct Peer {
+    name: &'static str,
+    child: Child,
+    ask: ChildStdin,
+    answer: BufReader<ChildStdout>,
+    works: Vec<String>,
+}
+
+impl Peer {
+    fn start(name: &'static str) -> Result<Self, String> {
+        let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/primitives.py");
+        let mut child = Command::new(&python)
+            .arg(script)
+            .arg(name)
+            // the algebra libraries below numpy would use every core; one is compared with one
+            .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|error| format!("{} does not start: {error}", python.display()))?;
+        let (ask, answer) = (child.stdin.take(), child.stdout.take());
+        let (Some(ask), Some(answer)) = (ask, answer) else {
+            return Err(format!("{name} has no pipes"));
+        };
+        let mut peer = Self { name, child, ask, answer: BufReader::new(answer), works: Vec::new() };
+        peer.works = peer.line()?.split_whitespace().map(str::to_string).collect();
+        Ok(peer)
+    }
+
+    /// Nanoseconds of one call.
+    fn measure(&mut self, work: &str) -> Result<f64, String> {
+        writeln!(self.ask, "{work}").map_err(|error| format!("{} does not listen: {error}", self.name))?;
+        let line = self.line()?;
+        line.trim().parse().map_err(|_| format!("{} answers `{}`", self.name, line.trim()))
+    }
+
+    fn line(&mut self) -> Result<String, String> {
+        let mut line = String::new();
+        match self.answer.read_line(&mut line) {
+            Ok(0) => Err(format!("{} ended; is it installed? set MOTORIUM_PEER_PYTHON", self.name)),
+            Ok(_) => Ok(line),
+            Err(error) => Err(format!("{} does not answer: {error}", self.name)),
+        }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        // It has nothing to save; when it is gone already, all the better.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,100 @@
+//! Which rows of a force vector belong to which degree of freedom.
+
+use serde::{Deserialize, Serialize};
+
+/// The degrees of freedom (DoF) of a library: their forces are stacked, one DoF after the other.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Layout {
+    names: Vec<String>,
+}
+
+/// A named part of a body: some of its DoFs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its name.
+    pub name: String,
+    /// Indices of its DoFs, ascending.
+    pub dofs: Vec<usize>,
+}
+
+/// DoFs that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// No DoF at all.
+    #[error("no degree of freedom, expected at least one")]
+    Empty,
+    /// Two of one name.
+    #[error("two degrees of freedom are called `{0}`: give each a name of its own")]
+    Twice(String),
+    /// A pattern that matches nothing.
+    #[error("part `{part}`: no degree of freedom matches `{pattern}`; there are {known}")]
+    NoMatch {
+        /// The part.
+        part: String,
+        /// The pattern.
+        pattern: String,
+        /// All names.
+        known: String,
+    },
+    /// A part that is not `name=pattern,...`.
+    #[error("`{0}` is no part: expected NAME=PATTERN[,PATTERN...], such as arms=l_arm*,r_arm*")]
+    Syntax(String),
+}
+
+impl Layout {
+    /// DoFs of these names, in this order.
+    ///
+    /// # Errors
+    /// No name, or one name twice.
+    pub fn new(names: Vec<String>) -> Result<Self, LayoutError> {
+        if names.is_empty() {
+            return Err(LayoutError::Empty);
+        }
+        for (k, name) in names.iter().enumerate() {
+            if names[..k].contains(name) {
+                return Err(LayoutError::Twice(name.clone()));
+            }
+        }
+        Ok(Self { names })
+    }
+
+    /// The names.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Number of DoFs.
+    pub fn dofs(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Reads a part written as `name=pattern,pattern`: a pattern is a name, or the beginning of names and a `*`.
+    ///
+    /// # Errors
+    /// Another form, or a pattern that matches no DoF.
+    pub fn part(&self, text: &str) -> Result<Part, LayoutError> {
+        let (name, patterns) = text.split_once('=').ok_or_else(|| LayoutError::Syntax(text.to_string()))?;
+        let mut dofs = Vec::new();
+        for pattern in patterns.split(',').map(str::trim) {
+            let matches = |name: &str| match pattern.strip_suffix('*') {
+                Some(beginning) => name.starts_with(beginning),
+                None => name == pattern,
+            };
+            let found: Vec<usize> = (0..self.names.len()).filter(|k| matches(&self.names[*k])).collect();
+            if found.is_empty() {
+                let known = self.names.join(", ");
+                let (part, pattern) = (name.to_string(), pattern.to_string());
+                return Err(LayoutError::NoMatch { part, pattern, known });
+            }
+            dofs.extend(found);
+        }
+        dofs.sort_unstable();
+        dofs.dedup();
+        Ok(Part { name: name.trim().to_string(), dofs })
+    }
+
+    /// The layout of some of the DoFs.
+    pub(super) fn select(&self, dofs: &[usize]) -> Self {
+        Self { names: dofs.iter().map(|k| self.names[*k].clone()).collect() }
+    }
+}

@@ -1,0 +1,173 @@
+//! The spring of the movements, sampled: forces from a path and the path from the forces, exact inverses of each other.
+
+use serde::{Deserialize, Serialize};
+
+/// The transformation system `y'' = K (g - y) - D y' + f` in normalised time (the duration is 1), in steps.
+///
+/// With `T` samples and the step `h = 1 / (T - 1)`, semi-implicit Euler
+///
+/// ```text
+/// a_k = K (g - y_k) - D v_k + f_k,    v_{k+1} = v_k + h a_k,    y_{k+1} = y_k + h v_{k+1}
+/// ```
+///
+/// is inverted without any error but rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`. A path of
+/// `T` samples and its start velocity `v_0` (in units per duration) make `T - 1` forces, and the forces make the path.
+/// The path is linear in start, velocity, goal and forces: `y = y_free + G f`, with `G` lower triangular and the same on
+/// each of its diagonals; [`respond`](Self::respond) multiplies by it and [`force_of`](Self::force_of) by its inverse.
+///
+/// Source: the transformation system of Ijspeert et al., Neural Computation 25, 2013, with `K = D^2 / 4`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SampledSpring {
+    stiffness: f64,
+    damping: f64,
+    samples: usize,
+}
+
+/// The damping used where nothing else is said: `D = 25`, `K = 156.25`.
+pub const DAMPING: f64 = 25.0;
+
+/// A spring that its steps would make unstable.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{samples} samples with a damping of {damping}: expected a positive damping and more than {least} samples, for stable steps"
+)]
+pub struct SpringError {
+    samples: usize,
+    damping: f64,
+    least: usize,
+}
+
+impl SampledSpring {
+    /// A critically damped spring, `K = D^2 / 4`, for paths of so many samples.
+    ///
+    /// # Errors
+    /// A damping that is no positive number, or a step of `D` times which is 1 or more.
+    pub fn new(samples: usize, damping: f64) -> Result<Self, SpringError> {
+        let least = if damping.is_finite() { damping.abs().ceil() as usize + 1 } else { 0 };
+        if !(damping.is_finite() && damping > 0.0) || samples <= least {
+            return Err(SpringError { samples, damping, least });
+        }
+        Ok(Self { stiffness: 0.25 * damping * damping, damping, samples })
+    }
+
+    /// Samples of a path, `T`.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// Forces of a path, `T - 1`.
+    pub fn forces(&self) -> usize {
+        self.samples - 1
+    }
+
+    /// The damping `D`.
+    pub fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// The step `h` in normalised time.
+    pub fn step(&self) -> f64 {
+        1.0 / (self.samples - 1) as f64
+    }
+
+    /// The forces that make the spring follow `path` (`T` samples) from `velocity` (per duration) to `goal`.
+    pub fn forces_of(&self, path: &[f64], velocity: f64, goal: f64, forces: &mut [f64]) {
+        let h = self.step();
+        let mut v = velocity;
+        for (force, pair) in forces.iter_mut().zip(path.windows(2)) {
+            let next = (pair[1] - pair[0]) / h;
+            *force = (next - v) / h - self.stiffness * (goal - pair[0]) + self.damping * v;
+            v = next;
+        }
+    }
+
+    /// The path (`T` samples) under `forces` (`T - 1`).
+    pub fn path_of(&self, forces: &[f64], [start, velocity, goal]: [f64; 3], path: &mut [f64]) {
+        let h = self.step();
+        let (mut y, mut v) = (start, velocity);
+        path[0] = y;
+        for (sample, force) in path[1..].iter_mut().zip(forces) {
+            v += h * (self.stiffness * (goal - y) - self.damping * v + force);
+            y += h * v;
+            *sample = y;
+        }
+    }
+
+    /// Position and velocity one step on.
+    pub(super) fn advance(&self, [y, v]: [f64; 2], goal: f64, force: f64) -> [f64; 2] {
+        let h = self.step();
+        let v = v + h * (self.stiffness * (goal - y) - self.damping * v + force);
+        [y + h * v, v]
+    }
+
+    /// In place, `f` to `G f`: what forces alone do to the samples 1 to `T - 1`, from rest at a goal of 0.
+    pub fn respond(&self, forces: &mut [f64]) {
+        let h = self.step();
+        let (mut y, mut v) = (0.0, 0.0);
+        for entry in forces {
+            v += h * (*entry - self.stiffness * y - self.damping * v);
+            y += h * v;
+            *entry = y;
+        }
+    }
+
+    /// In place, `y` to `G^-1 y`: the forces of a response.
+    pub fn force_of(&self, response: &mut [f64]) {
+        let h = self.step();
+        let (mut y, mut v) = (0.0, 0.0);
+        for entry in response {
+            let next_y = *entry;
+            let next = (next_y - y) / h;
+            *entry = (next - v) / h + self.stiffness * y + self.damping * v;
+            (y, v) = (next_y, next);
+        }
+    }
+
+    /// In place, `x` to `G^T x`: with it, `u . (G f) = (G^T u) . f`.
+    pub fn respond_transposed(&self, values: &mut [f64]) {
+        // G is Toeplitz and lower triangular: its transpose is itself with time reversed.
+        values.reverse();
+        self.respond(values);
+        values.reverse();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_goes_to_forces_and_back_to_rounding() {
+        let spring = SampledSpring::new(200, DAMPING).unwrap();
+        let path: Vec<f64> = (0..200).map(|k| (0.05 * f64::from(k)).sin() + 0.3).collect();
+        let (mut forces, mut back) = (vec![0.0; 199], vec![0.0; 200]);
+        spring.forces_of(&path, 1.7, 2.0, &mut forces);
+        spring.path_of(&forces, [path[0], 1.7, 2.0], &mut back);
+        assert!(path.iter().zip(&back).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
+    #[test]
+    fn the_response_its_inverse_and_its_transpose_agree() {
+        let spring = SampledSpring::new(64, DAMPING).unwrap();
+        let f: Vec<f64> = (0..63).map(|k| (0.3 * f64::from(k)).cos()).collect();
+        let u: Vec<f64> = (0..63).map(|k| (0.17 * f64::from(k)).sin()).collect();
+        let (mut response, mut back, mut transposed) = (f.clone(), f.clone(), u.clone());
+        spring.respond(&mut response);
+        let mut path = vec![0.0; 64];
+        spring.path_of(&f, [0.0; 3], &mut path);
+        assert!(response.iter().zip(&path[1..]).all(|(a, b)| (a - b).abs() < 1e-15));
+        back.copy_from_slice(&response);
+        spring.force_of(&mut back);
+        assert!(f.iter().zip(&back).all(|(a, b)| (a - b).abs() < 1e-9));
+        spring.respond_transposed(&mut transposed);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        assert!((dot(&u, &response) - dot(&transposed, &f)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn steps_that_would_be_unstable_are_refused() {
+        let error = SampledSpring::new(20, 25.0).unwrap_err().to_string();
+        assert!(error.contains("20 samples") && error.contains("more than 26"), "{error}");
+        assert!(SampledSpring::new(200, f64::NAN).is_err());
+    }
+}

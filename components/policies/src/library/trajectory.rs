@@ -1,0 +1,149 @@
+//! Recorded movements, before they are forces.
+
+use nalgebra::DMatrix;
+
+/// A recorded movement: evenly spaced positions of every degree of freedom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// What it is called, unique in its set if that matters.
+    pub id: String,
+    /// What kind of movement it is, if known.
+    pub label: Option<String>,
+    /// Seconds from the first sample to the last.
+    pub duration: f64,
+    /// Samples x degrees of freedom.
+    pub positions: DMatrix<f64>,
+}
+
+/// Recorded movements of the same degrees of freedom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recordings {
+    /// Names of the degrees of freedom.
+    pub names: Vec<String>,
+    /// The movements.
+    pub trajectories: Vec<Trajectory>,
+}
+
+impl Trajectory {
+    /// Resampled to `samples` evenly spaced samples, linearly.
+    pub fn resampled(&self, samples: usize) -> DMatrix<f64> {
+        let (rows, columns) = self.positions.shape();
+        DMatrix::from_fn(samples, columns, |k, d| {
+            let at = k as f64 * (rows - 1) as f64 / (samples - 1).max(1) as f64;
+            let below = (at as usize).min(rows.saturating_sub(2));
+            let part = at - below as f64;
+            let (a, b) = (self.positions[(below, d)], self.positions[((below + 1).min(rows - 1), d)]);
+            a + part * (b - a)
+        })
+    }
+
+    /// Smoothed by a Gaussian of standard deviation `sigma` samples, forwards and backwards alike (no phase shift).
+    ///
+    /// Forces are second differences and amplify noise: a measured recording is smoothed before it becomes forces. At the
+    /// ends the recording goes on point-symmetrically, so the first and last sample stay.
+    #[must_use]
+    pub fn smoothed(&self, sigma: f64) -> Self {
+        if sigma <= 0.0 {
+            return self.clone();
+        }
+        let (rows, columns) = self.positions.shape();
+        let reach = (4.0 * sigma).ceil() as isize;
+        let kernel: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+        let total: f64 = kernel.iter().sum();
+        let last = rows as isize - 1;
+        let sample = |k: isize, d: usize| -> f64 {
+            let y = |k: isize| self.positions[(k.clamp(0, last) as usize, d)];
+            match k {
+                k if k < 0 => 2.0 * y(0) - y(-k),
+                k if k > last => 2.0 * y(last) - y(2 * last - k),
+                k => y(k),
+            }
+        };
+        let positions = DMatrix::from_fn(rows, columns, |k, d| {
+            let terms = kernel.iter().zip(-reach..=reach);
+            terms.map(|(weight, shift)| weight * sample(k as isize + shift, d)).sum::<f64>() / total
+        });
+        Self { positions, ..self.clone() }
+    }
+
+    /// The root mean square distance of its samples from their mean: the measure of its size.
+    pub fn spread(positions: &DMatrix<f64>) -> f64 {
+        let mean = positions.row_mean();
+        let squares: f64 = positions.row_iter().map(|row| (row - &mean).norm_squared()).sum();
+        (squares / positions.nrows().max(1) as f64).sqrt()
+    }
+}
+
+impl Recordings {
+    /// Cut into windows of `length` samples, one every `stride`; windows in which a sample leaps by more than `leap` are
+    /// dropped. Each keeps the label, and gets the number of its first sample added to its id.
+    #[must_use]
+    pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
+        let mut trajectories = Vec::new();
+        for whole in &self.trajectories {
+            let (rows, columns) = whole.positions.shape();
+            let step = whole.duration / (rows - 1).max(1) as f64;
+            let mut first = 0;
+            while length >= 2 && first + length <= rows {
+                let positions = whole.positions.rows(first, length).into_owned();
+                let leaps = (1..length)
+                    .any(|k| (0..columns).any(|d| (positions[(k, d)] - positions[(k - 1, d)]).abs() > leap));
+                if !leaps {
+                    trajectories.push(Trajectory {
+                        id: format!("{}@{first}", whole.id),
+                        label: whole.label.clone(),
+                        duration: step * (length - 1) as f64,
+                        positions,
+                    });
+                }
+                first += stride.max(1);
+            }
+        }
+        Self { names: self.names.clone(), trajectories }
+    }
+
+    /// Two sets: every `k`-th movement of each label (in their order) is held out into the second.
+    pub fn hold_out(&self, every: usize) -> (Self, Self) {
+        let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
+        let (mut seen, mut held) = (Vec::new(), Vec::new());
+        for trajectory in &self.trajectories {
+            let count = counts.entry(trajectory.label.as_deref()).or_default();
+            *count += 1;
+            if count.is_multiple_of(every.max(2)) { &mut held } else { &mut seen }.push(trajectory.clone());
+        }
+        let set = |trajectories| Self { names: self.names.clone(), trajectories };
+        (set(seen), set(held))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(samples: usize) -> Trajectory {
+        let positions = DMatrix::from_fn(samples, 2, |k, d| k as f64 * (d as f64 + 1.0));
+        Trajectory { id: "line".into(), label: Some("l".into()), duration: 1.0, positions }
+    }
+
+    #[test]
+    fn a_straight_line_stays_itself_when_resampled_and_smoothed() {
+        let resampled = line(11).resampled(41);
+        assert!((0..41).all(|k| (resampled[(k, 1)] - 0.5 * k as f64).abs() < 1e-12));
+        let smoothed = line(40).smoothed(2.0);
+        assert!((&smoothed.positions - line(40).positions).norm() < 1e-10);
+    }
+
+    #[test]
+    fn a_leap_drops_its_window_and_holding_out_keeps_the_share_of_each_label() {
+        let mut jumping = line(40);
+        jumping.positions[(25, 0)] += 10.0;
+        let set = Recordings { names: vec!["a".into(), "b".into()], trajectories: vec![jumping] };
+        let windows = set.windows(10, 10, 3.0);
+        assert_eq!(
+            windows.trajectories.iter().map(|t| t.id.as_str()).collect::<Vec<_>>(),
+            ["line@0", "line@10", "line@30"]
+        );
+        let (seen, held) = windows.hold_out(3);
+        assert_eq!((seen.trajectories.len(), held.trajectories.len()), (2, 1));
+    }
+}

@@ -1,0 +1,245 @@
+//! A probabilistic primitive from demonstrations.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::basis::ProMpBasis;
+use super::model::{ProMp, ProMpError, symmetrise};
+
+/// How the distribution of the weights is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Learning {
+    /// Expectation maximisation of the likelihood of all samples (Lazaric and Ghavamzadeh 2010, with an uninformative
+    /// prior): also right when demonstrations are noisy or miss parts. With `A = Phi^T Phi`,
+    /// `S_i = (A_i / s^2 + Sigma^-1)^-1`, `m_i = S_i (Phi_i^T y_i / s^2 + Sigma^-1 mu)`;
+    /// `mu = mean m_i`, `Sigma = mean (S_i + (m_i - mu)(m_i - mu)^T)`,
+    /// `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the samples`.
+    Em {
+        /// At most so many iterations.
+        iterations: usize,
+        /// Ends when the mean changes by less than this part of its length.
+        tolerance: f64,
+    },
+    /// Ridge regression of every demonstration by itself, then mean and covariance of the weights.
+    Ridge {
+        /// The penalty, at least 0.
+        lambda: f64,
+    },
+}
+
+/// How to fit; [`Default`] gives the values named on each field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProMpFit {
+    /// Default: EM of at most 200 iterations with a tolerance of 1e-5.
+    pub learning: Learning,
+    /// Added to the diagonal of the covariance, relative to its mean variance, so that it has an inverse although there
+    /// are fewer demonstrations than weights. Default 1e-6.
+    pub jitter: f64,
+}
+
+impl Default for ProMpFit {
+    fn default() -> Self {
+        Self { learning: Learning::Em { iterations: 200, tolerance: 1e-5 }, jitter: 1e-6 }
+    }
+}
+
+/// One demonstration as the fit needs it.
+struct Shown {
+    samples: usize,
+    /// `Phi^T Phi` of one dimension, by the number of samples: those of one length share it.
+    gram: usize,
+    /// `Phi^T y`, all dimensions.
+    carried: DVector<f64>,
+    /// `y^T y`.
+    square: f64,
+}
+
+impl ProMp {
+    /// Fits demonstrations (each samples x dimensions, evenly spaced from start to end, not necessarily equally many) of
+    /// one movement.
+    ///
+    /// # Errors
+    /// Fewer than two demonstrations, different dimensions, too few samples, numbers that are not finite.
+    pub fn fit(
+        basis: ProMpBasis,
+        demonstrations: &[DMatrix<f64>],
+        fit: &ProMpFit,
+    ) -> Result<Self, ProMpError> {
+        Self::fit_with_progress(basis, demonstrations, fit, |_| {})
+    }
+
+    /// As [`fit`](Self::fit), telling `progress` the part of the work that is done, from 0 to 1.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn fit_with_progress(
+        basis: ProMpBasis,
+        demonstrations: &[DMatrix<f64>],
+        fit: &ProMpFit,
+        mut progress: impl FnMut(f64),
+    ) -> Result<Self, ProMpError> {
+        basis.check()?;
+        let dimensions = check(demonstrations)?;
+        if !(fit.jitter >= 0.0 && fit.jitter.is_finite()) {
+            let expected = "a finite number of at least 0";
+            return Err(ProMpError::OutOfRange { name: "jitter", value: fit.jitter, expected });
+        }
+        let (grams, shown) = prepare(&basis, demonstrations);
+        let size = basis.count() * dimensions;
+        let (mean, covariance) = (DVector::zeros(size), DMatrix::identity(size, size));
+        let mut promp = Self { basis, dimensions, mean, covariance, noise: 1.0, duration: 1.0 };
+        match fit.learning {
+            Learning::Ridge { lambda } => promp.ridge(&grams, &shown, lambda, fit.jitter)?,
+            Learning::Em { iterations, tolerance } => {
+                promp.ridge(&grams, &shown, 1e-6, fit.jitter.max(1e-4))?;
+                for iteration in 0..iterations {
+                    let before = promp.mean.clone();
+                    promp.improve(&grams, &shown, fit.jitter)?;
+                    progress((iteration + 1) as f64 / iterations as f64);
+                    if (&promp.mean - before).norm() <= tolerance * promp.mean.norm() {
+                        break;
+                    }
+                }
+            }
+        }
+        progress(1.0);
+        Ok(promp)
+    }
+
+    fn ridge(
+        &mut self,
+        grams: &[DMatrix<f64>],
+        shown: &[Shown],
+        lambda: f64,
+        jitter: f64,
+    ) -> Result<(), ProMpError> {
+        let count = self.basis.count();
+        let mut weights = DMatrix::zeros(self.mean.len(), shown.len());
+        let factors = grams
+            .iter()
+            .map(|gram| inverse_of(gram + DMatrix::identity(count, count) * lambda, "the normal matrix"))
+            .collect::<Result<Vec<_>, _>>()?;
+        let (mut squares, mut samples) = (0.0, 0);
+        for (demo, mut column) in shown.iter().zip(weights.column_iter_mut()) {
+            let mut square = demo.square;
+            for d in 0..self.dimensions {
+                let carried = demo.carried.rows(d * count, count).into_owned();
+                let solution = factors[demo.gram].solve(&carried);
+                square += solution.dot(&(&grams[demo.gram] * &solution)) - 2.0 * solution.dot(&carried);
+                column.rows_mut(d * count, count).copy_from(&solution);
+            }
+            squares += square.max(0.0);
+            samples += demo.samples * self.dimensions;
+        }
+        self.mean = weights.column_mean();
+        weights.column_iter_mut().for_each(|mut column| column -= &self.mean);
+        self.covariance = &weights * weights.transpose() / (shown.len() - 1) as f64;
+        add_jitter(&mut self.covariance, jitter);
+        self.noise = (squares / samples as f64).max(f64::MIN_POSITIVE);
+        Ok(())
+    }
+
+    /// One iteration of expectation maximisation.
+    fn improve(&mut self, grams: &[DMatrix<f64>], shown: &[Shown], jitter: f64) -> Result<(), ProMpError> {
+        let (count, size) = (self.basis.count(), self.mean.len());
+        let precision = inverse_of(self.covariance.clone(), "the covariance of the weights")?.inverse();
+        let prior = &precision * &self.mean;
+        // demonstrations of one length share their posterior covariance
+        let posteriors = grams
+            .iter()
+            .map(|gram| {
+                let mut matrix = precision.clone();
+                for d in 0..self.dimensions {
+                    let mut block = matrix.view_mut((d * count, d * count), (count, count));
+                    block += gram / self.noise;
+                }
+                Ok(inverse_of(matrix, "the precision of the weights")?.inverse())
+            })
+            .collect::<Result<Vec<DMatrix<f64>>, ProMpError>>()?;
+        let mut means = DMatrix::zeros(size, shown.len());
+        let mut covariance = DMatrix::zeros(size, size);
+        let (mut squares, mut samples) = (0.0, 0);
+        for (demo, mut column) in shown.iter().zip(means.column_iter_mut()) {
+            let posterior = &posteriors[demo.gram];
+            let mean = posterior * (&demo.carried / self.noise + &prior);
+            covariance += posterior;
+            squares += demo.square - 2.0 * mean.dot(&demo.carried);
+            for d in 0..self.dimensions {
+                let gram = &grams[demo.gram];
+                let part = mean.rows(d * count, count);
+                squares += part.dot(&(gram * part));
+                squares += gram.component_mul(&posterior.view((d * count, d * count), (count, count))).sum();
+            }
+            samples += demo.samples * self.dimensions;
+            column.copy_from(&mean);
+        }
+        self.mean = means.column_mean();
+        means.column_iter_mut().for_each(|mut column| column -= &self.mean);
+        covariance.gemm(1.0, &means, &means.transpose(), 1.0);
+        self.covariance = covariance / shown.len() as f64;
+        symmetrise(&mut self.covariance);
+        add_jitter(&mut self.covariance, jitter);
+        self.noise = (squares / samples as f64).max(1e-12 * self.covariance.trace() / size as f64);
+        self.noise = self.noise.max(f64::MIN_POSITIVE);
+        Ok(())
+    }
+}
+
+fn check(demonstrations: &[DMatrix<f64>]) -> Result<usize, ProMpError> {
+    let [first, _, ..] = demonstrations else {
+        return Err(ProMpError::TooFew { found: demonstrations.len() });
+    };
+    let dimensions = first.ncols();
+    if dimensions == 0 {
+        return Err(ProMpError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+    }
+    for demonstration in demonstrations {
+        if demonstration.ncols() != dimensions {
+            let (found, expected) = (demonstration.ncols(), dimensions);
+            return Err(ProMpError::Size { name: "a sample of a demonstration", found, expected });
+        }
+        if demonstration.nrows() < 2 {
+            let (name, value) = ("the samples of a demonstration", demonstration.nrows() as f64);
+            return Err(ProMpError::OutOfRange { name, value, expected: "at least 2" });
+        }
+        if let Some(&value) = demonstration.iter().find(|value| !value.is_finite()) {
+            return Err(ProMpError::NotFinite { name: "a demonstration", value });
+        }
+    }
+    Ok(dimensions)
+}
+
+fn prepare(basis: &ProMpBasis, demonstrations: &[DMatrix<f64>]) -> (Vec<DMatrix<f64>>, Vec<Shown>) {
+    let count = basis.count();
+    let mut designs: Vec<DMatrix<f64>> = Vec::new();
+    let mut slopes = vec![0.0; count];
+    let mut shown = Vec::with_capacity(demonstrations.len());
+    for demonstration in demonstrations {
+        let samples = demonstration.nrows();
+        let gram = designs.iter().position(|design| design.ncols() == samples).unwrap_or_else(|| {
+            let mut design = DMatrix::zeros(count, samples);
+            for (k, column) in design.as_mut_slice().chunks_exact_mut(count).enumerate() {
+                basis.evaluate(k as f64 / (samples - 1) as f64, column, &mut slopes);
+            }
+            designs.push(design);
+            designs.len() - 1
+        });
+        let carried = &designs[gram] * demonstration;
+        shown.push(Shown {
+            samples,
+            gram,
+            carried: DVector::from_column_slice(carried.as_slice()),
+            square: demonstration.norm_squared(),
+        });
+    }
+    (designs.iter().map(|design| design * design.transpose()).collect(), shown)
+}
+
+fn inverse_of(matrix: DMatrix<f64>, name: &'static str) -> Result<Cholesky<f64, Dyn>, ProMpError> {
+    matrix.cholesky().ok_or(ProMpError::NotPositive { name })
+}
+
+fn add_jitter(covariance: &mut DMatrix<f64>, jitter: f64) {
+    let size = covariance.nrows();
+    let added = (jitter * covariance.trace() / size as f64).max(f64::MIN_POSITIVE);
+    (0..size).for_each(|i| covariance[(i, i)] += added);
+}

@@ -1,0 +1,348 @@
+//! A Gaussian over movements.
+
+use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::basis::ProMpBasis;
+
+/// A probabilistic primitive; see the [module](super). Serialises as [`StoredProMp`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredProMp", into = "StoredProMp")]
+pub struct ProMp {
+    pub(super) basis: ProMpBasis,
+    pub(super) dimensions: usize,
+    pub(super) mean: DVector<f64>,
+    pub(super) covariance: DMatrix<f64>,
+    pub(super) noise: f64,
+    pub(super) duration: f64,
+}
+
+/// A [`ProMp`] as it is written to a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StoredProMp {
+    /// The basis functions.
+    pub basis: ProMpBasis,
+    /// Number of dimensions.
+    pub dimensions: usize,
+    /// Seconds that a demonstration took.
+    pub duration: f64,
+    /// Variance of a sample about the movement.
+    pub noise: f64,
+    /// Mean of the weights, those of the first dimension first.
+    pub mean: Vec<f64>,
+    /// Covariance of the weights, row by row.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+/// What a primitive is conditioned on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Observed {
+    /// The position.
+    Position,
+    /// The velocity, per phase: the velocity in time times the duration.
+    Velocity,
+}
+
+/// Why there is no such primitive.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProMpError {
+    /// A number is outside the range in which the equations hold.
+    #[error("{name} = {value}: expected {expected}")]
+    OutOfRange {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A vector or matrix of the wrong size.
+    #[error("{name} has {found} entries, expected {expected}")]
+    Size {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        found: usize,
+        /// What was expected.
+        expected: usize,
+    },
+    /// A number that is none.
+    #[error("{name} holds {value}, expected finite numbers only")]
+    NotFinite {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+    },
+    /// Too few demonstrations to tell how they vary.
+    #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
+    TooFew {
+        /// What was found.
+        found: usize,
+    },
+    /// A matrix that is no covariance.
+    #[error("{name} is not positive definite: give it a larger variance, or the fit a larger jitter")]
+    NotPositive {
+        /// The matrix.
+        name: &'static str,
+    },
+    /// Primitives that do not go together.
+    #[error(
+        "the primitives differ in their basis or number of dimensions, so their weights cannot be combined"
+    )]
+    Different,
+}
+
+impl ProMp {
+    /// From the distribution of the weights: mean (`D N`) and covariance (`D N x D N`), the weights of the first dimension
+    /// first, for a movement of 1 s.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, numbers that are not finite, an asymmetric covariance.
+    pub fn from_weights(
+        basis: ProMpBasis,
+        dimensions: usize,
+        mean: DVector<f64>,
+        covariance: DMatrix<f64>,
+    ) -> Result<Self, ProMpError> {
+        basis.check()?;
+        if dimensions == 0 {
+            return Err(ProMpError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+        }
+        let expected = basis.count() * dimensions;
+        for (name, found) in [
+            ("the mean", mean.len()),
+            ("a column of the covariance", covariance.nrows()),
+            ("a row of the covariance", covariance.ncols()),
+        ] {
+            if found != expected {
+                return Err(ProMpError::Size { name, found, expected });
+            }
+        }
+        for (name, values) in [("the mean", mean.as_slice()), ("the covariance", covariance.as_slice())] {
+            if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
+                return Err(ProMpError::NotFinite { name, value });
+            }
+        }
+        if (&covariance - covariance.transpose()).amax() > 1e-9 * covariance.amax() {
+            return Err(ProMpError::NotPositive { name: "the covariance, which is not even symmetric," });
+        }
+        Ok(Self { basis, dimensions, mean, covariance, noise: 0.0, duration: 1.0 })
+    }
+
+    /// Number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// The basis.
+    pub fn basis(&self) -> &ProMpBasis {
+        &self.basis
+    }
+
+    /// Mean of the weights.
+    pub fn weight_mean(&self) -> &DVector<f64> {
+        &self.mean
+    }
+
+    /// Covariance of the weights.
+    pub fn weight_covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
+    }
+
+    /// Variance of a sample about its movement, as learned.
+    pub fn noise(&self) -> f64 {
+        self.noise
+    }
+
+    /// Seconds that the demonstrations took; 1 unless they were fitted with another.
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// Says how long a movement takes, s.
+    ///
+    /// # Errors
+    /// No positive time.
+    pub fn set_duration(&mut self, duration: f64) -> Result<(), ProMpError> {
+        if !(duration > 0.0 && duration.is_finite()) {
+            let expected = "a positive time";
+            return Err(ProMpError::OutOfRange { name: "duration", value: duration, expected });
+        }
+        self.duration = duration;
+        Ok(())
+    }
+
+    /// Mean of the position at a phase.
+    pub fn mean_at(&self, phase: f64) -> DVector<f64> {
+        self.project(Observed::Position, phase, &self.mean)
+    }
+
+    /// Mean of the velocity at a phase, per phase.
+    pub fn mean_velocity_at(&self, phase: f64) -> DVector<f64> {
+        self.project(Observed::Velocity, phase, &self.mean)
+    }
+
+    /// Covariance of the position at a phase, without the noise of a sample.
+    pub fn covariance_at(&self, phase: f64) -> DMatrix<f64> {
+        let (_, covariance) = self.seen(Observed::Position, phase);
+        covariance
+    }
+
+    /// The movement of given weights: its position at a phase.
+    pub fn position_of(&self, weights: &DVector<f64>, phase: f64) -> DVector<f64> {
+        self.project(Observed::Position, phase, weights)
+    }
+
+    /// Weights drawn from the distribution, from as many independent standard normal numbers as there are weights.
+    ///
+    /// # Errors
+    /// Another number of them, or a covariance that has lost its positive definiteness.
+    pub fn sample_weights(&self, normal: &DVector<f64>) -> Result<DVector<f64>, ProMpError> {
+        if normal.len() != self.mean.len() {
+            let (found, expected) = (normal.len(), self.mean.len());
+            return Err(ProMpError::Size { name: "the normal numbers", found, expected });
+        }
+        let mut covariance = self.covariance.clone();
+        let jitter = 1e-10 * covariance.trace().abs() / covariance.nrows() as f64;
+        (0..covariance.nrows()).for_each(|i| covariance[(i, i)] += jitter);
+        let factor =
+            covariance.cholesky().ok_or(ProMpError::NotPositive { name: "the covariance of the weights" })?;
+        Ok(&self.mean + factor.l() * normal)
+    }
+
+    /// The primitive given that it passes `place` at `phase`, known with the covariance `noise` (`D x D`; zero is exact):
+    /// `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L Phi^T Sigma`.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, numbers that are not finite, or a place already known exactly.
+    pub fn conditioned(
+        &self,
+        phase: f64,
+        place: &DVector<f64>,
+        noise: &DMatrix<f64>,
+    ) -> Result<Self, ProMpError> {
+        self.conditioned_on(Observed::Position, phase, place, noise)
+    }
+
+    /// As [`conditioned`](Self::conditioned), on a position or a velocity.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn conditioned_on(
+        &self,
+        observed: Observed,
+        phase: f64,
+        value: &DVector<f64>,
+        noise: &DMatrix<f64>,
+    ) -> Result<Self, ProMpError> {
+        let expected = self.dimensions;
+        for (name, found) in [
+            ("the value", value.len()),
+            ("a column of the noise", noise.nrows()),
+            ("a row of the noise", noise.ncols()),
+        ] {
+            if found != expected {
+                return Err(ProMpError::Size { name, found, expected });
+            }
+        }
+        let numbers = value.iter().chain(noise.iter()).chain([&phase]);
+        if let Some(&bad) = numbers.into_iter().find(|value| !value.is_finite()) {
+            return Err(ProMpError::NotFinite { name: "the condition", value: bad });
+        }
+        // Sigma Phi, D N x D, and Phi^T Sigma Phi
+        let (carried, mut seen) = self.seen(observed, phase);
+        // what keeps an exact condition solvable, far below what the movement varies
+        let jitter = 1e-8 * seen.trace() / expected as f64;
+        seen += noise;
+        (0..expected).for_each(|d| seen[(d, d)] += jitter);
+        let factor = seen.cholesky().ok_or(ProMpError::NotPositive {
+            name: "the covariance of the movement there, together with the noise,",
+        })?;
+        let gain_transposed = factor.solve(&carried.transpose());
+        let missed = value - self.project(observed, phase, &self.mean);
+        let mean = &self.mean + gain_transposed.tr_mul(&missed);
+        let mut covariance = self.covariance.clone();
+        covariance.gemm(-1.0, &carried, &gain_transposed, 1.0);
+        symmetrise(&mut covariance);
+        Ok(Self { mean, covariance, ..self.clone() })
+    }
+
+    /// The functions (or their slopes) at a phase.
+    fn functions(&self, observed: Observed, phase: f64) -> DVector<f64> {
+        let count = self.basis.count();
+        let (mut values, mut slopes) = (DVector::zeros(count), DVector::zeros(count));
+        self.basis.evaluate(phase, values.as_mut_slice(), slopes.as_mut_slice());
+        match observed {
+            Observed::Position => values,
+            Observed::Velocity => slopes,
+        }
+    }
+
+    fn project(&self, observed: Observed, phase: f64, weights: &DVector<f64>) -> DVector<f64> {
+        let functions = self.functions(observed, phase);
+        let count = functions.len();
+        DVector::from_fn(self.dimensions, |d, _| weights.rows(d * count, count).dot(&functions))
+    }
+
+    /// `Sigma Phi` and `Phi^T Sigma Phi`.
+    fn seen(&self, observed: Observed, phase: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+        let functions = self.functions(observed, phase);
+        let (count, dimensions) = (functions.len(), self.dimensions);
+        let mut carried = DMatrix::zeros(count * dimensions, dimensions);
+        for d in 0..dimensions {
+            carried.column_mut(d).gemv(1.0, &self.covariance.columns(d * count, count), &functions, 0.0);
+        }
+        let seen = DMatrix::from_fn(dimensions, dimensions, |i, j| {
+            carried.view((i * count, j), (count, 1)).dot(&functions)
+        });
+        (carried, seen)
+    }
+}
+
+/// Makes a matrix that is symmetric but for rounding symmetric.
+pub(super) fn symmetrise(matrix: &mut DMatrix<f64>) {
+    for i in 0..matrix.nrows() {
+        for j in 0..i {
+            let mean = 0.5 * (matrix[(i, j)] + matrix[(j, i)]);
+            matrix[(i, j)] = mean;
+            matrix[(j, i)] = mean;
+        }
+    }
+}
+
+impl From<ProMp> for StoredProMp {
+    fn from(promp: ProMp) -> Self {
+        Self {
+            basis: promp.basis,
+            dimensions: promp.dimensions,
+            duration: promp.duration,
+            noise: promp.noise,
+            mean: promp.mean.as_slice().to_vec(),
+            covariance: promp.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        }
+    }
+}
+
+impl TryFrom<StoredProMp> for ProMp {
+    type Error = ProMpError;
+
+    fn try_from(stored: StoredProMp) -> Result<Self, ProMpError> {
+        let expected = stored.covariance.len();
+        if let Some(row) = stored.covariance.iter().find(|row| row.len() != expected) {
+            return Err(ProMpError::Size { name: "a row of the covariance", found: row.len(), expected });
+        }
+        let covariance = DMatrix::from_fn(expected, expected, |i, j| stored.covariance[i][j]);
+        let mean = DVector::from_vec(stored.mean);
+        let mut promp = Self::from_weights(stored.basis, stored.dimensions, mean, covariance)?;
+        promp.set_duration(stored.duration)?;
+        if !(stored.noise >= 0.0 && stored.noise.is_finite()) {
+            let expected = "a variance of at least 0";
+            return Err(ProMpError::OutOfRange { name: "noise", value: stored.noise, expected });
+        }
+        promp.noise = stored.noise;
+        Ok(promp)
+    }
+}

@@ -1,0 +1,206 @@
+//! Linear and polynomial policies.
+
+use nalgebra::DMatrix;
+
+/// `u = W f(x)`, where `f` holds all monomials of `x` up to a total degree, the constant 1 first, in graded
+/// lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`. Degree 1 is the linear policy
+/// `u = W x + b`. Only construction allocates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PolynomialPolicy {
+    inputs: usize,
+    degree: usize,
+    /// A monomial is an earlier one times an input: `(earlier, input)`; the constant is the first.
+    monomials: Vec<(usize, usize)>,
+    /// Monomials x outputs.
+    weights: DMatrix<f64>,
+    features: Vec<f64>,
+}
+
+/// Why there is no such policy.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RegressionError {
+    /// A number is outside the range in which the equations hold.
+    #[error("{name} = {value}: expected {expected}")]
+    OutOfRange {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A vector or matrix of the wrong size.
+    #[error("{name} has {found} entries, expected {expected}")]
+    Size {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        found: usize,
+        /// What was expected.
+        expected: usize,
+    },
+    /// A number that is none.
+    #[error("{name} holds {value}, expected finite numbers only")]
+    NotFinite {
+        /// The quantity.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+    },
+    /// The samples cannot tell the monomials apart.
+    #[error(
+        "{samples} samples cannot determine {monomials} monomials: take a lower degree, more samples or lambda > 0"
+    )]
+    Undetermined {
+        /// Samples found.
+        samples: usize,
+        /// Monomials to be determined.
+        monomials: usize,
+    },
+}
+
+/// More monomials than this are a mistake in the degree.
+const MOST_MONOMIALS: usize = 10_000;
+
+impl PolynomialPolicy {
+    /// With weights of zero.
+    ///
+    /// # Errors
+    /// No input, no output, or more monomials than 10,000.
+    pub fn new(inputs: usize, outputs: usize, degree: usize) -> Result<Self, RegressionError> {
+        for (name, value) in [("inputs", inputs), ("outputs", outputs)] {
+            if value == 0 {
+                return Err(RegressionError::OutOfRange { name, value: 0.0, expected: "at least 1" });
+            }
+        }
+        let mut monomials = vec![(0, 0)];
+        // the monomials of one degree: those of the degree before, times every input not before their last one
+        let mut last = vec![(0, 0)];
+        for _ in 0..degree {
+            let mut next = Vec::new();
+            for (place, first) in &last {
+                for input in *first..inputs {
+                    next.push((monomials.len(), input));
+                    monomials.push((*place, input));
+                    if monomials.len() > MOST_MONOMIALS {
+                        let (name, value) = ("the number of monomials", monomials.len() as f64);
+                        return Err(RegressionError::OutOfRange { name, value, expected: "at most 10000" });
+                    }
+                }
+            }
+            last = next;
+        }
+        Ok(Self {
+            inputs,
+            degree,
+            weights: DMatrix::zeros(monomials.len(), outputs),
+            features: vec![0.0; monomials.len()],
+            monomials,
+        })
+    }
+
+    /// Fits inputs (samples x inputs) to outputs (samples x outputs) by least squares with the penalty
+    /// `lambda |W|^2`, the constant left out of it.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, numbers that are not finite, a negative penalty, an undetermined fit.
+    pub fn fit(
+        inputs: &DMatrix<f64>,
+        outputs: &DMatrix<f64>,
+        degree: usize,
+        lambda: f64,
+    ) -> Result<Self, RegressionError> {
+        if outputs.nrows() != inputs.nrows() {
+            let (found, expected) = (outputs.nrows(), inputs.nrows());
+            return Err(RegressionError::Size { name: "a column of the outputs", found, expected });
+        }
+        for (name, matrix) in [("the inputs", inputs), ("the outputs", outputs)] {
+            if let Some(&value) = matrix.iter().find(|value| !value.is_finite()) {
+                return Err(RegressionError::NotFinite { name, value });
+            }
+        }
+        if !(lambda >= 0.0 && lambda.is_finite()) {
+            let expected = "a finite number of at least 0";
+            return Err(RegressionError::OutOfRange { name: "lambda", value: lambda, expected });
+        }
+        let mut policy = Self::new(inputs.ncols(), outputs.ncols(), degree)?;
+        let (samples, monomials) = (inputs.nrows(), policy.monomials.len());
+        let undetermined = || RegressionError::Undetermined { samples, monomials };
+        if lambda == 0.0 && samples < monomials {
+            return Err(undetermined());
+        }
+        let mut left = DMatrix::zeros(samples + monomials, monomials);
+        let mut row = vec![0.0; inputs.ncols()];
+        for k in 0..samples {
+            row.iter_mut().enumerate().for_each(|(i, value)| *value = inputs[(k, i)]);
+            policy.evaluate(&row);
+            left.row_mut(k).iter_mut().zip(&policy.features).for_each(|(place, feature)| *place = *feature);
+        }
+        for i in 1..monomials {
+            left[(samples + i, i)] = lambda.sqrt();
+        }
+        let mut right = DMatrix::zeros(samples + monomials, outputs.ncols());
+        right.rows_mut(0, samples).copy_from(outputs);
+        let factored = left.qr();
+        factored.q_tr_mul(&mut right);
+        let triangle = factored.r();
+        let largest = triangle.diagonal().amax();
+        if triangle.diagonal().iter().any(|pivot| pivot.abs() <= 100.0 * largest * f64::EPSILON) {
+            return Err(undetermined());
+        }
+        let solution = right.rows(0, monomials).into_owned();
+        policy.weights = triangle.solve_upper_triangular(&solution).ok_or_else(undetermined)?;
+        Ok(policy)
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.weights.ncols()
+    }
+
+    /// The total degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// The weights, monomials x outputs.
+    pub fn weights(&self) -> &DMatrix<f64> {
+        &self.weights
+    }
+
+    /// The weights, to be written by a learner. Their number cannot change.
+    pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
+        self.weights.as_view_mut()
+    }
+
+    /// Writes the action for an input.
+    ///
+    /// # Errors
+    /// Slices of other lengths.
+    pub fn act(&mut self, input: &[f64], action: &mut [f64]) -> Result<(), RegressionError> {
+        for (name, found, expected) in
+            [("the input", input.len(), self.inputs), ("the action", action.len(), self.outputs())]
+        {
+            if found != expected {
+                return Err(RegressionError::Size { name, found, expected });
+            }
+        }
+        self.evaluate(input);
+        for (action, weights) in action.iter_mut().zip(self.weights.column_iter()) {
+            *action = weights.iter().zip(&self.features).map(|(weight, feature)| weight * feature).sum();
+        }
+        Ok(())
+    }
+
+    fn evaluate(&mut self, input: &[f64]) {
+        self.features[0] = 1.0;
+        for (place, (earlier, factor)) in self.monomials.iter().enumerate().skip(1) {
+            self.features[place] = self.features[*earlier] * input[*factor];
+        }
+    }
+}

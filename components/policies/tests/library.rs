@@ -1,0 +1,395 @@
+//! The motion library against numpy and scipy, and its own promises.
+
+use std::path::Path;
+
+use motorium_policies::library::{
+    BuildError, DAMPING, Generator, Keep, MergeError, Metric, MotionLibrary, Movement, Recogniser,
+    Recordings, RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, Trajectory, data, file,
+    letters, merge_movements, merge_parts,
+};
+use nalgebra::{DMatrix, DVector};
+use serde_json::Value;
+
+fn golden() -> Value {
+    serde_json::from_str(include_str!("golden/library.json")).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn recordings(golden: &Value) -> Recordings {
+    let trajectories = golden["paths"].as_array().unwrap().iter().enumerate().map(|(k, movement)| {
+        let dofs: Vec<Vec<f64>> = movement.as_array().unwrap().iter().map(numbers).collect();
+        Trajectory {
+            id: format!("m{k}"),
+            label: Some(if k % 2 == 0 { "even" } else { "odd" }.into()),
+            duration: 2.0,
+            positions: DMatrix::from_fn(dofs[0].len(), dofs.len(), |i, d| dofs[d][i]),
+        }
+    });
+    Recordings {
+        names: ["l_arm", "leg", "r_arm"].map(String::from).to_vec(),
+        trajectories: trajectories.collect(),
+    }
+}
+
+fn spring() -> SampledSpring {
+    SampledSpring::new(48, DAMPING).unwrap()
+}
+
+fn library(metric: Metric) -> MotionLibrary {
+    MotionLibrary::build(&recordings(&golden()), spring(), metric, Keep::All).unwrap()
+}
+
+/// The largest difference, relative to the largest of the known values.
+fn off(found: &[f64], known: &[f64]) -> f64 {
+    assert_eq!(found.len(), known.len());
+    let size = known.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    found.iter().zip(known).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / size
+}
+
+fn approximated(library: &MotionLibrary, forces: &[f64], n: usize) -> Vec<f64> {
+    let weights = library.project(forces);
+    library.forces(&weights.as_slice()[..n])
+}
+
+#[test]
+fn forces_and_responses_are_those_of_scipy() {
+    let golden = golden();
+    let movement = Movement::of(&recordings(&golden).trajectories[3], &spring());
+    assert!(off(&movement.forces, &numbers(&golden["forces_of_3"])) < 1e-12);
+    let mut response = movement.forces.clone();
+    response.chunks_exact_mut(47).for_each(|block| spring().respond(block));
+    assert!(off(&response, &numbers(&golden["response_of_3"])) < 1e-12);
+}
+
+#[test]
+fn eigenforces_are_those_of_a_direct_decomposition() {
+    let golden = golden();
+    let library = library(Metric::Force);
+    assert!(off(&library.parts().singular, &numbers(&golden["singular"])[..library.rank()]) < 1e-12);
+    let forces = numbers(&golden["forces_of_3"]);
+    assert!(off(&approximated(&library, &forces, 4), &numbers(&golden["approximation_of_3_by_4"])) < 1e-12);
+    assert!((library.explained().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn in_the_metric_of_position_the_response_is_approximated_best() {
+    let golden = golden();
+    let library = library(Metric::Position);
+    assert!(off(&library.parts().singular, &numbers(&golden["singular_position"])[..library.rank()]) < 1e-12);
+    let mut found = approximated(&library, &numbers(&golden["forces_of_3"]), 4);
+    found.chunks_exact_mut(47).for_each(|block| spring().respond(block));
+    assert!(off(&found, &numbers(&golden["position_approximation_of_3_by_4"])) < 1e-11);
+}
+
+#[test]
+fn a_part_split_off_is_the_library_of_its_own_data() {
+    let golden = golden();
+    let whole = library(Metric::Force);
+    let arms = whole.split(&whole.layout().part("arms=l_*,r_*").unwrap());
+    assert_eq!(arms.layout().names(), ["l_arm", "r_arm"]);
+    let known = numbers(&golden["singular_of_dofs_0_2"]);
+    assert!(off(&arms.parts().singular, &known[..arms.rank()]) < 1e-12);
+    let forces = numbers(&golden["forces_of_3"]);
+    let forces = [&forces[..47], &forces[94..]].concat();
+    assert!(
+        off(&approximated(&arms, &forces, 4), &numbers(&golden["approximation_of_dofs_0_2_by_4"])) < 1e-12
+    );
+    // its movements kept their weights
+    assert!(off(arms.project(&forces).as_slice(), arms.weights().column(3).as_slice()) < 1e-11);
+}
+
+#[test]
+fn parts_that_moved_together_merge_into_the_whole() {
+    for metric in [Metric::Force, Metric::Position] {
+        let whole = library(metric);
+        let part = |text: &str| whole.split(&whole.layout().part(text).unwrap());
+        let parts = [part("a=l_arm"), part("b=leg"), part("c=r_arm")];
+        let merged = merge_parts(&parts.each_ref(), Keep::All).unwrap();
+        assert!(off(&merged.parts().singular, &whole.parts().singular) < 1e-12);
+        let forces = numbers(&golden()["forces_of_3"]);
+        assert!(off(&approximated(&merged, &forces, 4), &approximated(&whole, &forces, 4)) < 1e-11);
+        assert_eq!(merged.entries(), whole.entries());
+    }
+}
+
+#[test]
+fn independent_parts_stand_side_by_side_in_the_order_of_their_singular_values() {
+    let set = recordings(&golden());
+    let whole = library(Metric::Force);
+    let half = |text: &str, from: usize, to: usize| {
+        let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
+        let library = MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap();
+        library.split(&whole.layout().part(text).unwrap())
+    };
+    let (arm, leg) = (half("a=l_arm", 0, 6), half("b=leg", 6, 14));
+    let merged = merge_parts(&[&arm, &leg], Keep::All).unwrap();
+    assert_eq!(merged.rank(), arm.rank() + leg.rank());
+    assert!(merged.parts().singular.is_sorted_by(|a, b| a >= b));
+    assert_eq!(merged.entries().len(), 14);
+    let weights: Vec<f64> = merged.weights().column(7).iter().copied().collect();
+    let forces = merged.forces(&weights);
+    assert!(forces[..47].iter().all(|f| f.abs() < 1e-9), "the other part rests");
+    assert!(off(&forces[47..], &leg.forces(leg.weights().column(1).as_slice())) < 1e-12);
+}
+
+#[test]
+fn libraries_of_the_same_body_merge_into_that_of_all_movements() {
+    let set = recordings(&golden());
+    let half = |from: usize, to: usize| {
+        let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
+        MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap()
+    };
+    let merged = merge_movements(&[&half(0, 9), &half(9, 14)], Keep::All).unwrap();
+    let whole = library(Metric::Force);
+    assert!(off(&merged.parts().singular, &whole.parts().singular) < 1e-12);
+    assert_eq!(merged.entries(), whole.entries());
+    assert!(
+        off(
+            &merged.forces(merged.weights().column(11).as_slice()),
+            &whole.forces(whole.weights().column(11).as_slice())
+        ) < 1e-10
+    );
+    let other =
+        MotionLibrary::build(&set, SampledSpring::new(60, DAMPING).unwrap(), Metric::Force, Keep::All)
+            .unwrap();
+    assert_eq!(merge_movements(&[&whole, &other], Keep::All).unwrap_err(), MergeError::Spring(2));
+}
+
+#[test]
+fn movements_taken_in_one_by_one_or_as_a_block_give_the_direct_decomposition() {
+    let golden = golden();
+    let set = recordings(&golden);
+    let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..9].to_vec() };
+    let start = MotionLibrary::build(&first, spring(), Metric::Force, Keep::All).unwrap();
+    assert!(off(&start.parts().singular, &numbers(&golden["singular_of_first_9"])) < 1e-12);
+    let mut recursive = RecursiveLibrary::new(start.clone(), 50, 1.0);
+    set.trajectories[9..].iter().for_each(|trajectory| recursive.add(trajectory).unwrap());
+    let known = numbers(&golden["singular"]);
+    assert!(off(&recursive.singular(), &known) < 1e-11);
+    let grown = recursive.into_library();
+    let whole = library(Metric::Force);
+    assert_eq!(grown.entries(), whole.entries());
+    assert!(
+        off(grown.project(&numbers(&golden["forces_of_3"])).as_slice(), grown.weights().column(3).as_slice())
+            < 1e-9
+    );
+    let mut block = RecursiveLibrary::new(start, 50, 1.0);
+    let rest = DMatrix::from_fn(141, 5, |i, k| Movement::of(&set.trajectories[9 + k], &spring()).forces[i]);
+    block.add_block(&rest);
+    assert!(off(&block.singular(), &known) < 1e-11);
+}
+
+#[test]
+fn forgetting_weighs_a_movement_by_its_age() {
+    let golden = golden();
+    let set = recordings(&golden);
+    let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..1].to_vec() };
+    let start = MotionLibrary::build(&first, spring(), Metric::Force, Keep::All).unwrap();
+    let mut recursive = RecursiveLibrary::new(start, 50, 0.9);
+    set.trajectories[1..9].iter().for_each(|trajectory| recursive.add(trajectory).unwrap());
+    assert!(off(&recursive.singular(), &numbers(&golden["forgetting_0_9"])) < 1e-11);
+}
+
+#[test]
+fn the_recursive_covariance_is_that_of_all_samples() {
+    let golden = golden();
+    let mut scatter = RecursiveScatter::new(47);
+    for trajectory in &recordings(&golden).trajectories {
+        scatter.add(&DVector::from_column_slice(&Movement::of(trajectory, &spring()).forces[..47]));
+    }
+    assert!(off(scatter.mean().as_slice(), &numbers(&golden["mean_of_dof_0"])) < 1e-12);
+    assert!(off(&scatter.components().values[..10], &numbers(&golden["variances_of_dof_0"])) < 1e-12);
+}
+
+#[test]
+fn a_movement_is_recognised_and_a_new_one_is_novel() {
+    let set = recordings(&golden());
+    let library = library(Metric::Force);
+    let mut recogniser = Recogniser::new(&library, 8);
+    let found = recogniser.recognise(&set.trajectories[5]);
+    assert_eq!(found.nearest.map(|(k, _)| k), Some(5));
+    let mut strange = set.trajectories[5].clone();
+    strange.positions.iter_mut().enumerate().for_each(|(k, y)| *y += 0.5 * (0.9 * k as f64).sin());
+    assert!(recogniser.recognise(&strange).novelty > 3.0 * found.novelty + 0.3);
+}
+
+#[test]
+fn a_generated_movement_follows_its_recording_and_a_new_goal() {
+    let set = recordings(&golden());
+    let library = library(Metric::Force);
+    let movement = Superposition::of(&library, 2, usize::MAX);
+    let path = movement.path(&library);
+    assert!((&path - &set.trajectories[2].positions).amax() < 1e-10);
+    let mut generator = Generator::new(&library);
+    generator.start(&movement.weights, &movement.frame).unwrap();
+    let step = movement.frame.duration / 47.0;
+    for k in 1..48 {
+        generator.step(step);
+        assert!((generator.position()[1] - path[(k, 1)]).abs() < 1e-9, "sample {k}");
+    }
+    // a goal changed half way is reached, without a jump on the way
+    generator.start(&movement.weights, &movement.frame).unwrap();
+    let goal: Vec<f64> = movement.frame.goal.iter().map(|g| g + 0.5).collect();
+    let mut last = generator.position().to_vec();
+    for k in 0..3000 {
+        generator.step(1e-3);
+        if k == 900 {
+            generator.set_goal(&goal).unwrap();
+        }
+        assert!(generator.position().iter().zip(&last).all(|(a, b)| (a - b).abs() < 0.02));
+        last.copy_from_slice(generator.position());
+    }
+    assert!(generator.is_finished());
+    assert!(last.iter().zip(&goal).all(|(a, b)| (a - b).abs() < 0.05), "{last:?} {goal:?}");
+}
+
+#[test]
+fn a_blend_lies_between_its_two_movements_at_every_moment() {
+    let library = library(Metric::Position);
+    let (a, b) = (Superposition::of(&library, 0, 14), Superposition::of(&library, 1, 14));
+    let middle = a.blend(&b, 0.3).path(&library);
+    let known = a.path(&library) * 0.7 + b.path(&library) * 0.3;
+    assert!((middle - known).amax() < 1e-10);
+}
+
+#[test]
+fn fewer_eigenforces_are_kept_by_error_and_by_bytes() {
+    let set = recordings(&golden());
+    let build = |keep| MotionLibrary::build(&set, spring(), Metric::Force, keep).unwrap();
+    let by_error = build(Keep::Error(0.1));
+    let left: f64 = 1.0 - by_error.explained().iter().sum::<f64>();
+    assert!(left <= 0.01 && by_error.rank() < 14);
+    let one_less: f64 = 1.0 - by_error.explained()[..by_error.rank() - 1].iter().sum::<f64>();
+    assert!(one_less > 0.01, "one less would not do");
+    assert_eq!(build(Keep::Bytes(5 * 8 * 142)).rank(), 5);
+}
+
+#[test]
+fn a_library_survives_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    for metric in [Metric::Force, Metric::Position] {
+        let path = folder.path().join("a.library");
+        let library = library(metric);
+        file::write(&library, &path).unwrap();
+        assert_eq!(file::read(&path).unwrap(), library);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+}
+
+#[test]
+fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.library");
+    let whole = file::to_bytes(&library(Metric::Force));
+    let refuse = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        file::read(&path).unwrap_err().to_string()
+    };
+    for cut in [0, 7, 63, 64, 500, whole.len() - 1] {
+        let error = refuse(&whole[..cut]);
+        assert!(
+            error.contains("a.library")
+                && (error.contains("cut short") || error.contains("no motion library")),
+            "{error}"
+        );
+    }
+    let changed = |at: usize, by: u8| {
+        let mut bytes = whole.clone();
+        bytes[at] ^= by;
+        bytes
+    };
+    assert!(refuse(&changed(whole.len() / 2, 1)).contains("checksum"));
+    assert!(refuse(&changed(8, 2)).contains("version 3"));
+    assert!(refuse(&changed(0, 1)).contains("no motion library"));
+    assert!(refuse(&[whole.clone(), vec![0]].concat()).contains("something was added"));
+}
+
+#[test]
+fn a_mapped_file_is_read_where_it_lies() {
+    let library = library(Metric::Force);
+    let bytes = file::to_bytes(&library);
+    let mut words = vec![0_u64; bytes.len().div_ceil(8)];
+    words.iter_mut().zip(bytes.chunks(8)).for_each(|(word, chunk)| {
+        let mut all = [0; 8];
+        all[..chunk.len()].copy_from_slice(chunk);
+        *word = u64::from_ne_bytes(all);
+    });
+    let mapped: &[u8] = &bytemuck::cast_slice(&words)[..bytes.len()];
+    let view = file::View::new(mapped).unwrap();
+    assert_eq!(view.basis, library.parts().basis.as_slice());
+    assert!(mapped.as_ptr_range().contains(&view.weights.as_ptr().cast()));
+    assert_eq!(view.movements().nth(1), Some(("m1", Some("odd"))));
+}
+
+#[test]
+fn recordings_are_read_from_all_formats_and_refused_with_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        data::read(&path, &data::Options { rate: 10.0, columns: vec![] })
+    };
+    let set = read("a.jsonl", "{\"id\":1,\"label\":\"l\",\"n\":3,\"vx\":[1,2,3],\"vy\":[0,0,1]}\n").unwrap();
+    assert_eq!(set.names, ["x", "y"]);
+    assert!(
+        (set.trajectories[0].positions[(2, 0)] - 0.6).abs() < 1e-12 && set.trajectories[0].duration == 0.2
+    );
+    let set = read("b.json", r#"{"recordings":[{"letter":"A","demo":3,"duration":2,"x":[1,2],"y":[3,4]}]}"#)
+        .unwrap();
+    assert_eq!((set.trajectories[0].id.as_str(), set.trajectories[0].duration), ("A-3", 2.0));
+    let set = read("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#).unwrap();
+    assert_eq!(set.trajectories[0].positions[(2, 0)], 4.0);
+    let set = read("d.csv", "# loop=wrap\nframe_dt,a,b\n0.5,1,2\n0.5,3,4\n0.5,5,6\n").unwrap();
+    assert_eq!(
+        (set.names.len(), set.trajectories[0].duration, set.trajectories[0].id.as_str()),
+        (2, 1.0, "d")
+    );
+    let error = read("e.csv", "a,b\n1,2\n1,x\n").unwrap_err().to_string();
+    assert!(error.contains("e.csv, line 3") && error.contains("`b` is `x`"), "{error}");
+    let error = read("f.jsonl", "{\"x\":[1,2]}\n{\"x\":[1,\n").unwrap_err().to_string();
+    assert!(error.contains("f.jsonl, line 2"), "{error}");
+}
+
+#[test]
+fn recordings_that_cannot_be_learned_from_are_refused() {
+    let mut set = recordings(&golden());
+    set.trajectories[4].positions[(10, 1)] = f64::NAN;
+    let error = MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err().to_string();
+    assert!(error.contains("`m4`: sample 10 of degree of freedom 1"), "{error}");
+    set.trajectories.clear();
+    assert_eq!(
+        MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err(),
+        BuildError::NoRecordings
+    );
+}
+
+#[test]
+fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
+    let set = letters::letters(6, letters::Variation::default(), 7);
+    let (seen, held) = set.hold_out(3);
+    let spring = SampledSpring::new(120, DAMPING).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Position, Keep::Rank(32)).unwrap();
+    assert!(motorium_policies::library::nearest_neighbour_rate(&library, &held, 16) > 0.9);
+    let basis = |n| motorium_policies::library::Basis::eigenforces(&library, n);
+    let error = |n| motorium_policies::library::evaluate(&basis(n), &held, &spring).position.mean;
+    assert!(error(16) < 0.5 * error(8) && error(16) < 0.15, "{} {}", error(8), error(16));
+}
+
+#[test]
+fn the_recorded_letters_give_the_known_spectrum() {
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/uci-char-trajectories/train.jsonl");
+    if !path.exists() {
+        return;
+    }
+    let all = data::read(&path, &data::Options { rate: 200.0, columns: vec![] }).unwrap();
+    let (seen, _) = all.hold_out(5);
+    let spring = SampledSpring::new(200, DAMPING).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Force, Keep::Rank(5)).unwrap();
+    for (found, known) in library.explained().iter().zip([0.589, 0.142, 0.066, 0.047, 0.039]) {
+        assert!((found - known).abs() < 0.005, "{found} {known}");
+    }
+}

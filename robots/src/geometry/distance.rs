@@ -1,0 +1,381 @@
+//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm on the cores, the expanding polytope
+//! where they overlap, both parry's.
+
+use super::pairs::CollisionModel;
+use super::solid::pose;
+use super::support::{Placed, v3, vector};
+use crate::Kinematics;
+use crate::algebra::{M3, V3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use parry3d_f64::query::epa::EPA;
+use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
+use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
+
+/// Closer than this \[m\] the direction from one point to the other is noise.
+const TOUCHING: f64 = 1e-9;
+
+/// A distance this near to what a separating plane proves is good \[m\], and how often a search may start again for it.
+const SETTLED: f64 = 1e-9;
+const AGAIN: usize = 4;
+
+/// Overlaps searched for their depth at construction, at least.
+const GROWTH: usize = 100;
+
+/// Projections from one core to the other and back, at most.
+const ALTERNATIONS: usize = 30;
+
+/// How near two solids are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proximity {
+    /// Index in [`CollisionModel::pairs`].
+    pub pair: usize,
+    /// Signed distance \[m\]: the gap, or minus the depth.
+    pub distance: f64,
+    /// Where each is nearest to (or deepest in) the other \[m, world\].
+    pub points: [Point3<f64>; 2],
+    /// From the first to the second, world axes: `distance == normal . (points[1] - points[0])`.
+    pub normal: Unit<Vector3<f64>>,
+}
+
+/// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new) as long as cores (a
+/// shape without the radius of its sphere or capsule) stay apart. Where they overlap the search for the depth keeps its
+/// memory, and adds to it only for a case harder than all before. Pairs with a
+/// [`MeshMode::Surface`](super::MeshMode) may allocate.
+pub struct Collisions {
+    rotations: Vec<M3>,
+    positions: Vec<V3>,
+    /// Direction from the first to the second of each pair when last measured.
+    hints: Vec<V3>,
+    near: Vec<Proximity>,
+    /// The pair found nearest last.
+    last: usize,
+    simplex: VoronoiSimplex,
+    polytope: EPA,
+}
+
+impl Collisions {
+    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand where
+    /// they were added.
+    pub fn new(model: &CollisionModel) -> Self {
+        let mut built = Self {
+            rotations: model.solids.iter().map(|solid| solid.rotation).collect(),
+            positions: model.solids.iter().map(|solid| solid.position).collect(),
+            hints: vec![V3::ZERO; model.pairs.len()],
+            near: Vec::with_capacity(model.pairs.len()),
+            last: 0,
+            simplex: VoronoiSimplex::new(),
+            polytope: EPA::new(),
+        };
+        built.grow(model);
+        built
+    }
+
+    /// Lets the search for depths take its memory: on the robot's own shapes, deep in each other in many ways.
+    fn grow(&mut self, model: &CollisionModel) {
+        let pairs = &model.pairs;
+        for step in 0..if pairs.is_empty() { 0 } else { GROWTH.max(pairs.len()) } {
+            let [first, second] = pairs[step % pairs.len()].map(|solid| &model.solids[solid]);
+            let turn = step as f64 * 0.7;
+            let turn: M3 =
+                nalgebra::Rotation3::from_euler_angles(turn, 1.1 * turn, 1.3 * turn).into_inner().into();
+            let way =
+                V3::new(turn.x.y, turn.y.z, turn.z.x) * (0.4 * turn.x.x * first.reach.min(second.reach));
+            let first = Placed { core: &first.core, rotation: &M3::IDENTITY, position: V3::ZERO };
+            let second = Placed { core: &second.core, rotation: &turn, position: way };
+            search(&mut self.simplex, &mut self.polytope, &[first, second], f64::MAX, V3::ZERO);
+        }
+    }
+
+    /// Places the robot's solids as `kinematics` stands. Its last update must have been one of all bodies.
+    pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
+        for (index, (solid, &slot)) in model.solids.iter().zip(&model.slots).enumerate() {
+            if model.is_obstacle(index) {
+                continue;
+            }
+            let (rotation, position) = kinematics.slot_pose(slot);
+            self.rotations[index] = rotation * solid.rotation;
+            self.positions[index] = position + rotation * solid.position;
+        }
+    }
+
+    /// Moves the obstacle of solid `index`: `pose` places it in the world, instead of the placement it was added with.
+    ///
+    /// Panics when `index` is not an obstacle's.
+    pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
+        assert!(model.is_obstacle(index), "solid {index} belongs to the robot");
+        // A hull stands about its middle, a fitted capsule about its own: what the file's frame is to that stays.
+        let solid = &model.solids[index];
+        let original = &model.obstacle_frames[index - model.robot_solids];
+        let (r, p) = (nalgebra::Matrix3::from(solid.rotation), Vector3::from(solid.position));
+        let inverse = original.inverse();
+        let rotation = pose.rotation * inverse.rotation;
+        self.rotations[index] = (rotation.to_rotation_matrix().into_inner() * r).into();
+        self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
+    }
+
+    /// Distance of one pair.
+    pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
+        // Nothing is farther than that; only surfaces can fail to answer.
+        self.measure(model, pair, f64::MAX).unwrap_or_else(|| self.bound(model, pair))
+    }
+
+    /// All pairs nearer than `range` \[m\], in the order of the pairs. What is farther costs next to nothing.
+    pub fn within(&mut self, model: &CollisionModel, range: f64) -> &[Proximity] {
+        self.near.clear();
+        for pair in 0..model.pairs.len() {
+            if let Some(proximity) = self.measure(model, pair, range)
+                && (proximity.distance <= range || proximity.distance.is_nan())
+            {
+                self.near.push(proximity);
+            }
+        }
+        &self.near
+    }
+
+    /// What [`within`](Self::within) found last.
+    pub fn found(&self) -> &[Proximity] {
+        &self.near
+    }
+
+    /// The pair that is nearest, or deepest in each other; `None` when no pair is checked.
+    pub fn nearest(&mut self, model: &CollisionModel) -> Option<Proximity> {
+        if model.pairs.is_empty() {
+            return None;
+        }
+        // That of the last time is likely near still, and rules out most others by their bounding spheres.
+        let mut best = self.distance(model, self.last);
+        for pair in 0..model.pairs.len() {
+            if pair != best.pair
+                && let Some(proximity) = self.measure(model, pair, best.distance)
+                && proximity.distance < best.distance
+            {
+                best = proximity;
+            }
+        }
+        self.last = best.pair;
+        Some(best)
+    }
+
+    /// Some pair that overlaps, or is nearer than `margin` \[m\].
+    pub fn colliding(&mut self, model: &CollisionModel, margin: f64) -> Option<Proximity> {
+        (0..model.pairs.len()).find_map(|pair| {
+            self.measure(model, pair, margin).filter(|proximity| proximity.distance < margin)
+        })
+    }
+
+    /// Distance of a pair unless it is certainly above `range`.
+    fn measure(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
+        let [a, b] = model.pairs[pair];
+        let (first, second) = (&model.solids[a], &model.solids[b]);
+        let between = self.positions[b] - self.positions[a];
+        let apart = between.dot(between).sqrt();
+        if apart - first.reach - second.reach > range {
+            return None;
+        }
+        if !apart.is_finite() {
+            return Some(Proximity { distance: f64::NAN, ..self.bound(model, pair) });
+        }
+        if first.is_surface() || second.is_surface() {
+            return self.measure_surfaces(model, pair, range);
+        }
+        let radii = first.radius + second.radius;
+        let origin = self.positions[a];
+        let placed = [
+            Placed { core: &first.core, rotation: &self.rotations[a], position: V3::ZERO },
+            Placed { core: &second.core, rotation: &self.rotations[b], position: between },
+        ];
+        let (p, q, normal) = match (first.core.line(), second.core.line()) {
+            (Some(half), Some(other)) => lines(&placed, half, other),
+            _ => {
+                let range = if range < 1e100 { (range + radii).max(0.0) } else { f64::MAX };
+                let (simplex, polytope, hint) = (&mut self.simplex, &mut self.polytope, self.hints[pair]);
+                match search(simplex, polytope, &placed, range, hint) {
+                    Search::Found(p, q, normal) => (p, q, normal),
+                    Search::Farther => return None,
+                    Search::Lost => return Some(self.bound(model, pair)),
+                }
+            }
+        };
+        self.hints[pair] = normal;
+        let points = [origin + p + normal * first.radius, origin + q - normal * second.radius];
+        Some(Proximity {
+            pair,
+            distance: (q - p).dot(normal) - radii,
+            points: points.map(|point| Point3::from(Vector3::from(point))),
+            normal: Unit::new_unchecked(normal.into()),
+        })
+    }
+
+    /// Where surfaces take part parry looks for itself.
+    fn measure_surfaces(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
+        let [a, b] = model.pairs[pair];
+        let (first, second) = (model.shape(a)?, model.shape(b)?);
+        let placed = [a, b].map(|solid| pose(&self.rotations[solid], self.positions[solid]));
+        let between = placed[0].inv_mul(&placed[1]);
+        let range = range.max(0.0);
+        let near = DefaultQueryDispatcher.closest_points(&between, &**first, &**second, range).ok()?;
+        let (p, q, normal) = match near {
+            ClosestPoints::Disjoint => return None,
+            ClosestPoints::WithinMargin(p, q) if (placed[0] * p - placed[1] * q).length() > TOUCHING => {
+                let (p, q) = (v3(placed[0] * p), v3(placed[1] * q));
+                let way = q - p;
+                (p, q, way * (1.0 / way.dot(way).sqrt()))
+            }
+            _ => {
+                let contact =
+                    DefaultQueryDispatcher.contact(&between, &**first, &**second, TOUCHING).ok()??;
+                let normal = placed[0].rotation * contact.normal1;
+                (v3(placed[0] * contact.point1), v3(placed[1] * contact.point2), v3(normal))
+            }
+        };
+        let points = [p, q].map(|point| Point3::from(Vector3::from(point)));
+        Some(Proximity {
+            pair,
+            distance: (q - p).dot(normal),
+            points,
+            normal: Unit::new_unchecked(normal.into()),
+        })
+    }
+
+    /// What the bounding spheres say: never more than the distance.
+    fn bound(&self, model: &CollisionModel, pair: usize) -> Proximity {
+        let [a, b] = model.pairs[pair];
+        let (first, second) = (model.solids[a].reach, model.solids[b].reach);
+        let between = self.positions[b] - self.positions[a];
+        let apart = between.dot(between).sqrt();
+        let normal = if apart > TOUCHING { between * (1.0 / apart) } else { V3::new(1.0, 0.0, 0.0) };
+        let points = [self.positions[a] + normal * first, self.positions[b] - normal * second];
+        Proximity {
+            pair,
+            distance: apart - first - second,
+            points: points.map(|point| Point3::from(Vector3::from(point))),
+            normal: Unit::new_unchecked(normal.into()),
+        }
+    }
+}
+
+/// What a search came to.
+enum Search {
+    /// Points of both cores and the normal from the first to the second.
+    Found(V3, V3, V3),
+    /// They are farther apart than the range.
+    Farther,
+    /// It does not settle, from wherever it starts.
+    Lost,
+}
+
+/// Nearest (or deepest) points of two cores.
+fn search(
+    simplex: &mut VoronoiSimplex,
+    polytope: &mut EPA,
+    pair: &[Placed<'_>; 2],
+    range: f64,
+    hint: V3,
+) -> Search {
+    let still = parry3d_f64::math::Pose::IDENTITY;
+    let [first, second] = pair;
+    let (x, y) = (V3::new(1.0, 0.0, 0.0), V3::new(0.3, 1.0, -0.2));
+    for start in [hint, second.position, x, y].into_iter().filter(|start| start.dot(*start) > 0.0) {
+        let start = start * (1.0 / start.dot(start).sqrt());
+        simplex.reset(CsoPoint::from_shapes(&still, first, second, vector(start)));
+        match closest_points(&still, first, second, range, true, simplex) {
+            GJKResult::ClosestPoints(p, q, along) => {
+                let (p, q) = (v3(p), v3(q));
+                let way = q - p;
+                let gap = way.dot(way).sqrt();
+                if gap <= TOUCHING {
+                    return Search::Found(p, q, v3(along));
+                }
+                return settle(simplex, pair, (p, q, gap));
+            }
+            GJKResult::Intersection => {
+                if let Some((p, q, normal)) = polytope.closest_points(&still, first, second, simplex)
+                    && normal.length_squared() > 0.5
+                {
+                    return Search::Found(v3(p), v3(q), v3(normal));
+                }
+            }
+            // It says so when it gives up, too: the gap along the direction proves it.
+            GJKResult::NoIntersection(along) => {
+                if -along.dot(CsoPoint::from_shapes(&still, first, second, along).point) > range {
+                    return Search::Farther;
+                }
+            }
+            GJKResult::Proximity(_) => {}
+        }
+    }
+    Search::Lost
+}
+
+/// On round cores the simplex grows so small that its own rounding stops the search some micrometres early. The plane
+/// square to the way found tells; starting again from there, without the old corners, goes on.
+fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, f64)) -> Search {
+    let still = parry3d_f64::math::Pose::IDENTITY;
+    let [first, second] = pair;
+    let (mut p, mut q, mut gap) = found;
+    // From one to the other and back comes ever nearer (Cheney and Goldstein 1959).
+    for _ in 0..ALTERNATIONS {
+        let Some(a) = first.project(q) else { break };
+        let Some(b) = second.project(a) else { break };
+        let nearer = (b - a).dot(b - a).sqrt();
+        if nearer >= gap || nearer <= TOUCHING {
+            break;
+        }
+        let gain = gap - nearer;
+        (p, q, gap) = (a, b, nearer);
+        if gain < 1e-13 {
+            break;
+        }
+    }
+    for _ in 0..AGAIN {
+        let normal = (q - p) * (1.0 / gap);
+        let outmost = CsoPoint::from_shapes(&still, first, second, vector(normal));
+        if gap + v3(outmost.point).dot(normal) <= SETTLED {
+            break;
+        }
+        simplex.reset(outmost);
+        let GJKResult::ClosestPoints(a, b, _) =
+            closest_points(&still, first, second, f64::MAX, true, simplex)
+        else {
+            break;
+        };
+        let (a, b) = (v3(a), v3(b));
+        let nearer = (b - a).dot(b - a).sqrt();
+        if nearer >= gap || nearer <= TOUCHING {
+            break;
+        }
+        (p, q, gap) = (a, b, nearer);
+    }
+    Search::Found(p, q, (q - p) * (1.0 / gap))
+}
+
+/// Nearest points of two segments along the z axes of their frames, or of points (Ericson 2005, section 5.1.9).
+fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) -> (V3, V3, V3) {
+    let (u, v) = (first.rotation.z, second.rotation.z);
+    let r = first.position - second.position;
+    let (b, c, f) = (u.dot(v), u.dot(r), v.dot(r));
+    // Along unit directions, s in -half .. half and t in -other .. other.
+    let denominator = 1.0 - b * b;
+    let mut s = if denominator > 1e-12 { ((b * f - c) / denominator).clamp(-half, half) } else { 0.0 };
+    let mut t = b * s + f;
+    if t.abs() > other {
+        t = t.clamp(-other, other);
+        s = (b * t - c).clamp(-half, half);
+    } else if denominator <= 1e-12 {
+        // Parallel: any s will do that leaves t inside.
+        s = (b * t - c).clamp(-half, half);
+    }
+    let (p, q) = (first.position + u * s, second.position + v * t);
+    let way = q - p;
+    let gap = way.dot(way).sqrt();
+    if gap > 1e-12 {
+        return (p, q, way * (1.0 / gap));
+    }
+    // They cross: out along what is square to both.
+    let mut normal = u.cross(v);
+    if normal.dot(normal) < 1e-12 {
+        let least = if u.x.abs() < 0.6 { V3::new(1.0, 0.0, 0.0) } else { V3::new(0.0, 1.0, 0.0) };
+        normal = u.cross(least);
+    }
+    (p, q, normal * (1.0 / normal.dot(normal).sqrt()))
+}

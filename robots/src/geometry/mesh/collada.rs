@@ -1,0 +1,212 @@
+//! COLLADA 1.4 and 1.5: the geometry of the visual scene, with the transformations of its nodes.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix4, Rotation3, Unit, Vector3};
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::{Fault, MeshProblem, TriangleMesh, number};
+
+/// Nodes within nodes: more is a file that names itself.
+const DEEPEST: usize = 64;
+
+pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options)
+        .map_err(|error| (error.pos().row, MeshProblem::Malformed(error.to_string())))?;
+    let ids = document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
+    let mut reader = Reader { document: &document, ids, mesh: TriangleMesh::default() };
+    let root = document.root_element();
+    let unit = match child(root, "asset").and_then(|asset| child(asset, "unit")) {
+        Some(unit) => match unit.attribute("meter") {
+            Some(metres) => number(metres).map_err(|problem| reader.at(unit, problem))?,
+            None => 1.0,
+        },
+        None => 1.0,
+    };
+    let scene = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
+    let scaled = Matrix4::new_scaling(unit);
+    match scene {
+        Some(instance) => {
+            let scene = reader.target(instance, "url")?;
+            for node in children(scene, "node") {
+                reader.node(node, &scaled, 0)?;
+            }
+        }
+        // Without a scene nothing is placed: the geometries stand where they are.
+        None => {
+            for geometry in root.descendants().filter(|node| node.has_tag_name("geometry")) {
+                reader.geometry(geometry, &scaled)?;
+            }
+        }
+    }
+    Ok(reader.mesh)
+}
+
+/// Tag names with their namespace: COLLADA files have one, and it differs with the version.
+fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|child| child.tag_name().name() == name)
+}
+
+fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
+    node.children().filter(move |child| child.tag_name().name() == name)
+}
+
+struct Reader<'a, 'i> {
+    document: &'a Document<'i>,
+    ids: HashMap<&'a str, Node<'a, 'i>>,
+    mesh: TriangleMesh,
+}
+
+impl<'a, 'i> Reader<'a, 'i> {
+    fn at(&self, node: Node<'_, '_>, problem: MeshProblem) -> Fault {
+        (self.document.text_pos_at(node.range().start).row, problem)
+    }
+
+    fn malformed(&self, node: Node<'_, '_>, message: impl Into<String>) -> Fault {
+        self.at(node, MeshProblem::Malformed(message.into()))
+    }
+
+    /// The element that an attribute `#ID` means.
+    fn target(&self, node: Node<'a, 'i>, attribute: &str) -> Result<Node<'a, 'i>, Fault> {
+        let name = node.attribute(attribute).and_then(|url| url.strip_prefix('#'));
+        name.and_then(|name| self.ids.get(name).copied()).ok_or_else(|| {
+            let element = node.tag_name().name();
+            let value = node.attribute(attribute).unwrap_or("");
+            self.malformed(node, format!("{attribute}=\"{value}\" of <{element}> names nothing in this file"))
+        })
+    }
+
+    fn floats(&self, node: Node<'_, '_>) -> Result<Vec<f64>, Fault> {
+        let words = node.text().unwrap_or("").split_whitespace();
+        words.map(number).collect::<Result<_, _>>().map_err(|problem| self.at(node, problem))
+    }
+
+    fn counts(&self, node: Node<'_, '_>) -> Result<Vec<usize>, Fault> {
+        let whole = |word: &str| word.parse().map_err(|_| MeshProblem::Number(word.to_owned()));
+        let words = node.text().unwrap_or("").split_whitespace();
+        words.map(whole).collect::<Result<_, _>>().map_err(|problem| self.at(node, problem))
+    }
+
+    fn node(&mut self, node: Node<'a, 'i>, parent: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
+        if depth > DEEPEST {
+            return Err(self.malformed(node, "nodes instance each other without end"));
+        }
+        let mut pose = *parent;
+        for element in node.children().filter(Node::is_element) {
+            match element.tag_name().name() {
+                "matrix" | "translate" | "rotate" | "scale" => pose *= self.transformation(element)?,
+                "lookat" | "skew" => {
+                    let name = element.tag_name().name();
+                    return Err(
+                        self.malformed(element, format!("<{name}> is not supported; bake it into the mesh"))
+                    );
+                }
+                "instance_geometry" => {
+                    let geometry = self.target(element, "url")?;
+                    self.geometry(geometry, &pose)?;
+                }
+                "instance_node" => {
+                    let target = self.target(element, "url")?;
+                    self.node(target, &pose, depth + 1)?;
+                }
+                "node" => self.node(element, &pose, depth + 1)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn transformation(&self, element: Node<'_, '_>) -> Result<Matrix4<f64>, Fault> {
+        let values = self.floats(element)?;
+        match (element.tag_name().name(), &values[..]) {
+            ("matrix", values) if values.len() == 16 => Ok(Matrix4::from_row_slice(values)),
+            ("translate", &[x, y, z]) => Ok(Matrix4::new_translation(&Vector3::new(x, y, z))),
+            ("scale", &[x, y, z]) => Ok(Matrix4::new_nonuniform_scaling(&Vector3::new(x, y, z))),
+            ("rotate", &[x, y, z, degrees]) => {
+                let axis = Unit::try_new(Vector3::new(x, y, z), 1e-12);
+                let turn = axis.map(|axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()));
+                Ok(turn.unwrap_or_else(Rotation3::identity).to_homogeneous())
+            }
+            (name, values) => Err(self
+                .malformed(element, format!("<{name}> has {} numbers, which is not its kind", values.len()))),
+        }
+    }
+
+    fn geometry(&mut self, geometry: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
+        let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
+        for part in mesh.children().filter(Node::is_element) {
+            if ["triangles", "polylist", "polygons"].contains(&part.tag_name().name()) {
+                self.part(part, pose)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn part(&mut self, part: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
+        // Every corner has one index for each offset; that of the positions is wanted.
+        let (mut stride, mut positions) = (0, None);
+        for input in children(part, "input") {
+            let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);
+            stride = stride.max(offset + 1);
+            if input.attribute("semantic") == Some("VERTEX") {
+                positions = Some((offset, self.positions(input)?));
+            }
+        }
+        let Some((offset, positions)) = positions else {
+            return Err(self.malformed(part, "a list of faces names no VERTEX input"));
+        };
+        let first = self.mesh.points.len();
+        for point in positions.chunks_exact(3) {
+            let placed = pose.transform_point(&nalgebra::Point3::new(point[0], point[1], point[2]));
+            self.mesh.points.push(placed.coords);
+        }
+        let count = positions.len() / 3;
+        let sizes = match child(part, "vcount") {
+            Some(sizes) => self.counts(sizes)?,
+            None => Vec::new(),
+        };
+        for list in children(part, "p") {
+            let indices = self.counts(list)?;
+            let corners: Vec<usize> = indices.chunks_exact(stride).map(|corner| corner[offset]).collect();
+            if let Some(&index) = corners.iter().find(|&&index| index >= count) {
+                return Err(self.at(list, MeshProblem::Index { index: index as i64, count }));
+            }
+            let mut rest = &corners[..];
+            let whole = [corners.len()];
+            let sizes = match part.tag_name().name() {
+                "polylist" => &sizes[..],
+                "polygons" => &whole[..],
+                _ => &[],
+            };
+            let triangles = sizes.is_empty().then_some(3).into_iter().cycle().take(corners.len() / 3);
+            for size in sizes.iter().copied().chain(triangles) {
+                let Some((face, after)) = rest.split_at_checked(size) else {
+                    return Err(self.malformed(list, "fewer corners than its faces need"));
+                };
+                rest = after;
+                if let [start, others @ ..] = face {
+                    let index = |corner: usize| (first + corner) as u32;
+                    let fan = others.windows(2).map(|pair| [index(*start), index(pair[0]), index(pair[1])]);
+                    self.mesh.triangles.extend(fan);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The numbers behind an input of vertices.
+    fn positions(&self, input: Node<'a, 'i>) -> Result<Vec<f64>, Fault> {
+        let vertices = self.target(input, "source")?;
+        let position =
+            children(vertices, "input").find(|input| input.attribute("semantic") == Some("POSITION"));
+        let Some(position) = position else {
+            return Err(self.malformed(vertices, "<vertices> without a POSITION input"));
+        };
+        let source = self.target(position, "source")?;
+        match child(source, "float_array") {
+            Some(array) => self.floats(array),
+            None => Err(self.malformed(source, "<source> without a <float_array>")),
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Reading triangle meshes: STL, Wavefront OBJ and COLLADA.
+
+mod collada;
+mod obj;
+mod stl;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+
+/// Triangles of a mesh file, in its own units times nothing: what the numbers in the file say.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// Corners \[m\].
+    pub points: Vec<Vector3<f64>>,
+    /// Indices of the corners of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl TriangleMesh {
+    /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
+    ///
+    /// Lengths of STL and OBJ are taken as metres. COLLADA's `unit` is honoured, its `up_axis` is not: that is how RViz,
+    /// Gazebo and Pinocchio read the meshes of a URDF.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`], with the line where the format has lines.
+    pub fn read(path: &Path) -> Result<Self, MeshError> {
+        let error = |line, problem| MeshError { path: path.to_owned(), line, problem };
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        let bytes =
+            std::fs::read(path).map_err(|source| error(None, MeshProblem::Read(source.to_string())))?;
+        let text = || std::str::from_utf8(&bytes).map_err(|_| (0, MeshProblem::NotText));
+        let mesh = match extension.as_deref() {
+            Some("stl") => stl::parse(&bytes),
+            Some("obj") => text().and_then(obj::parse),
+            Some("dae") => text().and_then(collada::parse),
+            _ => Err((0, MeshProblem::Format)),
+        };
+        let mesh = mesh.map_err(|(line, problem)| error((line > 0).then_some(line), problem))?;
+        if mesh.triangles.is_empty() {
+            return Err(error(None, MeshProblem::Empty));
+        }
+        if mesh.points.iter().any(|point| !point.iter().all(|x| x.is_finite())) {
+            return Err(error(None, MeshProblem::NotFinite));
+        }
+        Ok(mesh)
+    }
+
+    /// The same mesh stretched along its axes.
+    pub fn scaled(mut self, scale: &Vector3<f64>) -> Self {
+        self.points.iter_mut().for_each(|point| point.component_mul_assign(scale));
+        if scale.product() < 0.0 {
+            // A mirror turns the triangles inside out.
+            self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        self
+    }
+}
+
+/// A line counted from 1, or 0 where there is none, and what is wrong there.
+type Fault = (u32, MeshProblem);
+
+/// A mesh file that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct MeshError {
+    /// The file.
+    pub path: PathBuf,
+    /// Line at fault, counted from 1.
+    pub line: Option<u32>,
+    /// What is wrong.
+    pub problem: MeshProblem,
+}
+
+impl fmt::Display for MeshError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        write!(f, ": {}", self.problem)
+    }
+}
+
+/// What is wrong with a mesh file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeshProblem {
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Read(String),
+    /// Another kind of file.
+    #[error("not a mesh format that can be read; convert it to .stl, .obj or .dae")]
+    Format,
+    /// Not UTF-8.
+    #[error("not a text file in UTF-8")]
+    NotText,
+    /// A file without triangles.
+    #[error("has no triangles")]
+    Empty,
+    /// Infinite corners, or none at all.
+    #[error("a corner is not a finite number")]
+    NotFinite,
+    /// A file that ends too early.
+    #[error("ends after {found} bytes where its header promises {expected}")]
+    Short {
+        /// Bytes there.
+        found: usize,
+        /// Bytes that should be there.
+        expected: usize,
+    },
+    /// Something that is not a number.
+    #[error("\"{0}\" is not the number expected there")]
+    Number(String),
+    /// A corner that does not exist.
+    #[error("names corner {index} of {count}")]
+    Index {
+        /// Corner named, counted from 0.
+        index: i64,
+        /// Corners there are.
+        count: usize,
+    },
+    /// Anything that breaks the rules of the format.
+    #[error("{0}")]
+    Malformed(String),
+}
+
+fn number(word: &str) -> Result<f64, MeshProblem> {
+    word.parse().map_err(|_| MeshProblem::Number(word.to_owned()))
+}

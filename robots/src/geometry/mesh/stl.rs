@@ -1,0 +1,96 @@
+//! STL, both kinds (Burns, "Automated Fabrication", 1993, section 6.5).
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+
+use super::{Fault, MeshProblem, TriangleMesh, number};
+
+const HEADER: usize = 84;
+const FACET: usize = 50;
+
+pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
+    // Binary files that begin with "solid" exist; their length gives them away.
+    let count =
+        bytes.get(80..HEADER).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    let expected = count.map(|count| HEADER + FACET * count as usize);
+    let text = bytes.trim_ascii_start().starts_with(b"solid");
+    match expected {
+        Some(expected) if expected == bytes.len() || !text && expected < bytes.len() => {
+            Ok(binary(bytes, expected))
+        }
+        _ if text => {
+            let text = std::str::from_utf8(bytes).map_err(|_| (0, MeshProblem::NotText))?;
+            ascii(text)
+        }
+        expected => {
+            let expected = expected.unwrap_or(HEADER);
+            Err((0, MeshProblem::Short { found: bytes.len(), expected }))
+        }
+    }
+}
+
+fn binary(bytes: &[u8], end: usize) -> TriangleMesh {
+    let mut soup = Soup::default();
+    for facet in bytes[HEADER..end].chunks_exact(FACET) {
+        let float = |at: usize| f32::from_le_bytes([facet[at], facet[at + 1], facet[at + 2], facet[at + 3]]);
+        soup.add([12, 24, 36].map(|at| [at, at + 4, at + 8].map(|at| f64::from(float(at)))));
+    }
+    soup.mesh
+}
+
+fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
+    let mut soup = Soup::default();
+    let mut corners = Vec::with_capacity(3);
+    for (line, words) in
+        text.lines().enumerate().map(|(line, text)| (line as u32 + 1, text.split_whitespace()))
+    {
+        let mut words = words;
+        match words.next() {
+            Some("vertex") => {
+                let mut corner = [0.0; 3];
+                for x in &mut corner {
+                    *x = number(words.next().unwrap_or("")).map_err(|problem| (line, problem))?;
+                }
+                corners.push(corner);
+            }
+            Some("endloop") => {
+                let Ok(triangle) = <[[f64; 3]; 3]>::try_from(&corners[..]) else {
+                    let message = format!("a facet has {} corners instead of 3", corners.len());
+                    return Err((line, MeshProblem::Malformed(message)));
+                };
+                soup.add(triangle);
+                corners.clear();
+            }
+            Some("solid" | "facet" | "outer" | "endfacet" | "endsolid") | None => {}
+            Some(word) => {
+                return Err((
+                    line,
+                    MeshProblem::Malformed(format!("\"{word}\" has no place in an STL file")),
+                ));
+            }
+        }
+    }
+    Ok(soup.mesh)
+}
+
+/// Triangles that say their corners in full, joined where they are equal to the last bit.
+#[derive(Default)]
+struct Soup {
+    mesh: TriangleMesh,
+    known: HashMap<[u64; 3], u32>,
+}
+
+impl Soup {
+    fn add(&mut self, corners: [[f64; 3]; 3]) {
+        let points = &mut self.mesh.points;
+        let triangle = corners.map(|corner| {
+            // Zero has two signs.
+            *self.known.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
+                points.push(Vector3::from(corner));
+                points.len() as u32 - 1
+            })
+        });
+        self.mesh.triangles.push(triangle);
+    }
+}

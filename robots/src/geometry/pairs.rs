@@ -1,0 +1,277 @@
+//! Which solids there are, and which pairs of them are checked.
+
+use std::collections::HashSet;
+
+use nalgebra::{Isometry3, UnitQuaternion};
+use parry3d_f64::shape::SharedShape;
+
+use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
+use super::srdf::Srdf;
+use crate::model::program::Program;
+use crate::nearest::{nearest, suggestion};
+use crate::{Geometry, Model, Shape};
+
+/// How a robot's collision model is made.
+#[derive(Clone, Debug)]
+pub struct CollisionOptions {
+    /// What stands for meshes.
+    pub meshes: MeshMode,
+    /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all files.
+    pub adjacent: bool,
+    /// Rules of an SRDF file.
+    pub srdf: Srdf,
+    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist, instead
+    /// of refusing the robot. [`CollisionModel::left_out`] names them.
+    pub leave_out_defects: bool,
+}
+
+impl Default for CollisionOptions {
+    /// Convex hulls of up to 500 corners, nothing between links that a joint joins, no rules, no defects.
+    fn default() -> Self {
+        Self { meshes: MeshMode::default(), adjacent: false, srdf: Srdf::default(), leave_out_defects: false }
+    }
+}
+
+/// A collision model that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CollisionError {
+    /// A shape that cannot be used.
+    #[error("link \"{link}\": {problem}")]
+    Solid {
+        /// Link at fault.
+        link: String,
+        /// What is wrong with its shape.
+        problem: SolidProblem,
+    },
+    /// A rule for a link that the robot does not have.
+    #[error("robot \"{robot}\" has no link \"{link}\" for the collision rule{}", suggestion(.nearest.as_deref()))]
+    UnknownLink {
+        /// The robot.
+        robot: String,
+        /// The name in the rule.
+        link: String,
+        /// The link most likely meant.
+        nearest: Option<String>,
+    },
+}
+
+/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a [`Collisions`](super::Collisions)
+/// works on it.
+#[derive(Clone)]
+pub struct CollisionModel {
+    pub(super) solids: Vec<Solid>,
+    /// What each is fixed to, as the algorithms count: base, bodies, world.
+    pub(super) slots: Vec<usize>,
+    pub(super) pairs: Vec<[usize; 2]>,
+    /// Solids from here on are obstacles.
+    pub(super) robot_solids: usize,
+    /// Placement that each obstacle was added with.
+    pub(super) obstacle_frames: Vec<Isometry3<f64>>,
+    left_out: Vec<CollisionError>,
+}
+
+impl std::fmt::Debug for CollisionModel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CollisionModel")
+            .field("solids", &self.solids.len())
+            .field("pairs", &self.pairs.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl CollisionModel {
+    /// Prepares the shapes of `model`. Reads its mesh files.
+    ///
+    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes in
+    /// between do not count), unless the options ask for these.
+    ///
+    /// # Errors
+    ///
+    /// [`CollisionError`].
+    pub fn new(model: &Model, options: &CollisionOptions) -> Result<Self, CollisionError> {
+        let mut built = Self {
+            solids: Vec::new(),
+            slots: Vec::new(),
+            pairs: Vec::new(),
+            robot_solids: 0,
+            obstacle_frames: Vec::new(),
+            left_out: Vec::new(),
+        };
+        let program = model.program();
+        let identity = Isometry3::identity();
+        let base = model.base();
+        let world = if base.floating { Program::WORLD } else { 0 };
+        let fixed = base.world_shapes.iter().map(|shape| (shape, world, identity));
+        let bodies = model.bodies().iter().enumerate().flat_map(|(index, body)| {
+            // Bodies' shapes in their node frames.
+            let turn = nalgebra::Matrix3::from(program.align[index].transpose());
+            let turn = nalgebra::Rotation3::from_matrix_unchecked(turn);
+            let within =
+                Isometry3::from_parts(Default::default(), UnitQuaternion::from_rotation_matrix(&turn));
+            body.shapes.iter().map(move |shape| (shape, index + 1, within))
+        });
+        let shapes: Vec<_> =
+            base.shapes.iter().map(|shape| (shape, 0, identity)).chain(fixed).chain(bodies).collect();
+        for (shape, slot, within) in shapes {
+            match Solid::new(shape, &within, options.meshes) {
+                Ok(solid) => {
+                    built.solids.push(solid);
+                    built.slots.push(slot);
+                }
+                Err(problem) => {
+                    let error = CollisionError::Solid { link: shape.link.clone(), problem };
+                    if !options.leave_out_defects {
+                        return Err(error);
+                    }
+                    built.left_out.push(error);
+                }
+            }
+        }
+        built.robot_solids = built.solids.len();
+        built.check_rules(model, options)?;
+        built.choose_pairs(model, options);
+        built.share_surfaces();
+        Ok(built)
+    }
+
+    fn check_rules(&mut self, model: &Model, options: &CollisionOptions) -> Result<(), CollisionError> {
+        let known: HashSet<&str> = model.frames().iter().map(|frame| frame.name.as_str()).collect();
+        let links = options.srdf.links();
+        let mut unknown: Vec<_> = links.into_iter().filter(|link| !known.contains(link)).collect();
+        unknown.sort_unstable();
+        let mut errors = unknown.into_iter().map(|link| CollisionError::UnknownLink {
+            robot: model.name().to_owned(),
+            link: link.to_owned(),
+            nearest: nearest(link, known.iter().copied()).map(str::to_owned),
+        });
+        if options.leave_out_defects {
+            self.left_out.extend(errors);
+            return Ok(());
+        }
+        errors.next().map_or(Ok(()), Err)
+    }
+
+    fn choose_pairs(&mut self, model: &Model, options: &CollisionOptions) {
+        let rules = &options.srdf;
+        let both_ways = |pairs: &[(String, String)]| -> HashSet<(String, String)> {
+            pairs.iter().flat_map(|(a, b)| [(a.clone(), b.clone()), (b.clone(), a.clone())]).collect()
+        };
+        let (disabled, enabled) = (both_ways(&rules.disabled), both_ways(&rules.enabled));
+        let silent: HashSet<&str> = rules.disabled_links.iter().map(String::as_str).collect();
+        let carrier = carriers(model, &self.slots);
+        for second in 1..self.solids.len() {
+            for first in 0..second {
+                let [a, b] = [first, second].map(|solid| self.slots[solid]);
+                let names = [first, second].map(|solid| self.solids[solid].link.as_str());
+                if a == b {
+                    continue;
+                }
+                let neighbours = [(a, b), (b, a)]
+                    .into_iter()
+                    .any(|(parent, child)| child != 0 && child != Program::WORLD && carrier[child] == parent);
+                let pair = (names[0].to_owned(), names[1].to_owned());
+                let off = !options.adjacent && neighbours
+                    || disabled.contains(&pair)
+                    || names.iter().any(|name| silent.contains(name));
+                if !off || enabled.contains(&pair) {
+                    self.pairs.push([first, second]);
+                }
+            }
+        }
+    }
+
+    fn share_surfaces(&mut self) {
+        for pair in &self.pairs {
+            if pair.iter().any(|&solid| self.solids[solid].is_surface()) {
+                pair.iter().for_each(|&solid| self.solids[solid].share());
+            }
+        }
+    }
+
+    /// Adds an obstacle that stands in the world, checked against every link of the robot: those fixed to the world
+    /// excepted. Returns the index of its solid, for [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
+    ///
+    /// # Errors
+    ///
+    /// [`CollisionError::Solid`]: a shape that cannot be used.
+    pub fn add_obstacle(
+        &mut self,
+        name: &str,
+        placement: Isometry3<f64>,
+        geometry: Geometry,
+        meshes: MeshMode,
+    ) -> Result<usize, CollisionError> {
+        let shape = Shape { link: name.to_owned(), placement, geometry };
+        let solid = Solid::new(&shape, &Isometry3::identity(), meshes)
+            .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })?;
+        let index = self.solids.len();
+        self.solids.push(solid);
+        self.slots.push(Program::WORLD);
+        self.obstacle_frames.push(placement);
+        let movable = (0..self.robot_solids).filter(|&solid| self.slots[solid] != Program::WORLD);
+        self.pairs.extend(movable.map(|solid| [solid, index]));
+        self.share_surfaces();
+        Ok(index)
+    }
+
+    /// Leaves out the pairs of two links or obstacles. Returns how many pairs of solids that were.
+    pub fn exclude(&mut self, first: &str, second: &str) -> usize {
+        let before = self.pairs.len();
+        let solids = &self.solids;
+        self.pairs.retain(|pair| {
+            let [a, b] = pair.map(|solid| solids[solid].link.as_str());
+            (a, b) != (first, second) && (b, a) != (first, second)
+        });
+        before - self.pairs.len()
+    }
+
+    /// Number of solids: the robot's, then the obstacles.
+    pub fn solid_count(&self) -> usize {
+        self.solids.len()
+    }
+
+    /// Link, or obstacle, that solid `index` belongs to.
+    pub fn link(&self, index: usize) -> &str {
+        &self.solids[index].link
+    }
+
+    /// What solid `index` is made of.
+    pub fn kind(&self, index: usize) -> SolidKind {
+        self.solids[index].kind
+    }
+
+    /// The pairs of solids checked, each with the lower index first.
+    pub fn pairs(&self) -> &[[usize; 2]] {
+        &self.pairs
+    }
+
+    /// Names of the links (or obstacles) of pair `index`.
+    pub fn pair_links(&self, index: usize) -> [&str; 2] {
+        self.pairs[index].map(|solid| self.link(solid))
+    }
+
+    /// Shapes and rules left out because they cannot be used.
+    pub fn left_out(&self) -> &[CollisionError] {
+        &self.left_out
+    }
+
+    /// Solid `index` is an obstacle.
+    pub fn is_obstacle(&self, index: usize) -> bool {
+        index >= self.robot_solids
+    }
+
+    pub(super) fn shape(&self, solid: usize) -> Option<&SharedShape> {
+        self.solids[solid].shape.as_ref()
+    }
+}
+
+/// For every slot the next one towards the base that has a shape.
+fn carriers(model: &Model, slots: &[usize]) -> Vec<usize> {
+    let nodes = &model.program().nodes;
+    let mut carriers = vec![0; nodes.len() + 1];
+    for (index, node) in nodes.iter().enumerate() {
+        let shaped = node.parent == 0 || slots.contains(&node.parent);
+        carriers[index + 1] = if shaped { node.parent } else { carriers[node.parent] };
+    }
+    carriers
+}

@@ -1,0 +1,264 @@
+//! One piece of collision geometry, ready to be asked.
+
+use std::path::PathBuf;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use parry3d_f64::shape::{SharedShape, TriMesh};
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::capsule::fit_capsule;
+use super::mesh::{MeshError, TriangleMesh};
+use super::support::{Cloud, Core, v3, vector};
+use crate::algebra::{M3, V3};
+use crate::{Geometry, Shape};
+
+/// What stands for a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshMode {
+    /// Its convex hull, or a capsule around it where the hull has more corners than this.
+    Hull {
+        /// Most corners of a hull.
+        most_corners: usize,
+    },
+    /// A capsule around it: the cheapest, and smooth.
+    Capsule,
+    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the depth
+    /// of the deepest triangle.
+    Surface,
+}
+
+impl Default for MeshMode {
+    fn default() -> Self {
+        Self::Hull { most_corners: 500 }
+    }
+}
+
+/// What a solid is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolidKind {
+    /// As the file gives it.
+    Primitive,
+    /// The convex hull of a mesh.
+    Hull {
+        /// Its corners.
+        corners: usize,
+    },
+    /// A capsule around a mesh.
+    Fitted,
+    /// The triangles of a mesh.
+    Surface {
+        /// How many.
+        triangles: usize,
+    },
+}
+
+/// Geometry that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolidProblem {
+    /// The mesh file was not found when the robot was loaded.
+    #[error(
+        "its mesh \"{uri}\" was not found; set ROS_PACKAGE_PATH or --package-path, or leave the link out of the \
+         collision model"
+    )]
+    MissingMesh {
+        /// Its name in the URDF.
+        uri: String,
+    },
+    /// The mesh file has a fault.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A mesh without volume.
+    #[error("its mesh {} has no convex hull ({why}); use a capsule for it", .path.display())]
+    NoHull {
+        /// The file.
+        path: PathBuf,
+        /// What parry says.
+        why: String,
+    },
+    /// A size that is not positive.
+    #[error("its {what} is {value}, which must be above 0")]
+    Size {
+        /// Which size.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// A solid in the frame of what it is fixed to.
+#[derive(Clone)]
+pub(super) struct Solid {
+    pub(super) link: String,
+    pub(super) kind: SolidKind,
+    pub(super) core: Core,
+    pub(super) radius: f64,
+    pub(super) rotation: M3,
+    pub(super) position: V3,
+    /// Of the sphere around it, about `position`.
+    pub(super) reach: f64,
+    /// As parry has it, in the same frame: when surfaces take part.
+    pub(super) shape: Option<SharedShape>,
+}
+
+impl Solid {
+    /// Reads and prepares one shape; `within` places the body frame in the frame it is fixed to.
+    pub(super) fn new(shape: &Shape, within: &Isometry3<f64>, mode: MeshMode) -> Result<Self, SolidProblem> {
+        let placement = within * shape.placement;
+        let link = &shape.link;
+        match &shape.geometry {
+            Geometry::Mesh { uri, path, scale } => {
+                let path = path.as_ref().ok_or_else(|| SolidProblem::MissingMesh { uri: uri.clone() })?;
+                let mesh = TriangleMesh::read(path)?.scaled(scale);
+                Self::of_mesh(link, placement, mesh, mode, path)
+            }
+            geometry => Self::primitive(link, SolidKind::Primitive, placement, geometry),
+        }
+    }
+
+    fn primitive(
+        link: &str,
+        kind: SolidKind,
+        placement: Isometry3<f64>,
+        geometry: &Geometry,
+    ) -> Result<Self, SolidProblem> {
+        let positive = |what, value: f64| {
+            if value > 0.0 && value.is_finite() { Ok(value) } else { Err(SolidProblem::Size { what, value }) }
+        };
+        let not_negative = |what, value: f64| {
+            if value >= 0.0 && value.is_finite() {
+                Ok(value)
+            } else {
+                Err(SolidProblem::Size { what, value })
+            }
+        };
+        let (core, radius) = match *geometry {
+            Geometry::Box { size } => {
+                let smallest = if size.iter().all(|x| x.is_finite()) { size.min() } else { f64::NAN };
+                positive("shortest side", smallest)?;
+                (Core::Box((size * 0.5).into()), 0.0)
+            }
+            Geometry::Cylinder { radius, length } => {
+                (Core::Cylinder(positive("radius", radius)?, 0.5 * positive("length", length)?), 0.0)
+            }
+            Geometry::Sphere { radius } => (Core::Point, positive("radius", radius)?),
+            Geometry::Capsule { radius, length } => {
+                let half = 0.5 * not_negative("length", length)?;
+                (if half > 0.0 { Core::Segment(half) } else { Core::Point }, not_negative("radius", radius)?)
+            }
+            Geometry::Mesh { .. } => return Err(SolidProblem::MissingMesh { uri: link.to_owned() }),
+        };
+        Ok(Self::placed(link, kind, placement, core, radius))
+    }
+
+    fn of_mesh(
+        link: &str,
+        placement: Isometry3<f64>,
+        mesh: TriangleMesh,
+        mode: MeshMode,
+        path: &std::path::Path,
+    ) -> Result<Self, SolidProblem> {
+        // A file may hold corners that no triangle uses.
+        let mut used = vec![false; mesh.points.len()];
+        mesh.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
+        let corners: Vec<_> =
+            mesh.points.iter().zip(&used).filter_map(|(point, used)| used.then_some(*point)).collect();
+        let no_hull = |why: String| SolidProblem::NoHull { path: path.to_owned(), why };
+        match mode {
+            MeshMode::Capsule => Self::fitted(link, placement, &corners),
+            MeshMode::Hull { most_corners } => {
+                let points: Vec<_> = corners.iter().map(|&point| vector(point.into())).collect();
+                let (hull, _) = try_convex_hull(&points).map_err(|error| no_hull(error.to_string()))?;
+                if hull.len() > most_corners {
+                    return Self::fitted(link, placement, &corners);
+                }
+                let kind = SolidKind::Hull { corners: hull.len() };
+                // About the middle, so that the sphere around it is small.
+                let (low, high) = bounds(hull.iter().map(|&point| v3(point)));
+                let middle = (low + high) * 0.5;
+                let hull: Vec<_> = hull.into_iter().map(|point| v3(point) - middle).collect();
+                let placement = placement * nalgebra::Translation3::from(Vector3::from(middle));
+                Ok(Self::placed(link, kind, placement, Core::Hull(Cloud::new(&hull)), 0.0))
+            }
+            MeshMode::Surface => {
+                let kind = SolidKind::Surface { triangles: mesh.triangles.len() };
+                let points: Vec<_> = mesh.points.iter().map(|&point| vector(point.into())).collect();
+                let surface =
+                    TriMesh::new(points, mesh.triangles).map_err(|error| no_hull(format!("{error:?}")))?;
+                let corners: Vec<V3> = corners.into_iter().map(V3::from).collect();
+                let mut solid = Self::placed(link, kind, placement, Core::Hull(Cloud::new(&corners)), 0.0);
+                solid.shape = Some(SharedShape::new(surface));
+                Ok(solid)
+            }
+        }
+    }
+
+    fn fitted(link: &str, placement: Isometry3<f64>, corners: &[Vector3<f64>]) -> Result<Self, SolidProblem> {
+        match fit_capsule(corners) {
+            Some((fit, capsule)) => Self::primitive(link, SolidKind::Fitted, placement * fit, &capsule),
+            None => Err(SolidProblem::Size { what: "number of corners", value: 0.0 }),
+        }
+    }
+
+    fn placed(link: &str, kind: SolidKind, placement: Isometry3<f64>, core: Core, radius: f64) -> Self {
+        Self {
+            link: link.to_owned(),
+            kind,
+            rotation: placement.rotation.to_rotation_matrix().into_inner().into(),
+            position: placement.translation.vector.into(),
+            reach: core.reach() + radius,
+            core,
+            radius,
+            shape: None,
+        }
+    }
+
+    pub(super) fn is_surface(&self) -> bool {
+        matches!(self.kind, SolidKind::Surface { .. })
+    }
+
+    /// Makes the solid known to parry as well, for pairs with a surface.
+    pub(super) fn share(&mut self) {
+        if self.shape.is_some() {
+            return;
+        }
+        let (x, z) = (V3::new(1.0, 0.0, 0.0), V3::new(0.0, 0.0, 1.0));
+        self.shape = Some(match &self.core {
+            Core::Point => SharedShape::ball(self.radius),
+            Core::Segment(half) => SharedShape::capsule(vector(z * -*half), vector(z * *half), self.radius),
+            Core::Box(half) => SharedShape::cuboid(half.x, half.y, half.z),
+            Core::Cylinder(radius, half) => {
+                // Parry's cylinder stands along y: turned about x it stands along z.
+                let turn = UnitQuaternion::from_axis_angle(
+                    &nalgebra::Unit::new_unchecked(Vector3::from(x)),
+                    std::f64::consts::FRAC_PI_2,
+                );
+                let pose = pose(&turn.to_rotation_matrix().into_inner().into(), V3::ZERO);
+                SharedShape::compound(vec![(pose, SharedShape::cylinder(*half, *radius))])
+            }
+            Core::Hull(cloud) => {
+                let points: Vec<_> = cloud.points().map(vector).collect();
+                SharedShape::convex_hull(&points).unwrap_or_else(|| SharedShape::ball(self.reach))
+            }
+        });
+    }
+}
+
+fn bounds(points: impl Iterator<Item = V3>) -> (V3, V3) {
+    let (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
+    points.fold((V3::new(low, low, low), V3::new(high, high, high)), |(low, high), point| {
+        (
+            V3::new(low.x.min(point.x), low.y.min(point.y), low.z.min(point.z)),
+            V3::new(high.x.max(point.x), high.y.max(point.y), high.z.max(point.z)),
+        )
+    })
+}
+
+/// A pose as parry writes it.
+pub(super) fn pose(rotation: &M3, position: V3) -> parry3d_f64::math::Pose {
+    let matrix = nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from(*rotation));
+    let turn = UnitQuaternion::from_rotation_matrix(&matrix).coords;
+    parry3d_f64::math::Pose {
+        rotation: parry3d_f64::math::Rotation::from_xyzw(turn.x, turn.y, turn.z, turn.w),
+        translation: vector(position),
+    }
+}

@@ -1,0 +1,126 @@
+//! How well a frame can be moved: Yoshikawa's measure (IJRR 1985) and its slope.
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::Kinematics;
+use super::jacobian::column;
+use crate::algebra::V3;
+use crate::{FrameId, Model};
+
+/// The motions of a frame that count, in world axes: velocity along x, y, z, then angular velocity about x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TaskRows(pub [bool; 6]);
+
+impl TaskRows {
+    /// The velocity of the frame's origin.
+    pub const POSITION: Self = Self([true, true, true, false, false, false]);
+    /// The angular velocity.
+    pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
+    /// All six. Metres and radians are then weighed alike.
+    pub const POSE: Self = Self([true; 6]);
+}
+
+impl Kinematics {
+    /// Manipulability of `frame` by the joints: `sqrt(det(J J'))` of the rows that count. Zero in a singular configuration,
+    /// and always where fewer joints move the frame than there are rows. A floating base does not count: with it
+    /// everything could be reached.
+    pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
+        // Of a square root of rounding noise only the digits above it are true.
+        self.gram(model, frame, rows).determinant().max(0.0).sqrt()
+    }
+
+    /// Slope of the [`manipulability`](Self::manipulability) by the configuration: `out` (nv) times a velocity is its rate.
+    /// Gives the manipulability too. In a singular configuration there is no slope; `out` is then zero.
+    pub fn manipulability_gradient(
+        &self,
+        model: &Model,
+        frame: FrameId,
+        rows: TaskRows,
+        out: &mut [f64],
+    ) -> f64 {
+        assert_eq!(out.len(), model.nv(), "length of the gradient");
+        out.fill(0.0);
+        let gram = self.gram(model, frame, rows);
+        let measure = gram.determinant().max(0.0).sqrt();
+        let Some(factor) = gram.cholesky() else { return measure };
+        let program = model.program();
+        let Some((chain, point)) = self.movers(model, frame) else { return measure };
+        // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j over the columns.
+        for (place, &slot) in chain.iter().enumerate() {
+            let node = &program.nodes[slot - 1];
+            let weight = factor.solve(&self.masked_column(model, chain, node.column, point, rows));
+            let weight = weight * node.multiplier;
+            let (linear, angular) = column(node.prismatic, &self.bodies[slot], point);
+            for (other_place, &other) in chain.iter().enumerate() {
+                let mover = &program.nodes[other - 1];
+                let (their_linear, their_angular) = column(mover.prismatic, &self.bodies[other], point);
+                // Joints nearer the base turn the axis; those farther out move the point.
+                let (dl, da) = if other_place <= place {
+                    (their_angular.cross(linear), their_angular.cross(angular))
+                } else {
+                    (angular.cross(their_linear), V3::ZERO)
+                };
+                let change = Vector6::new(dl.x, dl.y, dl.z, da.x, da.y, da.z);
+                out[mover.column] += measure * mover.multiplier * weight.dot(&masked(change, rows));
+            }
+        }
+        measure
+    }
+
+    /// `J J'` of the rows that count; ones on the diagonal for the others, which leave the determinant alone.
+    fn gram(&self, model: &Model, frame: FrameId, rows: TaskRows) -> Matrix6<f64> {
+        let mut gram = Matrix6::zeros();
+        for (row, counts) in rows.0.into_iter().enumerate() {
+            gram[(row, row)] = if counts { 0.0 } else { 1.0 };
+        }
+        let program = model.program();
+        if let Some((chain, point)) = self.movers(model, frame) {
+            for (place, &slot) in chain.iter().enumerate() {
+                // Once for each column of v, where its first joint comes.
+                let at = program.nodes[slot - 1].column;
+                if chain[..place].iter().any(|&earlier| program.nodes[earlier - 1].column == at) {
+                    continue;
+                }
+                let entries = self.masked_column(model, chain, at, point, rows);
+                gram.ger(1.0, &entries, &entries, 1.0);
+            }
+        }
+        gram
+    }
+
+    /// The slots that move `frame`, and where its origin is.
+    fn movers<'m>(&self, model: &'m Model, frame: FrameId) -> Option<(&'m [usize], V3)> {
+        let program = model.program();
+        let slot = program.mounts[frame.index()].slot;
+        let body = slot.checked_sub(1).filter(|body| *body < program.nodes.len())?;
+        Some((program.chain(body), self.placement(model, frame).1))
+    }
+
+    /// Column `at` of the Jacobian: the sum of all joints that share it.
+    fn masked_column(
+        &self,
+        model: &Model,
+        chain: &[usize],
+        at: usize,
+        point: V3,
+        rows: TaskRows,
+    ) -> Vector6<f64> {
+        let program = model.program();
+        let mut sum = Vector6::zeros();
+        for &slot in chain.iter().filter(|&&slot| program.nodes[slot - 1].column == at) {
+            let node = &program.nodes[slot - 1];
+            let (l, a) = column(node.prismatic, &self.bodies[slot], point);
+            sum += Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z) * node.multiplier;
+        }
+        masked(sum, rows)
+    }
+}
+
+fn masked(mut entries: Vector6<f64>, rows: TaskRows) -> Vector6<f64> {
+    for (entry, counts) in entries.iter_mut().zip(rows.0) {
+        if !counts {
+            *entry = 0.0;
+        }
+    }
+    entries
+}

@@ -1,0 +1,529 @@
+//! The tree of bodies.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::attributes::{Attributes, MAIN, named};
+use super::compiler::{Compiler, FromGeoms};
+use super::error::{MjcfError, MjcfProblem};
+use super::geoms::{Geoms, MeshAsset};
+use super::pose::pose;
+use super::{MjcfRobot, equality};
+use crate::load::{BaseMode, LoadOptions};
+use crate::{
+    Base, Body, Coordinate, Drive, Frame, Inertia, Joint, JointDynamics, JointKind, Limits, Model,
+    ModelWarning, Position, Shape, Srdf,
+};
+
+/// Sections that no quantity here contains.
+const SKIPPED: [&str; 9] =
+    ["option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "actuator", "tendon"];
+const POSES: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
+const JOINT: &[&str] = &[
+    "name",
+    "class",
+    "type",
+    "pos",
+    "axis",
+    "range",
+    "limited",
+    "damping",
+    "frictionloss",
+    "armature",
+    "ref",
+    "springref",
+    "stiffness",
+    "springdamper",
+    "group",
+    "solreflimit",
+    "solimplimit",
+    "solreffriction",
+    "solimpfriction",
+    "margin",
+    "user",
+    "actuatorfrcrange",
+    "actuatorfrclimited",
+    "actuatorgravcomp",
+    "align",
+];
+
+pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
+    let document =
+        Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
+            .map_err(|error| {
+                let at = error.pos();
+                let message = error.to_string().replace(&format!(" at {at}"), "");
+                let at = Position { line: at.row, column: at.col };
+                MjcfError { file: None, at, problem: MjcfProblem::Xml(message) }
+            })?;
+    let attributes = Attributes::new(&document)?;
+    let root = document.root_element();
+    if !root.has_tag_name("mujoco") {
+        return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
+    }
+    let compiler = Compiler::read(root, &attributes)?;
+    let mut geoms = Geoms { attributes: &attributes, compiler: &compiler, meshes: Default::default() };
+    let mut exclusions = Srdf::default();
+    for section in root.children().filter(Node::is_element) {
+        match section.tag_name().name() {
+            "asset" => read_assets(section, &mut geoms, file)?,
+            "contact" => read_exclusions(section, &attributes, &mut exclusions)?,
+            "compiler" | "default" | "worldbody" | "equality" => {}
+            name if SKIPPED.contains(&name) => {}
+            name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
+        }
+    }
+    let fixed = Base {
+        floating: false,
+        neutral: Isometry3::identity(),
+        inertia: Inertia::zero(),
+        shapes: Vec::new(),
+        world_shapes: Vec::new(),
+    };
+    let world =
+        Frame { name: "world".to_owned(), body: None, in_world: false, placement: Isometry3::identity() };
+    let mut tree = Tree {
+        geoms: &geoms,
+        base: fixed,
+        bodies: Vec::new(),
+        frames: vec![world],
+        references: Vec::new(),
+        warnings: Vec::new(),
+    };
+    let place = Place { carrier: None, world: true, within: Isometry3::identity(), class: MAIN, top: true };
+    for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
+        // What stands in the world weighs nothing.
+        drop(tree.contents(section, &place)?);
+    }
+    if options.base == BaseMode::Floating && !tree.base.floating {
+        let problem = "nothing floats in this file; give the body that should a <freejoint/>".to_owned();
+        return Err(attributes.error(root, MjcfProblem::Other(problem)));
+    }
+    tree.check_names(&attributes, root)?;
+    for section in root.children().filter(|section| section.has_tag_name("equality")) {
+        equality::couple(section, &attributes, &mut tree.bodies, &tree.references, options.mimic)?;
+    }
+    tree.check_exclusions(&attributes, root, &exclusions)?;
+    let name = root.attribute("model").unwrap_or("MuJoCo Model").to_owned();
+    let Tree { mut base, mut bodies, frames, mut warnings, .. } = tree;
+    if let Some(total) = compiler.total_mass {
+        let inertias = || bodies.iter().map(|body| &body.inertia).chain([&base.inertia]);
+        let scale = total / inertias().map(|inertia| inertia.mass).sum::<f64>();
+        for inertia in bodies.iter_mut().map(|body| &mut body.inertia).chain([&mut base.inertia]) {
+            inertia.mass *= scale;
+            inertia.rotational *= scale;
+        }
+    }
+    number_joints(&mut bodies);
+    for body in &bodies {
+        crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
+    }
+    crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
+    Ok(MjcfRobot { model: Model::new(name, base, bodies, frames), warnings, exclusions })
+}
+
+/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body until here.
+fn number_joints(bodies: &mut [Body]) {
+    let mut next = 0;
+    let columns: Vec<usize> = bodies
+        .iter()
+        .map(|body| {
+            let independent = matches!(body.joint.coordinate, Coordinate::Independent(_));
+            next += usize::from(independent);
+            next - usize::from(independent)
+        })
+        .collect();
+    for (body, &column) in bodies.iter_mut().zip(&columns) {
+        match &mut body.joint.coordinate {
+            Coordinate::Independent(index) => *index = column,
+            Coordinate::Mimic { of, .. } => *of = columns[*of],
+        }
+    }
+}
+
+fn read_assets<'a, 'i>(
+    section: Node<'a, 'i>,
+    geoms: &mut Geoms<'_, 'a, 'i>,
+    file: Option<&Path>,
+) -> Result<(), MjcfError> {
+    for asset in section.children().filter(|asset| asset.has_tag_name("mesh")) {
+        let attributes = geoms.attributes;
+        attributes
+            .only(asset, &["name", "class", "file", "scale", "inertia", "smoothnormal", "maxhullvert"])?;
+        let class = attributes.class_of(asset, MAIN)?;
+        let uri = attributes.get(asset, class, "file").ok_or_else(|| attributes.missing(asset, "file"))?;
+        let stem = Path::new(uri).file_stem().and_then(|stem| stem.to_str()).unwrap_or(uri);
+        let scale = attributes.numbers::<3>(asset, class, "scale")?.unwrap_or([1.0; 3]);
+        let folder = file.and_then(Path::parent).unwrap_or(Path::new(""));
+        let path = folder.join(&geoms.compiler.mesh_folder).join(uri);
+        let path = path.is_file().then_some(path);
+        let mesh = MeshAsset { uri: uri.to_owned(), path, scale: Vector3::from(scale) };
+        geoms.meshes.insert(asset.attribute("name").unwrap_or(stem), mesh);
+    }
+    Ok(())
+}
+
+fn read_exclusions(
+    section: Node<'_, '_>,
+    attributes: &Attributes<'_, '_>,
+    exclusions: &mut Srdf,
+) -> Result<(), MjcfError> {
+    for rule in section.children().filter(|rule| rule.has_tag_name("exclude")) {
+        let body =
+            |name| rule.attribute(name).map(str::to_owned).ok_or_else(|| attributes.missing(rule, name));
+        exclusions.disabled.push((body("body1")?, body("body2")?));
+    }
+    Ok(())
+}
+
+/// Where elements stand.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    /// Body they belong to; `None` for the world or a floating base.
+    carrier: Option<usize>,
+    /// It is the world.
+    world: bool,
+    /// The frame of the element around them, in that body's.
+    within: Isometry3<f64>,
+    /// Their default class.
+    class: &'a str,
+    /// In the world itself, not in a body of it: where free joints are.
+    top: bool,
+}
+
+struct Tree<'b, 'a, 'i> {
+    geoms: &'b Geoms<'b, 'a, 'i>,
+    base: Base,
+    bodies: Vec<Body>,
+    frames: Vec<Frame>,
+    /// Position of each body's joint in the pose of the file.
+    references: Vec<f64>,
+    warnings: Vec<ModelWarning>,
+}
+
+impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
+    fn attributes(&self) -> &'b Attributes<'a, 'i> {
+        self.geoms.attributes
+    }
+
+    /// What stands in a body, a frame or the world; gives the inertia of its geoms, in the frame of the carrier.
+    fn contents(
+        &mut self,
+        node: Node<'a, 'i>,
+        place: &Place<'a>,
+    ) -> Result<Result<Inertia, MjcfError>, MjcfError> {
+        let attributes = self.attributes();
+        let mut whole: Result<Inertia, MjcfError> = Ok(Inertia::zero());
+        for element in node.children().filter(Node::is_element) {
+            match element.tag_name().name() {
+                "body" => self.body(element, place)?,
+                "frame" => {
+                    attributes.only(element, &[&["name", "childclass"], &POSES[..]].concat())?;
+                    let within = place.within * pose(attributes, self.geoms.compiler, element, MAIN)?;
+                    let class = element.attribute("childclass").unwrap_or(place.class);
+                    attributes.known_class(element, class)?;
+                    let inside = self.contents(element, &Place { within, class, ..*place })?;
+                    whole = whole.and_then(|whole| Ok(whole.merged(&inside?)));
+                }
+                "geom" => {
+                    let geom = self.geoms.read(element, place.class, place.world)?;
+                    if geom.collides {
+                        let link = self.owner(node);
+                        let placement = place.within * geom.placement;
+                        let shape = Shape { link, placement, geometry: geom.geometry };
+                        match place.carrier {
+                            Some(body) => self.bodies[body].shapes.push(shape),
+                            None if place.world && self.base.floating => self.base.world_shapes.push(shape),
+                            None => self.base.shapes.push(shape),
+                        }
+                    }
+                    whole = whole.and_then(|whole| Ok(whole.merged(&geom.inertia?.moved(&place.within))));
+                }
+                "site" => {
+                    let class = attributes.class_of(element, place.class)?;
+                    if let Some(name) = element.attribute("name") {
+                        let placement = place.within * pose(attributes, self.geoms.compiler, element, class)?;
+                        self.add_frame(name, place, placement);
+                    }
+                }
+                // Read with their body.
+                "joint" | "freejoint" | "inertial" => {
+                    if !node.has_tag_name("body") {
+                        return Err(attributes.error(
+                            element,
+                            MjcfProblem::Element(format!(
+                                "{}> of <{}",
+                                element.tag_name().name(),
+                                node.tag_name().name()
+                            )),
+                        ));
+                    }
+                }
+                "camera" | "light" => {}
+                name => return Err(attributes.error(element, MjcfProblem::Element(name.to_owned()))),
+            }
+        }
+        Ok(whole)
+    }
+
+    /// Name of the body that an element is in.
+    fn owner(&self, node: Node<'a, 'i>) -> String {
+        let body = node.ancestors().find(|node| node.has_tag_name("body"));
+        body.map_or_else(|| "world".to_owned(), |body| body_name(body))
+    }
+
+    fn add_frame(&mut self, name: &str, place: &Place<'a>, placement: Isometry3<f64>) {
+        // A site may have the name of a body.
+        if !self.frames.iter().any(|frame| frame.name == name) {
+            let (body, in_world) = (place.carrier, place.world && self.base.floating);
+            self.frames.push(Frame { name: name.to_owned(), body, in_world, placement });
+        }
+    }
+
+    fn body(&mut self, node: Node<'a, 'i>, around: &Place<'a>) -> Result<(), MjcfError> {
+        let attributes = self.attributes();
+        attributes.only(
+            node,
+            &[&["name", "childclass", "mocap", "gravcomp", "user", "sleep"], &POSES[..]].concat(),
+        )?;
+        for (name, reason) in [("mocap", "a body moved from outside is no part of a robot"), ("gravcomp", "")]
+        {
+            if let Some(value) = node.attribute(name).filter(|value| !["false", "0"].contains(value)) {
+                return Err(attributes.refused(node, name, value, reason));
+            }
+        }
+        let name = body_name(node);
+        let class = node.attribute("childclass").unwrap_or(around.class);
+        attributes.known_class(node, class)?;
+        let mut placement = around.within * pose(attributes, self.geoms.compiler, node, MAIN)?;
+        let (mut carrier, mut world) = (around.carrier, around.world);
+        let joints: Vec<_> = node
+            .children()
+            .filter(|child| child.has_tag_name("joint") || child.has_tag_name("freejoint"))
+            .collect();
+        let kind = |joint: Node<'a, 'i>| -> Result<&str, MjcfError> {
+            if joint.has_tag_name("freejoint") {
+                return Ok("free");
+            }
+            let class = attributes.class_of(joint, class)?;
+            Ok(attributes.get(joint, class, "type").unwrap_or("hinge"))
+        };
+        if let [joint] = joints[..]
+            && kind(joint)? == "free"
+        {
+            self.float(node, joint, around, placement)?;
+            (carrier, world, placement) = (None, false, Isometry3::identity());
+        } else if !joints.is_empty() {
+            if world && self.base.floating {
+                return Err(self.two_robots(node));
+            }
+            world = false;
+            for (index, &joint) in joints.iter().enumerate() {
+                let last = index + 1 == joints.len();
+                let class = attributes.class_of(joint, class)?;
+                let anchor = Vector3::from(attributes.numbers::<3>(joint, class, "pos")?.unwrap_or_default());
+                placement *= Translation3::from(anchor);
+                let built = self.joint(joint, kind(joint)?, class, placement)?;
+                let name = if last { name.clone() } else { format!("{name}/{}", built.name) };
+                let (inertia, shapes) = (Inertia::zero(), Vec::new());
+                self.bodies.push(Body { name, joint: built, parent: carrier, inertia, shapes });
+                carrier = Some(self.bodies.len() - 1);
+                placement = Isometry3::from(Translation3::from(-anchor));
+            }
+        }
+        let in_world = world && self.base.floating;
+        self.frames.push(Frame { name, body: carrier, in_world, placement });
+        let inside = Place { carrier, world, within: placement, class, top: false };
+        let of_geoms = self.contents(node, &inside)?;
+        let inertial = node.children().find(|child| child.has_tag_name("inertial"));
+        let inertia = match (self.geoms.compiler.from_geoms, inertial) {
+            (FromGeoms::Never | FromGeoms::Missing, Some(inertial)) => {
+                self.inertial(inertial)?.moved(&placement)
+            }
+            (FromGeoms::Never, None) => Inertia::zero(),
+            // What stands still needs none.
+            _ if world => Inertia::zero(),
+            _ => of_geoms?,
+        };
+        let whole = match carrier {
+            Some(carrier) => &mut self.bodies[carrier].inertia,
+            None if world => return Ok(()),
+            None => &mut self.base.inertia,
+        };
+        *whole = whole.merged(&inertia);
+        Ok(())
+    }
+
+    fn two_robots(&self, node: Node<'_, '_>) -> MjcfError {
+        let problem =
+            "beside a body with a free joint nothing else may move in the world: load the robots one by one";
+        self.attributes().error(node, MjcfProblem::Other(problem.to_owned()))
+    }
+
+    /// A free joint: the body becomes the base, what stands around it belongs to the world.
+    fn float(
+        &mut self,
+        node: Node<'a, 'i>,
+        joint: Node<'a, 'i>,
+        around: &Place<'a>,
+        placement: Isometry3<f64>,
+    ) -> Result<(), MjcfError> {
+        if self.base.floating || !self.bodies.is_empty() {
+            return Err(self.two_robots(node));
+        }
+        if !around.top {
+            let problem = MjcfProblem::Other("a free joint belongs to a body of the world".to_owned());
+            return Err(self.attributes().error(joint, problem));
+        }
+        self.frames.iter_mut().for_each(|frame| frame.in_world = true);
+        self.base.world_shapes = std::mem::take(&mut self.base.shapes);
+        self.base.inertia = Inertia::zero();
+        (self.base.floating, self.base.neutral) = (true, placement);
+        Ok(())
+    }
+
+    fn joint(
+        &mut self,
+        node: Node<'a, 'i>,
+        kind: &str,
+        class: &str,
+        placement: Isometry3<f64>,
+    ) -> Result<Joint, MjcfError> {
+        let attributes = self.attributes();
+        attributes.only(node, JOINT)?;
+        let slide = match kind {
+            "slide" => true,
+            "hinge" => false,
+            _ => return Err(attributes.refused(node, "type", kind, "write hinges and slides")),
+        };
+        let unit = if slide { 1.0 } else { self.geoms.compiler.angle };
+        let axis = Vector3::from(attributes.numbers::<3>(node, class, "axis")?.unwrap_or([0.0, 0.0, 1.0]));
+        let axis = Unit::try_new(axis, 1e-14)
+            .ok_or_else(|| attributes.error(node, MjcfProblem::Other("the axis is zero".to_owned())))?;
+        let range = attributes.numbers::<2>(node, class, "range")?;
+        let limited = self.limited(node, class, "limited", range.is_some())?;
+        let mut limits = Limits::NONE;
+        if limited {
+            let [lower, upper] = range.ok_or_else(|| attributes.missing(node, "range"))?;
+            (limits.lower, limits.upper) = (lower * unit, upper * unit);
+        }
+        let force = attributes.numbers::<2>(node, class, "actuatorfrcrange")?;
+        if self.limited(node, class, "actuatorfrclimited", force.is_some())?
+            && let Some([low, high]) = force
+        {
+            limits.effort = low.abs().max(high.abs());
+        }
+        let number = |name| attributes.number(node, class, name, 0.0);
+        let reference = number("ref")? * unit;
+        let name = match node.attribute("name") {
+            Some(name) => name.to_owned(),
+            None => format!("joint{}", self.bodies.len()),
+        };
+        let kind = match (slide, limited) {
+            (true, _) => JointKind::Prismatic,
+            (false, true) => JointKind::Revolute,
+            (false, false) => JointKind::Continuous,
+        };
+        let mut joint = Joint {
+            name,
+            kind,
+            axis,
+            placement,
+            limits,
+            dynamics: JointDynamics { damping: number("damping")?, friction: number("frictionloss")? },
+            drive: Drive { reduction: 1.0, rotor_inertia: number("armature")? },
+            safety: None,
+            coordinate: Coordinate::Independent(0),
+        };
+        // The file shows the body where its joint stands at `ref`.
+        joint.placement = joint.pose(-reference);
+        self.references.push(reference);
+        Ok(joint)
+    }
+
+    fn limited(&self, node: Node<'a, 'i>, class: &str, name: &str, given: bool) -> Result<bool, MjcfError> {
+        let attributes = self.attributes();
+        match attributes.get(node, class, name).unwrap_or("auto") {
+            "true" => Ok(true),
+            "false" => Ok(false),
+            "auto" => Ok(given && self.geoms.compiler.auto_limits),
+            value => Err(attributes.refused(node, name, value, "expected true, false or auto")),
+        }
+    }
+
+    fn inertial(&self, node: Node<'a, 'i>) -> Result<Inertia, MjcfError> {
+        let attributes = self.attributes();
+        attributes.only(node, &[&["mass", "diaginertia", "fullinertia"], &POSES[..]].concat())?;
+        let pose = pose(attributes, self.geoms.compiler, node, MAIN)?;
+        let [mass] =
+            attributes.numbers::<1>(node, MAIN, "mass")?.ok_or_else(|| attributes.missing(node, "mass"))?;
+        let rotational = match attributes.numbers::<6>(node, MAIN, "fullinertia")? {
+            Some([xx, yy, zz, xy, xz, yz]) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            None => {
+                let diagonal = attributes.numbers::<3>(node, MAIN, "diaginertia")?;
+                let diagonal = diagonal.ok_or_else(|| attributes.missing(node, "diaginertia"))?;
+                Matrix3::from_diagonal(&Vector3::from(diagonal))
+            }
+        };
+        let least = SymmetricEigen::new(rotational).eigenvalues.min();
+        if mass < 0.0 || least < 0.0 {
+            let problem =
+                format!("mass {mass} kg and a least moment of {least} kg m2: neither can be negative");
+            return Err(attributes.error(node, MjcfProblem::Other(problem)));
+        }
+        Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(&pose))
+    }
+
+    fn check_names(&self, attributes: &Attributes<'a, 'i>, root: Node<'a, 'i>) -> Result<(), MjcfError> {
+        let duplicate = |what, names: Vec<&str>| {
+            let mut seen = HashSet::new();
+            match names.into_iter().find(|name| !seen.insert(*name)) {
+                Some(name) => {
+                    let at = root.descendants().filter(|node| node.attribute("name") == Some(name)).nth(1);
+                    let name = name.to_owned();
+                    Err(attributes.error(at.unwrap_or(root), MjcfProblem::Duplicate { what, name }))
+                }
+                None => Ok(()),
+            }
+        };
+        duplicate("body", self.frames.iter().map(|frame| &*frame.name).collect())?;
+        duplicate("joint", self.bodies.iter().map(|body| &*body.joint.name).collect())
+    }
+
+    fn check_exclusions(
+        &self,
+        attributes: &Attributes<'a, 'i>,
+        root: Node<'a, 'i>,
+        exclusions: &Srdf,
+    ) -> Result<(), MjcfError> {
+        let known = |name: &str| self.frames.iter().any(|frame| frame.name == name);
+        match exclusions.links().into_iter().find(|name| !known(name)) {
+            None => Ok(()),
+            Some(name) => {
+                let rule = root.descendants().find(|node| {
+                    node.has_tag_name("exclude")
+                        && [node.attribute("body1"), node.attribute("body2")].contains(&Some(name))
+                });
+                let at = rule.unwrap_or(root);
+                let nearest = crate::nearest::nearest(name, self.frames.iter().map(|frame| &*frame.name))
+                    .map(str::to_owned);
+                let (element, name) = (named(at), name.to_owned());
+                Err(attributes.error(at, MjcfProblem::Unknown { element, what: "body", name, nearest }))
+            }
+        }
+    }
+}
+
+/// Bodies without a name get one from their place in the file.
+fn body_name(node: Node<'_, '_>) -> String {
+    node.attribute("name").map_or_else(
+        || {
+            let before = node.document().descendants().take_while(|other| *other != node);
+            format!("body{}", before.filter(|other| other.has_tag_name("body")).count() + 1)
+        },
+        str::to_owned,
+    )
+}

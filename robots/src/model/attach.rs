@@ -1,0 +1,165 @@
+//! One model on another: tools, payloads, several robots in one world.
+
+use std::collections::HashSet;
+
+use nalgebra::Isometry3;
+
+use super::{Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Model, Shape, weld};
+
+/// A robot somewhere in a world.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed<'a> {
+    /// The robot; its base must be fixed.
+    pub model: &'a Model,
+    /// What its links and joints are called in the world: this, then their own names. `left/`, say.
+    pub prefix: &'a str,
+    /// Its root frame in the world.
+    pub placement: Isometry3<f64>,
+}
+
+/// Models that do not go together.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AttachError {
+    /// A tool that moves on its own.
+    #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
+    Floating(String),
+    /// A link that stands in the world beside a floating base.
+    #[error(
+        "frame \"{0}\" stands in the world beside a floating base: nothing that moves can be attached to it"
+    )]
+    InWorld(String),
+    /// A name that would be there twice.
+    #[error("both have a {what} named \"{name}\"; give another prefix")]
+    Name {
+        /// `link` or `joint`.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+}
+
+impl Model {
+    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root frame there. The
+    /// tool's links and joints are called `prefix` and their names; its joints stand last in `q` and `v`.
+    ///
+    /// # Errors
+    ///
+    /// [`AttachError`].
+    pub fn attached(
+        &self,
+        frame: FrameId,
+        tool: &Self,
+        placement: &Isometry3<f64>,
+        prefix: &str,
+    ) -> Result<Self, AttachError> {
+        let mount = &self.frames[frame.index()];
+        if tool.base.floating {
+            return Err(AttachError::Floating(tool.name.clone()));
+        }
+        if mount.in_world && self.base.floating {
+            return Err(AttachError::InWorld(mount.name.clone()));
+        }
+        let at = mount.placement * placement;
+        let named = |name: &str| format!("{prefix}{name}");
+        let (mut base, mut bodies, mut frames) =
+            (self.base.clone(), self.bodies.clone(), self.frames.clone());
+
+        let renamed = |shape: &Shape| Shape { link: named(&shape.link), ..shape.clone() };
+        let shapes = tool.base.shapes.iter().map(|shape| renamed(shape).moved(&at));
+        weld(&mut base, &mut bodies, mount.body, &tool.base.inertia.moved(&at), shapes);
+
+        let (first, joints) = (bodies.len(), self.joint_count());
+        bodies.extend(tool.bodies.iter().map(|body| {
+            let mut body = Body { name: named(&body.name), ..body.clone() };
+            body.joint.name = named(&body.joint.name);
+            body.shapes = body.shapes.iter().map(renamed).collect();
+            body.joint.coordinate = match body.joint.coordinate {
+                Coordinate::Independent(index) => Coordinate::Independent(index + joints),
+                Coordinate::Mimic { of, multiplier, offset } => {
+                    Coordinate::Mimic { of: of + joints, multiplier, offset }
+                }
+            };
+            match body.parent {
+                Some(parent) => body.parent = Some(parent + first),
+                None => (body.parent, body.joint.placement) = (mount.body, at * body.joint.placement),
+            }
+            body
+        }));
+        frames.extend(tool.frames.iter().map(|frame| match frame.body {
+            Some(body) => Frame { name: named(&frame.name), body: Some(body + first), ..frame.clone() },
+            None => Frame {
+                name: named(&frame.name),
+                body: mount.body,
+                in_world: false,
+                placement: at * frame.placement,
+            },
+        }));
+        unique("link", frames.iter().map(|frame| &*frame.name))?;
+        unique("joint", bodies.iter().map(|body| &*body.joint.name))?;
+        Ok(Self::new(self.name.clone(), base, bodies, frames))
+    }
+
+    /// The robot carrying something: `inertia` and `shapes`, both in the axes and about the origin of `frame`. It has a
+    /// frame called `name` there.
+    ///
+    /// # Errors
+    ///
+    /// [`AttachError`].
+    pub fn carrying(
+        &self,
+        frame: FrameId,
+        name: &str,
+        inertia: Inertia,
+        shapes: &[(Isometry3<f64>, Geometry)],
+    ) -> Result<Self, AttachError> {
+        let shapes = shapes
+            .iter()
+            .map(|(placement, geometry)| Shape {
+                link: name.to_owned(),
+                placement: *placement,
+                geometry: geometry.clone(),
+            })
+            .collect();
+        let mut payload = Self::of_frame(name, name);
+        payload.base.inertia = inertia;
+        payload.base.shapes = shapes;
+        self.attached(frame, &payload, &Isometry3::identity(), "")
+    }
+
+    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame is `world`.
+    ///
+    /// # Errors
+    ///
+    /// [`AttachError`]: bases must be fixed, and names differ with their prefixes.
+    pub fn world(name: &str, robots: &[Placed<'_>]) -> Result<Self, AttachError> {
+        let mut world = Self::of_frame(name, "world");
+        for robot in robots {
+            world = world.attached(FrameId(0), robot.model, &robot.placement, robot.prefix)?;
+        }
+        Ok(world)
+    }
+
+    /// Nothing but a frame.
+    fn of_frame(name: &str, frame: &str) -> Self {
+        let base = Base {
+            floating: false,
+            neutral: Isometry3::identity(),
+            inertia: Inertia::zero(),
+            shapes: Vec::new(),
+            world_shapes: Vec::new(),
+        };
+        let frame =
+            Frame { name: frame.to_owned(), body: None, in_world: false, placement: Isometry3::identity() };
+        Self::new(name.to_owned(), base, Vec::new(), vec![frame])
+    }
+}
+
+fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), AttachError> {
+    let mut seen = HashSet::new();
+    for name in names {
+        if !seen.insert(name) {
+            return Err(AttachError::Name { what, name: name.to_owned() });
+        }
+    }
+    Ok(())
+}

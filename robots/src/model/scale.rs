@@ -1,0 +1,89 @@
+//! The same robot in another size.
+
+use nalgebra::Isometry3;
+
+use super::{Geometry, Inertia, JointKind, Model, Shape};
+
+/// A size that no robot has.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("a robot cannot be scaled by {0}; give a number above 0")]
+pub struct ScaleError(pub f64);
+
+impl Model {
+    /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third power,
+    /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts, speeds
+    /// of rotation, damping and friction, and rotors stay as they are.
+    ///
+    /// # Errors
+    ///
+    /// [`ScaleError`] unless `scale` is a number above zero.
+    pub fn scaled(&self, scale: f64) -> Result<Self, ScaleError> {
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(ScaleError(scale));
+        }
+        let pose = |pose: &Isometry3<f64>| {
+            Isometry3::from_parts((pose.translation.vector * scale).into(), pose.rotation)
+        };
+        let inertia = |inertia: &Inertia| Inertia {
+            mass: inertia.mass * scale.powi(3),
+            com: inertia.com * scale,
+            rotational: inertia.rotational * scale.powi(5),
+        };
+        let shapes = |shapes: &[Shape]| -> Vec<Shape> {
+            let scaled = |shape: &Shape| Shape {
+                link: shape.link.clone(),
+                placement: pose(&shape.placement),
+                geometry: match &shape.geometry {
+                    Geometry::Box { size } => Geometry::Box { size: size * scale },
+                    Geometry::Cylinder { radius, length } => {
+                        Geometry::Cylinder { radius: radius * scale, length: length * scale }
+                    }
+                    Geometry::Sphere { radius } => Geometry::Sphere { radius: radius * scale },
+                    Geometry::Capsule { radius, length } => {
+                        Geometry::Capsule { radius: radius * scale, length: length * scale }
+                    }
+                    Geometry::Mesh { uri, path, scale: own } => {
+                        Geometry::Mesh { uri: uri.clone(), path: path.clone(), scale: own * scale }
+                    }
+                },
+            };
+            shapes.iter().map(scaled).collect()
+        };
+        let mut base = self.base.clone();
+        base.neutral = pose(&base.neutral);
+        base.inertia = inertia(&base.inertia);
+        (base.shapes, base.world_shapes) = (shapes(&base.shapes), shapes(&base.world_shapes));
+        let (mut bodies, mut frames) = (self.bodies.clone(), self.frames.clone());
+        // A mimic that turns with a slide (or the reverse) has a ratio per metre.
+        let slides: Vec<bool> =
+            (0..self.joint_count()).map(|index| self.joint(index).kind == JointKind::Prismatic).collect();
+        for body in &mut bodies {
+            body.inertia = inertia(&body.inertia);
+            body.shapes = shapes(&body.shapes);
+            let joint = &mut body.joint;
+            joint.placement = pose(&joint.placement);
+            let slides_itself = joint.kind == JointKind::Prismatic;
+            if slides_itself {
+                joint.limits.lower *= scale;
+                joint.limits.upper *= scale;
+                joint.limits.velocity *= scale;
+                if let Some(safety) = &mut joint.safety {
+                    safety.soft_lower *= scale;
+                    safety.soft_upper *= scale;
+                }
+            }
+            if let super::Coordinate::Mimic { of, multiplier, offset } = &mut joint.coordinate {
+                match (slides_itself, slides[*of]) {
+                    (true, false) => *multiplier *= scale,
+                    (false, true) => *multiplier /= scale,
+                    _ => {}
+                }
+                if slides_itself {
+                    *offset *= scale;
+                }
+            }
+        }
+        frames.iter_mut().for_each(|frame| frame.placement = pose(&frame.placement));
+        Ok(Self::new(self.name.clone(), base, bodies, frames))
+    }
+}

@@ -1,0 +1,416 @@
+//! Signed distances between links.
+
+use std::path::Path;
+
+use approx::assert_relative_eq;
+use motorium_robots::{
+    BaseMode, CollisionError, CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics,
+    LoadOptions, MeshMode, Model, Proximity, Srdf, load, load_with, parse_urdf_with,
+};
+use nalgebra::{DMatrix, Isometry3, Point3, UnitQuaternion, Vector3};
+
+/// Numbers in -1 .. 1: Knuth's MMIX generator.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn vector(&mut self, scale: f64) -> Vector3<f64> {
+        Vector3::new(self.next(), self.next(), self.next()) * scale
+    }
+
+    fn pose(&mut self, scale: f64) -> Isometry3<f64> {
+        Isometry3::from_parts(self.vector(scale).into(), UnitQuaternion::from_scaled_axis(self.vector(3.0)))
+    }
+}
+
+/// A robot of one slide without links in the way, so that obstacles meet one shape on its base.
+fn with_shape(geometry: &str) -> Model {
+    let text = format!(
+        "<robot name=\"r\"><link name=\"base\"/><link name=\"body\">\
+         <collision><geometry>{geometry}</geometry></collision></link>\
+         <joint name=\"j\" type=\"prismatic\"><parent link=\"base\"/><child link=\"body\"/><axis xyz=\"0 0 1\"/>\
+         <limit lower=\"-9\" upper=\"9\" velocity=\"1\" effort=\"1\"/></joint></robot>"
+    );
+    parse_urdf_with(&text, None, &LoadOptions::default()).unwrap().model
+}
+
+/// Distance of `geometry` at the origin from `other` at `placement`.
+fn between(geometry: &str, other: Geometry, placement: Isometry3<f64>) -> Proximity {
+    let model = with_shape(geometry);
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, &[0.0]);
+    let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    solids.add_obstacle("other", placement, other, MeshMode::default()).unwrap();
+    let mut collisions = Collisions::new(&solids);
+    collisions.update(&solids, &kinematics);
+    collisions.distance(&solids, 0)
+}
+
+fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
+    Isometry3::translation(x, y, z)
+}
+
+fn cube(side: f64) -> Geometry {
+    Geometry::Box { size: Vector3::repeat(side) }
+}
+
+#[test]
+fn primitives_are_as_far_apart_as_geometry_says() {
+    let sphere = Geometry::Sphere { radius: 0.2 };
+    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), at(0.3, 0.4, 0.0));
+    assert_relative_eq!(found.distance, 0.2, epsilon = 1e-12);
+    assert_relative_eq!(found.points[0], Point3::new(0.06, 0.08, 0.0), epsilon = 1e-12);
+    assert_relative_eq!(found.points[1], Point3::new(0.18, 0.24, 0.0), epsilon = 1e-12);
+    assert_relative_eq!(found.normal.into_inner(), Vector3::new(0.6, 0.8, 0.0), epsilon = 1e-12);
+
+    // A corner of the cube against the sphere, an edge, a face.
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 2.0, 2.0)).distance;
+    assert_relative_eq!(gap, 3.0_f64.sqrt() - 0.2, epsilon = 1e-9);
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 2.0, 0.3)).distance;
+    assert_relative_eq!(gap, 2.0_f64.sqrt() - 0.2, epsilon = 1e-9);
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 0.2, 0.3)).distance;
+    assert_relative_eq!(gap, 0.8, epsilon = 1e-9);
+
+    // URDF cylinders and capsules stand along z.
+    let cylinder = "<cylinder radius=\"0.5\" length=\"2\"/>";
+    assert_relative_eq!(between(cylinder, sphere.clone(), at(0.0, 1.0, 0.9)).distance, 0.3, epsilon = 1e-7);
+    assert_relative_eq!(between(cylinder, sphere.clone(), at(0.1, 0.0, 1.5)).distance, 0.3, epsilon = 1e-9);
+    let capsule = "<capsule radius=\"0.5\" length=\"2\"/>";
+    assert_relative_eq!(between(capsule, sphere, at(0.0, 0.0, 2.0)).distance, 0.3, epsilon = 1e-12);
+    let crossing = Isometry3::new(Vector3::new(0.0, 2.0, 0.0), Vector3::y() * std::f64::consts::FRAC_PI_2);
+    let other = Geometry::Capsule { radius: 0.25, length: 1.0 };
+    assert_relative_eq!(between(capsule, other.clone(), crossing).distance, 1.25, epsilon = 1e-12);
+    let parallel = between(capsule, other, at(3.0, 0.0, 0.2));
+    assert_relative_eq!(parallel.distance, 2.25, epsilon = 1e-12);
+}
+
+#[test]
+fn depths_are_the_shortest_way_out() {
+    let sphere = Geometry::Sphere { radius: 0.2 };
+    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), at(0.1, 0.0, 0.0));
+    assert_relative_eq!(found.distance, -0.2, epsilon = 1e-12);
+    // The centre of the sphere is 0.3 below a face of the cube.
+    let found = between("<box size=\"2 2 2\"/>", sphere, at(0.1, -0.2, 0.7));
+    assert_relative_eq!(found.distance, -0.5, epsilon = 1e-9);
+    assert_relative_eq!(found.normal.into_inner(), Vector3::z(), epsilon = 1e-9);
+    let found = between("<box size=\"2 2 2\"/>", cube(1.0), at(0.2, 1.3, 0.1));
+    assert_relative_eq!(found.distance, -0.2, epsilon = 1e-9);
+    assert_relative_eq!(found.normal.into_inner(), Vector3::y(), epsilon = 1e-9);
+    // Crossed in the middle: out sideways by both radii.
+    let crossing = Isometry3::rotation(Vector3::y() * std::f64::consts::FRAC_PI_2);
+    let other = Geometry::Capsule { radius: 0.25, length: 1.0 };
+    let found = between("<capsule radius=\"0.5\" length=\"2\"/>", other, crossing);
+    assert_relative_eq!(found.distance, -0.75, epsilon = 1e-12);
+    assert_relative_eq!(found.normal.y.abs(), 1.0, epsilon = 1e-9);
+}
+
+/// The farthest point of a shape along a direction, from its definition.
+fn support(geometry: &Geometry, placement: &Isometry3<f64>, direction: &Vector3<f64>) -> Point3<f64> {
+    let d = placement.inverse_transform_vector(direction);
+    let local = match *geometry {
+        Geometry::Box { size } => size.zip_map(&d, |side, d| 0.5 * side * d.signum()),
+        Geometry::Sphere { radius } => d.normalize() * radius,
+        Geometry::Capsule { radius, length } => {
+            d.normalize() * radius + Vector3::z() * 0.5 * length * d.z.signum()
+        }
+        Geometry::Cylinder { radius, length } => {
+            let across = Vector3::new(d.x, d.y, 0.0);
+            across.try_normalize(0.0).unwrap_or_default() * radius
+                + Vector3::z() * 0.5 * length * d.z.signum()
+        }
+        Geometry::Mesh { .. } => unreachable!("no meshes here"),
+    };
+    placement * Point3::from(local)
+}
+
+#[test]
+fn planes_between_the_shapes_prove_every_distance() {
+    let urdf = |geometry: &Geometry| match *geometry {
+        Geometry::Box { size } => format!("<box size=\"{} {} {}\"/>", size.x, size.y, size.z),
+        Geometry::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
+        Geometry::Capsule { radius, length } => format!("<capsule radius=\"{radius}\" length=\"{length}\"/>"),
+        Geometry::Cylinder { radius, length } => {
+            format!("<cylinder radius=\"{radius}\" length=\"{length}\"/>")
+        }
+        Geometry::Mesh { .. } => unreachable!("no meshes here"),
+    };
+    let shapes = [
+        Geometry::Box { size: Vector3::new(0.3, 0.2, 0.5) },
+        Geometry::Sphere { radius: 0.2 },
+        Geometry::Capsule { radius: 0.1, length: 0.4 },
+        Geometry::Cylinder { radius: 0.15, length: 0.3 },
+    ];
+    let mut random = Random(3);
+    let (mut apart, mut deep) = (0, 0);
+    for first in &shapes {
+        let model = with_shape(&urdf(first));
+        let mut kinematics = Kinematics::new(&model);
+        kinematics.update(&model, &[0.0]);
+        for second in &shapes {
+            let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+            let obstacle = solids
+                .add_obstacle("other", Isometry3::identity(), second.clone(), MeshMode::default())
+                .unwrap();
+            let mut collisions = Collisions::new(&solids);
+            collisions.update(&solids, &kinematics);
+            for _ in 0..60 {
+                let placement = random.pose(0.5);
+                collisions.move_obstacle(&solids, obstacle, &placement);
+                let found = collisions.distance(&solids, 0);
+                let normal = found.normal.into_inner();
+                let [p, q] = found.points;
+                assert_relative_eq!(normal.norm(), 1.0, epsilon = 1e-9);
+                assert_relative_eq!((q - p).dot(&normal), found.distance, epsilon = 1e-9);
+                // No point of the first lies farther along the normal than p, none of the second less far than q: the slab
+                // between is empty (or shared), so the distance can be no other along it ...
+                let far = support(first, &Isometry3::identity(), &normal);
+                let near = support(second, &placement, &-normal);
+                assert_relative_eq!((near - far).dot(&normal), found.distance, epsilon = 1e-6);
+                if found.distance > 0.0 {
+                    // ... and the points are joined by it: it is the distance.
+                    apart += 1;
+                    assert_relative_eq!((q - p).norm(), found.distance, epsilon = 1e-9);
+                } else {
+                    // ... and no other direction gets them apart sooner.
+                    deep += 1;
+                    for _ in 0..50 {
+                        let direction = random.vector(1.0).normalize();
+                        let far = support(first, &Isometry3::identity(), &direction);
+                        let near = support(second, &placement, &-direction);
+                        assert!((far - near).dot(&direction) >= -found.distance - 1e-6);
+                    }
+                }
+            }
+        }
+    }
+    assert!(apart > 200 && deep > 200, "{apart} apart, {deep} deep");
+}
+
+fn panda(base: BaseMode) -> Model {
+    load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model
+}
+
+/// A configuration a little away from neutral, in the middle of the limits.
+fn configuration(model: &Model, random: &mut Random) -> Vec<f64> {
+    let v: Vec<f64> = (0..model.nv()).map(|_| random.next()).collect();
+    let (start, mut q) = (model.neutral(), model.neutral());
+    model.integrate(&start, &v, &mut q);
+    q
+}
+
+#[test]
+fn the_jacobian_is_the_slope_of_the_distance() {
+    let mut random = Random(5);
+    for base in [BaseMode::AsFile, BaseMode::Floating] {
+        let model = panda(base);
+        let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+        let ball = Geometry::Sphere { radius: 0.1 };
+        solids.add_obstacle("ball", at(0.5, 0.4, 0.6), ball, MeshMode::default()).unwrap();
+        let mut collisions = Collisions::new(&solids);
+        let mut kinematics = Kinematics::new(&model);
+        let (mut checked, mut sharp) = (0, 0);
+        for _ in 0..6 {
+            let q = configuration(&model, &mut random);
+            let mut at = |v: &[f64]| -> Vec<Proximity> {
+                let mut moved = q.clone();
+                model.integrate(&q, v, &mut moved);
+                kinematics.update(&model, &moved);
+                collisions.update(&solids, &kinematics);
+                (0..solids.pairs().len()).map(|pair| collisions.distance(&solids, pair)).collect()
+            };
+            let h = 1e-5;
+            let mut slopes = DMatrix::zeros(solids.pairs().len(), model.nv());
+            let mut kinks = vec![false; solids.pairs().len()];
+            for column in 0..model.nv() {
+                let mut step = vec![0.0; model.nv()];
+                step[column] = h;
+                let plus = at(&step);
+                step[column] = -h;
+                let minus = at(&step);
+                for pair in 0..solids.pairs().len() {
+                    slopes[(pair, column)] = (plus[pair].distance - minus[pair].distance) / (2.0 * h);
+                    kinks[pair] |= plus[pair].normal.dot(&minus[pair].normal) < 0.9999
+                        || (plus[pair].points[0] - minus[pair].points[0]).norm() > 1e-3;
+                }
+            }
+            let found = at(&vec![0.0; model.nv()]);
+            let mut rows = DMatrix::zeros(found.len(), model.nv());
+            solids.distance_jacobians(&model, &kinematics, &found, &mut rows);
+            for (pair, proximity) in found.iter().enumerate() {
+                let mut row = vec![f64::NAN; model.nv()];
+                solids.distance_jacobian(&model, &kinematics, proximity, &mut row);
+                assert!(rows.row(pair).iter().eq(row.iter()));
+                // Where the nearest points jump the distance has a kink and no slope.
+                if kinks[pair] {
+                    sharp += 1;
+                    continue;
+                }
+                checked += 1;
+                for column in 0..model.nv() {
+                    assert_relative_eq!(row[column], slopes[(pair, column)], epsilon = 2e-4);
+                }
+            }
+        }
+        assert!(checked > 5 * sharp && checked > 100, "{checked} slopes, {sharp} kinks");
+    }
+}
+
+#[test]
+fn links_joined_by_a_joint_are_not_checked_unless_asked_for() {
+    let model = panda(BaseMode::AsFile);
+    let solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    let names: Vec<_> = (0..solids.pairs().len()).map(|pair| solids.pair_links(pair)).collect();
+    assert!(!names.contains(&["panda_link3", "panda_link4"]));
+    assert!(names.contains(&["panda_link3", "panda_link5"]));
+    assert!(names.iter().all(|pair| pair[0] != pair[1]));
+    let all = CollisionOptions { adjacent: true, ..CollisionOptions::default() };
+    let all = CollisionModel::new(&model, &all).unwrap();
+    assert!(all.pairs().len() > solids.pairs().len());
+    assert!((0..all.pairs().len()).any(|pair| all.pair_links(pair) == ["panda_link3", "panda_link4"]));
+}
+
+#[test]
+fn an_srdf_takes_pairs_out_and_puts_them_back() {
+    let model = panda(BaseMode::AsFile);
+    let srdf = Srdf::parse(
+        "<robot name=\"panda\"><group name=\"arm\"/>\
+         <disable_default_collisions link=\"panda_link7\"/>\
+         <disable_collisions link1=\"panda_link5\" link2=\"panda_link3\" reason=\"Never\"/>\
+         <enable_collisions link1=\"panda_link7\" link2=\"panda_link2\"/></robot>",
+    )
+    .unwrap();
+    let options = CollisionOptions { srdf, ..CollisionOptions::default() };
+    let solids = CollisionModel::new(&model, &options).unwrap();
+    let names: Vec<_> = (0..solids.pairs().len()).map(|pair| solids.pair_links(pair)).collect();
+    assert!(!names.contains(&["panda_link3", "panda_link5"]));
+    let of_seven: Vec<_> = names.iter().filter(|pair| pair.contains(&"panda_link7")).collect();
+    assert!(!of_seven.is_empty() && of_seven.iter().all(|pair| **pair == ["panda_link2", "panda_link7"]));
+
+    let error = Srdf::parse("<robot>\n <disable_collisions link1=\"a\"/></robot>").unwrap_err();
+    assert_eq!(error.to_string(), "SRDF:2:2: <disable_collisions> has no attribute \"link2\"");
+    let srdf = Srdf::parse("<robot><disable_collisions link1=\"panda_link5\" link2=\"panda_lnk3\"/></robot>")
+        .unwrap();
+    let error = CollisionModel::new(&model, &CollisionOptions { srdf, ..CollisionOptions::default() });
+    assert!(matches!(&error, Err(CollisionError::UnknownLink { nearest: Some(_), .. })), "{error:?}");
+}
+
+#[test]
+fn the_nearest_pair_is_the_least_of_all_and_ranges_leave_out_the_far() {
+    let model = panda(BaseMode::AsFile);
+    let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    solids.add_obstacle("table", at(0.0, 0.0, -0.3), cube(0.4), MeshMode::default()).unwrap();
+    let removed = solids.exclude("table", "panda_link0");
+    assert!(removed > 0);
+    let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+    let mut random = Random(11);
+    for _ in 0..20 {
+        let q = configuration(&model, &mut random);
+        kinematics.update(&model, &q);
+        collisions.update(&solids, &kinematics);
+        let all: Vec<_> = (0..solids.pairs().len()).map(|pair| collisions.distance(&solids, pair)).collect();
+        let least = all.iter().map(|proximity| proximity.distance).fold(f64::INFINITY, f64::min);
+        let nearest = collisions.nearest(&solids).unwrap();
+        assert_relative_eq!(nearest.distance, least, epsilon = 1e-7);
+        let near: Vec<_> = collisions.within(&solids, 0.15).to_vec();
+        let expected: Vec<_> = all.iter().filter(|proximity| proximity.distance <= 0.15).collect();
+        assert_eq!(near.len(), expected.len());
+        for (found, expected) in near.iter().zip(expected) {
+            assert_eq!(found.pair, expected.pair);
+            assert_relative_eq!(found.distance, expected.distance, epsilon = 1e-6);
+        }
+        assert_eq!(collisions.colliding(&solids, 0.0).is_some(), least < 0.0);
+    }
+}
+
+#[test]
+fn a_shape_that_cannot_be_used_is_named_or_left_out() {
+    let model = with_shape("<mesh filename=\"package://nowhere/a.stl\"/>");
+    let error = CollisionModel::new(&model, &CollisionOptions::default()).unwrap_err();
+    assert!(
+        error.to_string().contains("link \"body\"") && error.to_string().contains("--package-path"),
+        "{error}"
+    );
+    let options = CollisionOptions { leave_out_defects: true, ..CollisionOptions::default() };
+    let solids = CollisionModel::new(&model, &options).unwrap();
+    assert_eq!((solids.solid_count(), solids.left_out().len()), (0, 1));
+
+    let model = with_shape("<sphere radius=\"0\"/>");
+    let error = CollisionModel::new(&model, &CollisionOptions::default()).unwrap_err();
+    assert_eq!(error.to_string(), "link \"body\": its radius is 0, which must be above 0");
+}
+
+#[test]
+fn a_state_that_is_no_number_has_no_distance_and_does_no_harm() {
+    let model = with_shape("<box size=\"1 1 1\"/>");
+    let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    solids.add_obstacle("other", at(0.0, 0.0, 0.0), cube(1.0), MeshMode::default()).unwrap();
+    let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+    kinematics.update(&model, &[f64::NAN]);
+    collisions.update(&solids, &kinematics);
+    assert!(collisions.distance(&solids, 0).distance.is_nan());
+    assert_eq!(collisions.within(&solids, 0.1).len(), 1);
+}
+
+#[test]
+fn the_panda_at_home_stands_free_of_itself() {
+    let loaded = load("panda", Path::new(".")).unwrap();
+    let model = &loaded.model;
+    let home = loaded.profile.as_ref().unwrap().home(model).unwrap();
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, home.as_slice());
+    let solids = CollisionModel::new(model, &CollisionOptions::default()).unwrap();
+    let mut collisions = Collisions::new(&solids);
+    collisions.update(&solids, &kinematics);
+    let met = collisions.colliding(&solids, 0.0);
+    assert!(met.is_none(), "{:?} {met:?}", met.map(|met| solids.pair_links(met.pair)));
+}
+
+/// `MOTORIUM_EXAMPLE_ROBOT_DATA`: the folder of the robots of the PyPI package example-robot-data.
+#[test]
+fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
+    let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA").map(std::path::PathBuf::from) else {
+        println!("skipped: set MOTORIUM_EXAMPLE_ROBOT_DATA to the robots of example-robot-data");
+        return;
+    };
+    let mut options = LoadOptions { base: BaseMode::Floating, ..LoadOptions::default() };
+    options.packages.folders = folder.ancestors().map(std::path::Path::to_owned).collect();
+    let model = load_with("talos_data/robots/talos_reduced.urdf", &folder, &options).unwrap().model;
+    let text = std::fs::read_to_string(folder.join("talos_data/srdf/talos.srdf")).unwrap();
+    let srdf = Srdf::parse(&text).unwrap();
+    // The posture that the file calls half sitting.
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let posture = document.descendants().find(|node| node.attribute("name") == Some("half_sitting")).unwrap();
+    let mut q = model.neutral();
+    for joint in posture.children().filter(|child| child.has_tag_name("joint")) {
+        if let Some(index) = model.joint_index(joint.attribute("name").unwrap()) {
+            q[7 + index] = joint.attribute("value").unwrap().parse().unwrap();
+        }
+    }
+    let options = CollisionOptions { srdf, leave_out_defects: true, ..CollisionOptions::default() };
+    let capsules = CollisionOptions { meshes: MeshMode::Capsule, ..options.clone() };
+    let mut found = Vec::new();
+    for options in [options, capsules] {
+        let solids = CollisionModel::new(&model, &options).unwrap();
+        println!("{:?}: {} solids, {} pairs", options.meshes, solids.solid_count(), solids.pairs().len());
+        assert!(solids.pairs().len() > 100 && solids.left_out().is_empty(), "{:?}", solids.left_out());
+        let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+        kinematics.update(&model, &q);
+        collisions.update(&solids, &kinematics);
+        let start = std::time::Instant::now();
+        let near = collisions.within(&solids, 0.1).len();
+        println!("{near} pairs within 0.1 m in {:?}", start.elapsed());
+        let nearest = collisions.nearest(&solids).unwrap();
+        println!("nearest {:?} {:.4}", solids.pair_links(nearest.pair), nearest.distance);
+        let all = (0..solids.pairs().len()).map(|pair| collisions.distance(&solids, pair).distance);
+        found.push(all.collect::<Vec<_>>());
+    }
+    // Capsules hold their meshes: they are never farther apart.
+    assert!(found[0].iter().zip(&found[1]).all(|(hull, capsule)| *capsule <= hull + 1e-6));
+    // Hulls fill the hollows of their meshes: a few links that nestle into each other overlap then.
+    let overlaps = found[0].iter().filter(|distance| **distance <= 0.0).count();
+    assert!(overlaps < found[0].len() / 100, "{overlaps} of {}", found[0].len());
+}

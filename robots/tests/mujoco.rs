@@ -1,0 +1,193 @@
+//! MuJoCo, which shares no code with Pinocchio, on files of both formats; `mujoco/generate.py` writes the vectors.
+
+use std::path::{Path, PathBuf};
+
+use approx::assert_relative_eq;
+use motorium_robots::{
+    CollisionModel, CollisionOptions, Dynamics, Kinematics, LoadOptions, MimicMode, Model, load_with,
+    parse_mjcf,
+};
+use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
+use serde_json::Value;
+
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn read(path: &Path) -> Model {
+    let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
+    if path.extension().is_some_and(|extension| extension == "urdf") {
+        return load_with(path.to_str().unwrap(), Path::new("."), &options).unwrap().model;
+    }
+    let robot = parse_mjcf(&std::fs::read_to_string(path).unwrap(), Some(path), &options).unwrap();
+    assert_eq!(robot.warnings, [], "{}", path.display());
+    robot.model
+}
+
+/// Largest relative error over all quantities and cases.
+fn compare(model: &Model, robot: &Value) -> f64 {
+    let n = model.nv();
+    let floating = model.base().floating;
+    let joints: Vec<&str> =
+        robot["joints"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    assert_eq!(joints[usize::from(floating)..], *model.joint_names(), "order of the joints");
+    let mut worst: f64 = 0.0;
+    let mut judge = |what: &str, ours: &[f64], theirs: &[f64]| {
+        let scale = theirs.iter().fold(1e-3_f64, |most, x| most.max(x.abs()));
+        let error = ours.iter().zip(theirs).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / scale;
+        assert!(error < 1e-10, "{what}: {error:e}\n{ours:?}\n{theirs:?}");
+        worst = worst.max(error);
+    };
+    for case in robot["cases"].as_array().unwrap() {
+        let (qpos, qvel) = (numbers(&case["qpos"]), numbers(&case["qvel"]));
+        let (q, v) = model.from_mujoco(&qpos, &qvel);
+        let (back, back_v) = model.to_mujoco(&q, &v);
+        judge("qpos there and back", &back, &qpos);
+        judge("qvel there and back", &back_v, &qvel);
+
+        // Their velocities of a free base are T times ours.
+        let mut turn = DMatrix::identity(n, n);
+        let mut drift = DVector::zeros(n);
+        if floating {
+            let rotation = UnitQuaternion::new_normalize(Quaternion::new(q[6], q[3], q[4], q[5]));
+            let rotation: Matrix3<f64> = rotation.to_rotation_matrix().into_inner();
+            turn.view_mut((0, 0), (3, 3)).copy_from(&rotation);
+            let (linear, angular) =
+                (Vector3::from_column_slice(&v[..3]), Vector3::from_column_slice(&v[3..6]));
+            // Classical less spatial acceleration.
+            drift.rows_mut(0, 3).copy_from(&angular.cross(&linear));
+        }
+        let ours = |theirs: &[f64]| turn.tr_mul(&DVector::from_column_slice(theirs));
+        let mut dynamics = Dynamics::new(model);
+        let mut mass = DMatrix::zeros(n, n);
+        dynamics.crba(model, &q, &mut mass);
+        let rows: Vec<f64> = case["M"].as_array().unwrap().iter().flat_map(numbers).collect();
+        let theirs = turn.transpose() * DMatrix::from_row_slice(n, n, &rows) * &turn;
+        judge("M", mass.as_slice(), theirs.as_slice());
+        let mut tau = DVector::zeros(n);
+        for (what, a) in [("bias", vec![0.0; n]), ("inverse", numbers(&case["a"]))] {
+            let a = ours(&a) - &drift;
+            dynamics.rnea(model, &q, &v, a.as_slice(), GRAVITY, tau.as_mut_slice());
+            judge(what, tau.as_slice(), ours(&numbers(&case[what])).as_slice());
+            let mut back = vec![0.0; n];
+            dynamics.forward(model, &q, &v, tau.as_slice(), GRAVITY, &mut back).unwrap();
+            assert_relative_eq!(DVector::from_vec(back), a, epsilon = 1e-8);
+        }
+        let mut kinematics = Kinematics::new(model);
+        kinematics.update(model, &q);
+        for (name, pose) in case["frames"].as_object().unwrap() {
+            // MuJoCo's world is the first link of a URDF that is fixed to it.
+            let Ok(frame) = model.frame(name) else { continue };
+            let pose = numbers(pose);
+            let found = kinematics.pose(model, frame);
+            judge(name, found.translation.vector.as_slice(), &pose[..3]);
+            let turn = Quaternion::new(pose[3], pose[4], pose[5], pose[6]);
+            judge(name, &[found.rotation.angle_to(&UnitQuaternion::new_normalize(turn))], &[0.0]);
+        }
+    }
+    worst
+}
+
+#[test]
+fn both_formats_agree_with_mujoco() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");
+    let document: Value = serde_json::from_str(include_str!("mujoco/vectors.json")).unwrap();
+    let robots = document["robots"].as_array().unwrap();
+    assert_eq!(robots.len(), 4);
+    for robot in robots {
+        let file = robot["file"].as_str().unwrap();
+        let places = ["", "../fixtures", "../../catalogue/panda"];
+        let path = places.map(|place| folder.join(place).join(file)).into_iter().find(|path| path.is_file());
+        let worst = compare(&read(&path.unwrap()), robot);
+        println!("{file}: {worst:.1e}");
+    }
+}
+
+/// Files of others: `MOTORIUM_MUJOCO_VECTORS` names what the script wrote of them, beside the files themselves.
+#[test]
+fn files_of_others_agree_with_mujoco() {
+    let Some(path) = std::env::var_os("MOTORIUM_MUJOCO_VECTORS").map(PathBuf::from) else {
+        println!(
+            "skipped: set MOTORIUM_MUJOCO_VECTORS to the vectors that mujoco/generate.py wrote of some files"
+        );
+        return;
+    };
+    let document: Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    for robot in document["robots"].as_array().unwrap() {
+        let file = path.with_file_name(robot["file"].as_str().unwrap());
+        println!("{}: {:.1e}", file.display(), compare(&read(&file), robot));
+    }
+}
+
+#[test]
+fn what_collides_and_what_does_not_is_read() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco/walker.xml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let robot = parse_mjcf(&text, Some(&path), &LoadOptions::default()).unwrap();
+    let model = &robot.model;
+    // Floor and step stand in the world, box and sphere on the trunk; its cylinder collides with nothing.
+    assert_eq!((model.base().world_shapes.len(), model.base_shapes().len()), (2, 2));
+    let options = CollisionOptions { srdf: robot.exclusions, ..CollisionOptions::default() };
+    let solids = CollisionModel::new(model, &options).unwrap();
+    let names: Vec<_> = (0..solids.pairs().len()).map(|pair| solids.pair_links(pair)).collect();
+    assert!(names.contains(&["world", "left_shin"]) || names.contains(&["left_shin", "world"]));
+    assert!(!names.contains(&["trunk", "left_shin"]) && !names.contains(&["trunk", "left_thigh"]));
+    assert!(names.contains(&["left_shin", "right_thigh"]));
+    let knee = model.joint(model.joint_index("left_knee").unwrap());
+    assert_relative_eq!(knee.limits.lower, -60.0_f64.to_radians(), epsilon = 1e-15);
+    assert_eq!((knee.dynamics.damping, knee.drive.armature()), (0.5, 0.02));
+}
+
+fn refusal(body: &str) -> String {
+    let text = format!("<mujoco>\n{body}\n</mujoco>");
+    parse_mjcf(&text, None, &LoadOptions::default()).unwrap_err().to_string()
+}
+
+#[test]
+fn what_is_not_read_is_refused_with_its_place() {
+    let world =
+        |content: &str| refusal(&format!("<worldbody><body name=\"b\">\n{content}</body></worldbody>"));
+    assert!(
+        refusal("<include file=\"x.xml\"/>")
+            .starts_with("MJCF:2:1: <include> is not among the MJCF read here")
+    );
+    assert!(
+        refusal("<compiler coordinate=\"global\"/>")
+            .starts_with("MJCF:2:1: coordinate=\"global\" of <compiler>")
+    );
+    assert!(world("<joint type=\"ball\"/>").contains("MJCF:3:1: type=\"ball\" of <joint>"));
+    assert!(
+        world("<joint name=\"j\" axis=\"0 0\"/>")
+            .contains("axis=\"0 0\" of <joint name=\"j\">: expected 3 numbers")
+    );
+    assert!(world("<geom type=\"ellipsoid\" size=\"1 1 1\"/>").contains("write a sphere"));
+    assert!(world("<geom size=\"-1\"/>").contains("expected 1 numbers above 0 for a sphere"));
+    assert!(world("<geom siez=\"1\"/>").contains("siez=\"1\" of <geom>"));
+    assert!(world("<geom class=\"x\" size=\"1\"/>").contains("names the class \"x\", which does not exist"));
+    assert!(world("<replicate count=\"3\"/>").contains("<replicate>"));
+    assert!(world("<body name=\"b\"/>").contains("a second body is named \"b\""));
+    assert!(
+        world("<body name=\"c\"><freejoint/></body>").contains("a free joint belongs to a body of the world")
+    );
+    let two = "<worldbody><body><freejoint/><geom size=\"1\"/></body>\n<body><joint/><geom size=\"1\"/></body></worldbody>";
+    assert!(refusal(two).starts_with("MJCF:3:1: beside a body with a free joint nothing else may move"));
+    assert!(refusal("<worldbody><body><joint/></worldbody>").contains("MJCF:2:"));
+    assert!(
+        refusal("<equality><weld body1=\"a\"/></equality>").contains("<weld> of <equality> is not among")
+    );
+}
+
+#[test]
+fn a_coupling_of_first_order_is_a_mimic_joint() {
+    let text = "<mujoco><compiler angle=\"radian\"/><worldbody><body name=\"a\"><joint name=\"one\" ref=\"0.2\"/>\
+                <geom size=\"0.1\"/><body name=\"b\" pos=\"1 0 0\"><joint name=\"two\" ref=\"0.5\"/><geom size=\"0.1\"/></body></body>\
+                </worldbody><equality><joint joint1=\"two\" joint2=\"one\" polycoef=\"0.1 -2 0 0 0\"/></equality></mujoco>";
+    let model = parse_mjcf(text, None, &LoadOptions::default()).unwrap().model;
+    assert_eq!(model.joint_names(), ["one"]);
+    // two - 0.5 = 0.1 - 2 (one - 0.2)
+    assert_relative_eq!(model.bodies()[1].joint.coordinate.position(&[0.6]), -0.2, epsilon = 1e-15);
+    let free = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
+    assert_eq!(parse_mjcf(text, None, &free).unwrap().model.nv(), 2);
+}

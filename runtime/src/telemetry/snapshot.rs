@@ -1,0 +1,122 @@
+//! A histogram at one moment, and what was recorded between two.
+
+use super::Percentiles;
+
+/// Copy of a [`Histogram`](super::Histogram) at one moment: what its buckets held, and no more room than that takes.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Snapshot {
+    pub(super) sum: u64,
+    pub(super) max: u64,
+    /// The largest value each takes, ns, and how many it holds: ascending, none empty.
+    pub(super) buckets: Vec<(u64, u64)>,
+}
+
+impl Snapshot {
+    /// Number of values: exactly what the buckets hold together.
+    pub fn count(&self) -> u64 {
+        self.buckets.iter().map(|(_, count)| count).sum()
+    }
+
+    /// Sum of all values, ns.
+    pub fn sum(&self) -> u64 {
+        self.sum
+    }
+
+    /// The buckets that hold something: the largest value each takes, ns, and how many there are.
+    pub fn buckets(&self) -> &[(u64, u64)] {
+        &self.buckets
+    }
+
+    /// The usual percentiles.
+    pub fn percentiles(&self) -> Percentiles {
+        Percentiles {
+            p50: self.quantile(0.5),
+            p99: self.quantile(0.99),
+            p999: self.quantile(0.999),
+            max: self.max,
+        }
+    }
+
+    /// The smallest bucket bound that at least this share of all values does not exceed, ns.
+    pub fn quantile(&self, share: f64) -> u64 {
+        let wanted = (share * self.count() as f64).ceil() as u64;
+        let mut seen = 0;
+        let reached = self.buckets.iter().find(|(_, count)| {
+            seen += count;
+            seen >= wanted
+        });
+        reached.map_or(0, |(bound, _)| (*bound).min(self.max))
+    }
+
+    /// What was recorded since an earlier snapshot of the same histogram.
+    ///
+    /// Its maximum is exact if it is one of the whole histogram; else it is that of its bucket, at most 1/32 above.
+    pub fn since(&self, earlier: &Self) -> Self {
+        let mut before = earlier.buckets.iter().copied().peekable();
+        let mut buckets = Vec::new();
+        for &(bound, count) in &self.buckets {
+            while before.next_if(|(earlier_bound, _)| *earlier_bound < bound).is_some() {}
+            let had = before.next_if(|(earlier_bound, _)| *earlier_bound == bound).map_or(0, |(_, had)| had);
+            if count > had {
+                buckets.push((bound, count - had));
+            }
+        }
+        let largest = buckets.last().map_or(0, |(bound, _)| *bound);
+        let max = if self.max > earlier.max && largest > 0 { self.max } else { largest.min(self.max) };
+        Self { sum: self.sum.wrapping_sub(earlier.sum), max, buckets }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::telemetry::Histogram;
+
+    #[test]
+    fn a_snapshot_says_what_its_histogram_says() {
+        let histogram = Histogram::default();
+        (1..=10_000u64).for_each(|value| histogram.record(value * 37));
+        let snapshot = histogram.snapshot();
+        assert_eq!(snapshot.percentiles(), histogram.percentiles());
+        assert_eq!((snapshot.count(), snapshot.sum()), (10_000, 37 * 10_000 * 10_001 / 2));
+        assert_eq!(Snapshot::default().percentiles(), Percentiles::default());
+    }
+
+    #[test]
+    fn between_two_snapshots_lies_what_was_recorded_between_them_and_nothing_else() {
+        let (whole, between) = (Histogram::default(), Histogram::default());
+        (0..5_000u64).for_each(|value| whole.record(value * 1_000));
+        let before = whole.snapshot();
+        for value in (0..3_000u64).map(|value| 200 + value * value % 70_001) {
+            whole.record(value);
+            between.record(value);
+        }
+        let (got, expected) = (whole.snapshot().since(&before), between.snapshot());
+        assert_eq!(got.buckets(), expected.buckets());
+        assert_eq!((got.count(), got.sum()), (expected.count(), expected.sum()));
+        let (got, expected) = (got.percentiles(), expected.percentiles());
+        assert_eq!((got.p50, got.p99), (expected.p50, expected.p99));
+        // The largest of all came before; of the largest since only the bucket is known.
+        assert!(
+            got.max >= expected.max && got.max - expected.max <= expected.max / 32,
+            "{got:?} {expected:?}"
+        );
+    }
+
+    #[test]
+    fn a_new_maximum_is_exact_between_snapshots_too() {
+        let histogram = Histogram::default();
+        histogram.record(1_000);
+        let before = histogram.snapshot();
+        histogram.record(1_000_003);
+        assert_eq!(histogram.snapshot().since(&before).percentiles().max, 1_000_003);
+    }
+
+    #[test]
+    fn nothing_lies_between_two_snapshots_of_a_silent_histogram() {
+        let histogram = Histogram::default();
+        histogram.record(5);
+        let snapshot = histogram.snapshot();
+        assert_eq!(snapshot.since(&snapshot), Snapshot::default());
+    }
+}

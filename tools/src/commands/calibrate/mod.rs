@@ -1,0 +1,129 @@
+//! `motorium calibrate`: measures what a machine and the components of a graph take, and proposes budgets.
+
+mod budgets;
+mod machine;
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use motorium::graph::Override;
+use motorium::graph::units::TimeSpan;
+use motorium::launcher::{self, Exit, Hosting, Options, Report};
+use motorium::plan::{ClockKind, Plan};
+use motorium::schedule::{Admission, Overheads, RtLimit, admit};
+use serde::Serialize;
+
+use self::budgets::{Cover, Proposal};
+use super::loading::GraphArgs;
+use super::{check, line};
+use crate::{exit, overheads, registry, style};
+
+/// Measure this machine and the components of a graph, and propose budgets.
+///
+/// Runs the graph in real time, whether or not its budgets hold. Stop other work first: what disturbs the machine now
+/// is taken for its nature.
+///
+/// Example: motorium calibrate graphs/panda-reach.toml --for 30s --save
+#[derive(Debug, clap::Args)]
+pub(crate) struct Calibrate {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// How long to run the graph
+    #[arg(long = "for", value_name = "DURATION", default_value = "10 s")]
+    duration: TimeSpan,
+    /// Which of the measured execution times a budget covers
+    #[arg(long, value_enum, default_value = "p999")]
+    cover: Cover,
+    /// Room above that, as a share of it
+    #[arg(long, default_value_t = 0.5, value_parser = budgets::parse_margin)]
+    margin: f64,
+    /// Save what was measured of the machine: `check` and `run` on this machine use it from then on
+    #[arg(long)]
+    save: bool,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was measured, and what follows.
+#[derive(Debug, Serialize)]
+struct Answer {
+    machine: overheads::Machine,
+    /// What the machine takes, as the admission check counts it.
+    overheads: Overheads,
+    /// Steps and proposed budget of each component.
+    components: Vec<Proposal>,
+    /// Whether the graph holds with the proposed budgets.
+    admission: Admission,
+}
+
+impl Calibrate {
+    pub(crate) fn run(mut self) -> anyhow::Result<ExitCode> {
+        let duration = self.duration.to_string();
+        for (path, value) in [("clock", "realtime"), ("duration", duration.as_str())] {
+            self.graph.set.push(Override { path: path.to_string(), value: format!("{value:?}") });
+        }
+        let registry = registry::registry();
+        let checked = match self.graph.load(&registry, self.json) {
+            Ok(checked) => checked,
+            Err(code) => return Ok(code),
+        };
+        debug_assert_eq!(checked.plan.clock, ClockKind::Realtime);
+        let program = std::env::current_exe().context("finding this program's own file")?;
+        self.tell("measuring how this machine wakes threads and hands over ...");
+        let floor = machine::measure(&program, &registry, Duration::from_secs(2))?;
+        self.tell(&format!("running the graph for {duration} ..."));
+        let options = Options { hosting: Hosting::Processes, program };
+        let quiet = self.json;
+        let report = launcher::run(checked.plan.clone(), &registry, &options, &mut |event| {
+            if let (false, Some(line)) = (quiet, line(&event)) {
+                anstream::eprintln!("{line}");
+            }
+        })?;
+        if let Exit::SafeStop { reason } = &report.exit {
+            anstream::eprintln!("{}: safe stop: {reason}", style::error("error"));
+            return Ok(exit::safe_stop());
+        }
+        let answer = self.conclude(checked.plan, &report, &floor);
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&answer)?);
+        } else {
+            print(&answer, &report);
+        }
+        if self.save {
+            let path = overheads::save(answer.overheads)?;
+            self.tell(&format!("saved in {}: `check` and `run` use it from now on", path.display()));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn conclude(&self, mut plan: Plan, report: &Report, floor: &machine::Floor) -> Answer {
+        let overheads = floor.overheads(&plan, report);
+        let components = budgets::propose(&plan, report, self.cover, self.margin);
+        for (component, proposal) in plan.components.iter_mut().zip(&components) {
+            component.budget_ns = Some(proposal.budget_ns);
+        }
+        let admission = admit(&plan, &overheads, RtLimit::detect());
+        Answer { machine: overheads::Machine::this(), overheads, components, admission }
+    }
+
+    fn tell(&self, text: &str) {
+        if !self.json {
+            anstream::eprintln!("{}", style::dim(text.to_string()));
+        }
+    }
+}
+
+fn print(answer: &Answer, report: &Report) {
+    let time = |ns: u64| TimeSpan { ns };
+    let overheads = &answer.overheads;
+    anstream::println!("\nthis machine: {}, {} cores", answer.machine.processor, answer.machine.cores);
+    anstream::println!("  late wake-up              {}", time(overheads.wake_ns));
+    anstream::println!("  hand-over on a core       {}", time(overheads.hop_same_core_ns));
+    anstream::println!("  hand-over to another core {}", time(overheads.hop_cross_core_ns));
+    anstream::println!("  worker, per step          {}", time(overheads.worker_ns));
+    anstream::print!("\n{}", budgets::describe(&answer.components, report));
+    anstream::print!("{}", check::describe_admission(&answer.admission, "as measured just now"));
+    anstream::eprint!("{}", check::problems(&answer.admission));
+}

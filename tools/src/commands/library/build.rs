@@ -1,0 +1,64 @@
+//! `motorium library build`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium_policies::library::{Keep, MotionLibrary};
+
+use super::source::{MetricName, Shape, Source};
+
+/// Learn a library from recordings.
+#[derive(Debug, clap::Args)]
+pub(super) struct Build {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    shape: Shape,
+    /// The file to write
+    #[arg(long, short)]
+    output: PathBuf,
+    /// What the eigenforces leave the least of
+    #[arg(long, value_enum, default_value = "position")]
+    metric: MetricName,
+    #[command(flatten)]
+    keep: KeepOptions,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// How many eigenforces are kept: all, unless one of these is given.
+#[derive(Debug, Default, clap::Args)]
+#[group(multiple = false)]
+pub(super) struct KeepOptions {
+    /// Keep so many eigenforces
+    #[arg(long)]
+    rank: Option<usize>,
+    /// Keep as few as leave at most this part out, such as 0.05
+    #[arg(long)]
+    error: Option<f64>,
+    /// Keep as many as fit into so many bytes
+    #[arg(long)]
+    bytes: Option<usize>,
+}
+
+impl KeepOptions {
+    pub(super) fn keep(&self) -> Keep {
+        match (self.rank, self.error, self.bytes) {
+            (Some(rank), _, _) => Keep::Rank(rank),
+            (_, Some(error), _) => Keep::Error(error),
+            (_, _, Some(bytes)) => Keep::Bytes(bytes),
+            _ => Keep::All,
+        }
+    }
+}
+
+impl Build {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let recordings = self.source.read()?;
+        let spring = self.shape.spring()?;
+        let library = MotionLibrary::build(&recordings, spring, self.metric.into(), self.keep.keep())?;
+        super::write(&library, &self.output)?;
+        super::show(&library, Some(&self.output), self.json)
+    }
+}

@@ -1,0 +1,163 @@
+//! `motorium library generate`.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_policies::library::{MotionLibrary, Superposition, file};
+
+use crate::commands::reproduce::chart::{Chart, Series, Tile, tiles};
+
+/// Generate a movement: of the library, of given weights, or between two.
+#[derive(Debug, clap::Args)]
+pub(super) struct Generate {
+    /// The library
+    file: PathBuf,
+    /// A movement of the library by its id, or the mean of a label
+    #[arg(long, required_unless_present = "weights")]
+    movement: Option<String>,
+    /// A second one to blend with
+    #[arg(long, requires = "movement")]
+    with: Option<String>,
+    /// How far to go towards the second
+    #[arg(long, default_value_t = 0.5)]
+    blend: f64,
+    /// Weights of the first eigenforces, in place of a movement; start and goal are 0 unless given
+    #[arg(long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true)]
+    weights: Vec<f64>,
+    /// Eigenforces to use: all if not given
+    #[arg(long)]
+    terms: Option<usize>,
+    /// Where to begin, one number for each degree of freedom; the goal moves along
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    start: Vec<f64>,
+    /// Where to end
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    goal: Vec<f64>,
+    /// Seconds from start to goal
+    #[arg(long)]
+    duration: Option<f64>,
+    /// Draw the movement into this SVG file
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+    /// Write to this CSV file in place of standard output
+    #[arg(long, short)]
+    output: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Generate {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let library = file::read(&self.file)?;
+        let movement = self.movement(&library)?;
+        let dofs = library.layout().dofs();
+        for (name, values) in [("--start", &self.start), ("--goal", &self.goal)] {
+            anyhow::ensure!(
+                values.is_empty() || values.len() == dofs,
+                "{name} has {} numbers, expected {dofs}",
+                values.len()
+            );
+        }
+        if let Some(duration) = self.duration {
+            anyhow::ensure!(duration > 0.0, "--duration is {duration}, expected a positive time");
+        }
+        let given = |values: &Vec<f64>| (!values.is_empty()).then(|| values.clone());
+        let movement =
+            movement.placed(given(&self.start).as_deref(), given(&self.goal).as_deref(), self.duration);
+        let path = movement.path(&library);
+        let time = |k: usize| movement.frame.duration * k as f64 * library.spring().step();
+        if let Some(plot) = &self.plot {
+            std::fs::write(plot, picture(&library, &path)).with_context(|| plot.display().to_string())?;
+        }
+        if self.json {
+            let columns: serde_json::Map<String, serde_json::Value> = library
+                .layout()
+                .names()
+                .iter()
+                .zip(path.column_iter())
+                .map(|(name, column)| (name.clone(), column.as_slice().into()))
+                .collect();
+            let report = serde_json::json!({
+                "duration": movement.frame.duration,
+                "weights": movement.weights,
+                "start": movement.frame.start,
+                "goal": movement.frame.goal,
+                "positions": columns,
+            });
+            println!("{}", serde_json::to_string_pretty(&report)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        let mut csv = format!("t,{}\n", library.layout().names().join(","));
+        for (k, row) in path.row_iter().enumerate() {
+            let _ = write!(csv, "{}", time(k));
+            row.iter().for_each(|value| {
+                let _ = write!(csv, ",{value}");
+            });
+            csv.push('\n');
+        }
+        match &self.output {
+            Some(output) => std::fs::write(output, csv).with_context(|| output.display().to_string())?,
+            None => print!("{csv}"),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn movement(&self, library: &MotionLibrary) -> anyhow::Result<Superposition> {
+        let terms = self.terms.unwrap_or(library.rank());
+        let named = |name: &str| {
+            let one = library.entries().iter().position(|entry| entry.id == name);
+            one.map(|entry| Superposition::of(library, entry, terms))
+                .or_else(|| Superposition::mean_of(library, name, terms))
+                .with_context(|| {
+                    let mut labels: Vec<&str> =
+                        library.entries().iter().filter_map(|entry| entry.label.as_deref()).collect();
+                    labels.sort_unstable();
+                    labels.dedup();
+                    format!("no movement and no label `{name}`; the labels are {}", labels.join(", "))
+                })
+        };
+        if let Some(name) = &self.movement {
+            let first = named(name)?;
+            return Ok(match &self.with {
+                Some(second) => first.blend(&named(second)?, self.blend),
+                None => first,
+            });
+        }
+        anyhow::ensure!(
+            self.weights.len() <= library.rank(),
+            "{} weights, the library has {} eigenforces",
+            self.weights.len(),
+            library.rank()
+        );
+        let zero = vec![0.0; library.layout().dofs()];
+        let frame = motorium_policies::library::Frame {
+            start: zero.clone(),
+            goal: zero.clone(),
+            velocity: zero,
+            duration: 1.0,
+        };
+        Ok(Superposition { weights: self.weights.clone(), frame })
+    }
+}
+
+/// Two degrees of freedom as a curve, others over time.
+fn picture(library: &MotionLibrary, path: &nalgebra::DMatrix<f64>) -> String {
+    let names = library.layout().names();
+    if names.len() == 2 {
+        let found = path.row_iter().map(|row| [row[0], row[1]]).collect();
+        return tiles("", &[Tile { name: names.join(", "), known: Vec::new(), found }], 1);
+    }
+    let series = names.iter().zip(path.column_iter()).map(|(name, column)| Series {
+        name: name.clone(),
+        points: column
+            .iter()
+            .enumerate()
+            .map(|(k, y)| [k as f64 * library.spring().step(), *y, 0.0])
+            .collect(),
+    });
+    let (x, y) = ("time, durations".to_string(), "position".to_string());
+    Chart { title: String::new(), x, y, log_x: false, log_y: false, series: series.collect() }.svg()
+}

@@ -1,0 +1,67 @@
+//! `motorium library letters`.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_policies::library::letters::{ALPHABET, Variation, letters};
+
+use crate::commands::reproduce::chart::{Tile, tiles};
+
+/// Write letters of our own strokes, with seeded variation, as recordings.
+#[derive(Debug, clap::Args)]
+pub(super) struct Letters {
+    /// The .jsonl file to write
+    #[arg(long, short)]
+    output: PathBuf,
+    /// Variations of each letter
+    #[arg(long, default_value_t = 10)]
+    each: usize,
+    /// The seed: the same letters for the same seed
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Draw the first of each into this SVG file
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Letters {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let set = letters(self.each, Variation::default(), self.seed);
+        let file = std::fs::File::create(&self.output).with_context(|| self.output.display().to_string())?;
+        let mut file = std::io::BufWriter::new(file);
+        let round = |column: &[f64]| column.iter().map(|x| (x * 1e6).round() / 1e6).collect::<Vec<f64>>();
+        for letter in &set.trajectories {
+            let (x, y) =
+                (round(letter.positions.column(0).as_slice()), round(letter.positions.column(1).as_slice()));
+            let line = serde_json::json!({
+                "id": letter.id, "label": letter.label, "duration": letter.duration, "x": x, "y": y,
+            });
+            writeln!(file, "{line}")?;
+        }
+        file.flush()?;
+        if let Some(plot) = &self.plot {
+            let first = set.trajectories.iter().step_by(self.each.max(1));
+            let tile = |letter: &motorium_policies::library::Trajectory| Tile {
+                name: letter.id.clone(),
+                known: Vec::new(),
+                found: letter.positions.row_iter().map(|row| [row[0], row[1]]).collect(),
+            };
+            std::fs::write(plot, tiles("", &first.map(tile).collect::<Vec<_>>(), 5))?;
+        }
+        let count = set.trajectories.len();
+        if self.json {
+            println!(
+                "{}",
+                serde_json::json!({ "file": self.output, "recordings": count, "labels": ALPHABET })
+            );
+        } else {
+            println!("{count} letters ({ALPHABET}) in {}", self.output.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

@@ -1,0 +1,132 @@
+//! `motorium library`: motion libraries in files.
+
+mod build;
+mod evaluate;
+mod generate;
+mod inspect;
+mod letters;
+mod recognise;
+mod reshape;
+mod source;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_policies::library::{MotionLibrary, file};
+
+/// Movements as weights of a few eigenforces: learn them, look at them, take them apart, use them.
+///
+/// Example: motorium library letters --output letters.jsonl && motorium library build letters.jsonl --output letters.library
+#[derive(Debug, clap::Args)]
+pub(crate) struct Library {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Build(build::Build),
+    Inspect(inspect::Inspect),
+    Split(reshape::Split),
+    Merge(reshape::Merge),
+    Update(reshape::Update),
+    Recognise(recognise::Recognise),
+    Generate(generate::Generate),
+    Evaluate(evaluate::Evaluate),
+    Letters(letters::Letters),
+}
+
+impl Library {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Build(command) => command.run(),
+            Command::Inspect(command) => command.run(),
+            Command::Split(command) => command.run(),
+            Command::Merge(command) => command.run(),
+            Command::Update(command) => command.run(),
+            Command::Recognise(command) => command.run(),
+            Command::Generate(command) => command.run(),
+            Command::Evaluate(command) => command.run(),
+            Command::Letters(command) => command.run(),
+        }
+    }
+}
+
+fn write(library: &MotionLibrary, path: &Path) -> anyhow::Result<()> {
+    file::write(library, path).with_context(|| path.display().to_string())
+}
+
+/// What there is to say of a library.
+fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_json::Value {
+    let explained = library.explained();
+    let mut labels = std::collections::BTreeMap::<&str, usize>::new();
+    for entry in library.entries() {
+        *labels.entry(entry.label.as_deref().unwrap_or("")).or_default() += 1;
+    }
+    let left = (1.0 - explained.iter().sum::<f64>()).max(0.0).sqrt();
+    serde_json::json!({
+        "file": path,
+        "names": library.layout().names(),
+        "samples": library.spring().samples(),
+        "damping": library.spring().damping(),
+        "metric": library.metric(),
+        "eigenforces": library.rank(),
+        "movements": library.entries().len(),
+        "labels": labels,
+        "left_out": left,
+        "bytes": file::to_bytes(library).len(),
+        "explained": explained,
+        "singular": library.parts().singular,
+    })
+}
+
+/// Prints a summary: as JSON, or in words.
+fn show(library: &MotionLibrary, path: Option<&PathBuf>, json: bool) -> anyhow::Result<ExitCode> {
+    let summary = summary(library, path);
+    if json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+        return Ok(ExitCode::SUCCESS);
+    }
+    let names = library.layout().names();
+    if let Some(path) = path {
+        println!("{}", path.display());
+    }
+    println!(
+        "{} eigenforces of {} movements, metric of {}, {:.1} kB",
+        library.rank(),
+        library.entries().len(),
+        summary["metric"].as_str().unwrap_or_default(),
+        summary["bytes"].as_f64().unwrap_or(0.0) * 1e-3
+    );
+    println!(
+        "{} degrees of freedom ({}), {} samples",
+        names.len(),
+        names.join(", "),
+        library.spring().samples()
+    );
+    let labels = summary["labels"].as_object().into_iter().flatten();
+    let labels: Vec<String> = labels
+        .filter(|(label, _)| !label.is_empty())
+        .map(|(label, count)| format!("{label} {count}"))
+        .collect();
+    if !labels.is_empty() {
+        println!("labels: {}", labels.join(", "));
+    }
+    let mut table = crate::report::table(["n", "explained", "together", "left out"]);
+    let (mut together, explained) = (0.0, library.explained());
+    for (k, part) in explained.iter().enumerate() {
+        together += part;
+        let n = k + 1;
+        if n <= 8 || n.is_power_of_two() || n == explained.len() {
+            table.add_row([
+                n.to_string(),
+                format!("{part:.4}"),
+                format!("{together:.4}"),
+                format!("{:.4}", (1.0 - together).max(0.0).sqrt()),
+            ]);
+        }
+    }
+    println!("{}", table.trim_fmt());
+    Ok(ExitCode::SUCCESS)
+}

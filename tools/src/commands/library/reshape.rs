@@ -1,0 +1,139 @@
+//! `motorium library split`, `merge` and `update`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_policies::library::{
+    MotionLibrary, RecursiveLibrary, file, merge_independent, merge_movements, merge_parts,
+};
+
+use super::build::KeepOptions;
+use super::source::Source;
+
+/// Take parts of a body out of a library of the whole, without the recordings.
+///
+/// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --folder parts
+#[derive(Debug, clap::Args)]
+pub(super) struct Split {
+    /// The library
+    file: PathBuf,
+    /// Parts: NAME=PATTERN[,PATTERN...], a pattern being the name of a degree of freedom, or its beginning and `*`
+    #[arg(required = true)]
+    parts: Vec<String>,
+    /// The folder to write to: NAME.library for each part
+    #[arg(long, default_value = ".")]
+    folder: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Split {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let library = file::read(&self.file)?;
+        let parts: Vec<_> =
+            self.parts.iter().map(|part| library.layout().part(part)).collect::<Result<_, _>>()?;
+        std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
+        let mut all = Vec::new();
+        for part in parts {
+            let path = self.folder.join(format!("{}.library", part.name));
+            let split = library.split(&part);
+            super::write(&split, &path)?;
+            if self.json {
+                all.push(super::summary(&split, Some(&path)));
+            } else {
+                super::show(&split, Some(&path), false)?;
+            }
+        }
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&all)?);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Make one library out of several.
+///
+/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of different ones into one
+/// of the whole body, its parts correlated if all were learned from the same movements.
+#[derive(Debug, clap::Args)]
+pub(super) struct Merge {
+    /// The libraries
+    #[arg(required = true, num_args = 2..)]
+    files: Vec<PathBuf>,
+    /// The file to write
+    #[arg(long, short)]
+    output: PathBuf,
+    /// Take the parts of a body as independent, even if they were learned from the same movements
+    #[arg(long)]
+    independent: bool,
+    #[command(flatten)]
+    keep: KeepOptions,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Merge {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let libraries: Vec<MotionLibrary> =
+            self.files.iter().map(|path| file::read(path)).collect::<Result<_, _>>()?;
+        let all: Vec<&MotionLibrary> = libraries.iter().collect();
+        let same = all.iter().all(|library| library.layout() == all[0].layout());
+        let keep = self.keep.keep();
+        let merged = match (same, self.independent) {
+            (true, _) => merge_movements(&all, keep)?,
+            (false, true) => merge_independent(&all, keep)?,
+            (false, false) => merge_parts(&all, keep)?,
+        };
+        super::write(&merged, &self.output)?;
+        super::show(&merged, Some(&self.output), self.json)
+    }
+}
+
+/// Take further recordings into a library, one by one, without those it was learned from.
+#[derive(Debug, clap::Args)]
+pub(super) struct Update {
+    /// The library
+    file: PathBuf,
+    #[command(flatten)]
+    source: Source,
+    /// The file to write
+    #[arg(long, short)]
+    output: PathBuf,
+    /// The most eigenforces to keep: about twice as many as are used
+    #[arg(long, default_value_t = 50)]
+    capacity: usize,
+    /// What a movement still counts when one more comes: 1 forgets nothing
+    #[arg(long, default_value_t = 1.0)]
+    forgetting: f64,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Update {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        anyhow::ensure!(
+            self.forgetting > 0.0 && self.forgetting <= 1.0,
+            "--forgetting is {}, expected more than 0, at most 1",
+            self.forgetting
+        );
+        let library = file::read(&self.file)?;
+        let recordings = self.source.read()?;
+        anyhow::ensure!(
+            recordings.names == library.layout().names(),
+            "the recordings have the degrees of freedom {}, the library {}",
+            recordings.names.join(", "),
+            library.layout().names().join(", ")
+        );
+        let mut recursive = RecursiveLibrary::new(library, self.capacity, self.forgetting);
+        for trajectory in &recordings.trajectories {
+            recursive.add(trajectory)?;
+        }
+        let updated = recursive.into_library();
+        super::write(&updated, &self.output)?;
+        super::show(&updated, Some(&self.output), self.json)
+    }
+}

@@ -1,0 +1,100 @@
+//! Recordings as the commands take them.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use motorium_policies::library::{DAMPING, Metric, Recordings, SampledSpring, data};
+
+/// Which recordings, and how they are read.
+#[derive(Debug, clap::Args)]
+pub(super) struct Source {
+    /// Recordings: .jsonl, .json or .csv files, or folders with some
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// Samples per second of recordings that do not say
+    #[arg(long, default_value_t = 100.0)]
+    rate: f64,
+    /// Take only these degrees of freedom: names, or their beginnings and `*`
+    #[arg(long, value_delimiter = ',')]
+    columns: Vec<String>,
+    /// Smooth with a Gaussian of so many samples before anything else (measured recordings need it)
+    #[arg(long, default_value_t = 0.0, value_name = "SAMPLES")]
+    smooth: f64,
+    /// Cut into windows of so many samples, half of it apart
+    #[arg(long, value_name = "SAMPLES")]
+    window: Option<usize>,
+    /// With --window: drop windows in which a sample is further than this from the one before
+    #[arg(long, default_value_t = f64::INFINITY)]
+    leap: f64,
+}
+
+impl Source {
+    pub(super) fn read(&self) -> anyhow::Result<Recordings> {
+        anyhow::ensure!(self.rate > 0.0, "--rate is {}, expected a positive number", self.rate);
+        let options = data::Options { rate: self.rate, columns: self.columns.clone() };
+        let mut all: Option<Recordings> = None;
+        for path in &self.data {
+            let found = data::read(path, &options)?;
+            match &mut all {
+                None => all = Some(found),
+                Some(all) => {
+                    anyhow::ensure!(
+                        all.names == found.names,
+                        "{} has the degrees of freedom {}, the files before {}: choose common ones with --columns",
+                        path.display(),
+                        found.names.join(", "),
+                        all.names.join(", ")
+                    );
+                    all.trajectories.extend(found.trajectories);
+                }
+            }
+        }
+        let mut all = all.context("no recording")?;
+        if self.smooth > 0.0 {
+            all.trajectories.iter_mut().for_each(|trajectory| *trajectory = trajectory.smoothed(self.smooth));
+        }
+        if let Some(window) = self.window {
+            all = all.windows(window, window / 2, self.leap);
+            anyhow::ensure!(
+                !all.trajectories.is_empty(),
+                "no window of {window} samples in these recordings"
+            );
+        }
+        Ok(all)
+    }
+}
+
+/// How forces are made of recordings.
+#[derive(Debug, clap::Args)]
+pub(super) struct Shape {
+    /// Samples of each movement, evenly over its duration
+    #[arg(long, default_value_t = 200)]
+    samples: usize,
+    /// Damping D of the spring; its stiffness is D^2 / 4
+    #[arg(long, default_value_t = DAMPING)]
+    damping: f64,
+}
+
+impl Shape {
+    pub(super) fn spring(&self) -> anyhow::Result<SampledSpring> {
+        Ok(SampledSpring::new(self.samples, self.damping)?)
+    }
+}
+
+/// What the eigenforces leave the least of.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(super) enum MetricName {
+    /// Force, as in the literature
+    Force,
+    /// Position: more exact paths with as many eigenforces
+    Position,
+}
+
+impl From<MetricName> for Metric {
+    fn from(name: MetricName) -> Self {
+        match name {
+            MetricName::Force => Self::Force,
+            MetricName::Position => Self::Position,
+        }
+    }
+}

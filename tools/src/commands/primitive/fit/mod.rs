@@ -1,0 +1,365 @@
+//! `motorium primitive fit`: a primitive from recordings.
+
+mod report;
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context as _, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use motorium_policies::dmp::{
+    Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
+};
+use motorium_policies::file::{Primitive, PrimitiveFile};
+use motorium_policies::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
+use motorium_policies::recording::{self, Recording, Selection};
+use nalgebra::DMatrix;
+
+use report::{Report, text};
+
+use super::plot::{self, Panel};
+use super::rollout::{Trajectory, Wish, roll_out};
+
+/// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
+///
+/// What `motorium topic echo --json` prints is read as it is. Reports how closely the primitive gives the movement back.
+///
+/// Example: motorium primitive fit demonstration.jsonl --kernels 50 --output reach.json --plot reach.svg
+#[derive(Debug, clap::Args)]
+pub(super) struct Fit {
+    /// The recordings
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// What to fit
+    #[arg(long, value_enum, default_value_t = Model::Discrete)]
+    model: Model,
+    /// The equation of a discrete primitive; quintic-goal if not given
+    #[arg(long, value_enum)]
+    variant: Option<VariantArg>,
+    /// Number of kernels or basis functions for each dimension
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    kernels: usize,
+    /// How the weights are found: least squares on the forcing term (the default; of a distribution, expectation maximisation), each kernel by itself, or least squares on the position
+    #[arg(long, value_enum)]
+    regression: Option<RegressionArg>,
+    /// Penalty of ridge and response regression; 1e-12 if not given
+    #[arg(long, value_name = "LAMBDA")]
+    penalty: Option<f64>,
+    /// How the shape of a discrete primitive follows another displacement: not (fixed, the default), each dimension by
+    /// itself, or as a whole, at most tenfold
+    #[arg(long, value_enum)]
+    scaling: Option<ScalingArg>,
+    /// Field of the samples of a topic, such as velocity; position if not given
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+    /// Channel to keep (again for more); all if not given
+    #[arg(long, value_name = "NAME")]
+    channel: Vec<String>,
+    /// Samples a second of recordings without time
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Frequency above which a recording is noise; nothing is filtered if not given
+    #[arg(long, value_name = "HZ")]
+    cutoff: Option<f64>,
+    /// Evenly spaced samples that a recording (of a rhythm: a period) is made into
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(4..=100_000))]
+    samples: u32,
+    /// Periods that every recording of a rhythm holds; 1 if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    periods: Option<u32>,
+    /// Write the primitive to this file
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Draw recordings and primitive
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Of ridge and response regression.
+const PENALTY: f64 = 1e-12;
+
+// Without a comment on each, the help lists the values in one line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Model {
+    Discrete,
+    Rhythmic,
+    Probabilistic,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum VariantArg {
+    QuinticGoal,
+    FinalVelocity,
+    Classic,
+    GoalSafe,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum RegressionArg {
+    Ridge,
+    LocallyWeighted,
+    Response,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ScalingArg {
+    Fixed,
+    Displacement,
+    Similarity,
+}
+
+/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the names.
+struct Shown {
+    recordings: usize,
+    names: Vec<String>,
+    duration: f64,
+    demonstrations: Vec<(f64, DMatrix<f64>)>,
+}
+
+impl Fit {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.check()?;
+        let shown = self.read()?;
+        let file = match self.model {
+            Model::Discrete => self.discrete(&shown)?,
+            Model::Rhythmic => self.rhythmic(&shown)?,
+            Model::Probabilistic => self.probabilistic(&shown)?,
+        };
+        let reproduced = reproduce(&file, &shown)?;
+        if let Some(path) = &self.output {
+            file.write(path)?;
+        }
+        if let Some(path) = &self.plot {
+            plot::write(path, &panels(&shown, &reproduced))?;
+        }
+        let report = Report::new(&file, &shown, &reproduced, [self.output.clone(), self.plot.clone()]);
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            anstream::print!("{}", text(&report));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// No option is passed over in silence.
+    fn check(&self) -> anyhow::Result<()> {
+        let discrete = self.model == Model::Discrete;
+        let penalised = match self.regression {
+            None => self.model != Model::Probabilistic,
+            Some(regression) => !matches!(regression, RegressionArg::LocallyWeighted),
+        };
+        for (given, option, holds) in [
+            (self.variant.is_some(), "--variant", discrete),
+            (self.scaling.is_some(), "--scaling", discrete),
+            (self.periods.is_some(), "--periods", self.model == Model::Rhythmic),
+            (self.penalty.is_some(), "--penalty", penalised),
+        ] {
+            if given && !holds {
+                bail!(
+                    "{option} says nothing of what is to be fitted: leave it out, or choose another --model or --regression"
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn read(&self) -> anyhow::Result<Shown> {
+        let selection =
+            Selection { field: self.field.clone(), channels: self.channel.clone(), rate: self.rate };
+        let recordings: Vec<Recording> =
+            self.files.iter().map(|file| recording::read(file, &selection)).collect::<Result<_, _>>()?;
+        let names = recordings[0].names().to_vec();
+        for (file, recording) in self.files.iter().zip(&recordings) {
+            if recording.names().len() != names.len() {
+                let (found, expected) = (recording.names().len(), names.len());
+                bail!("{} has {found} channels, {} has {expected}", file.display(), self.files[0].display());
+            }
+        }
+        let (samples, periods) = (self.samples as usize, self.periods.unwrap_or(1) as usize);
+        let mut demonstrations = Vec::new();
+        for recording in &recordings {
+            if self.model == Model::Rhythmic {
+                let all = recording.evenly(samples * periods + 1, self.cutoff)?;
+                let period = recording.duration() / periods as f64;
+                for index in 0..periods {
+                    demonstrations.push((period, all.rows(index * samples, samples).into_owned()));
+                }
+            } else {
+                demonstrations.push((recording.duration(), recording.evenly(samples, self.cutoff)?));
+            }
+        }
+        let duration = demonstrations.iter().map(|(time, _)| time).sum::<f64>() / demonstrations.len() as f64;
+        Ok(Shown { recordings: self.files.len(), names, duration, demonstrations })
+    }
+
+    fn discrete(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
+        let demonstrations = shown
+            .demonstrations
+            .iter()
+            .map(|(duration, positions)| Demonstration::from_positions(*duration, positions.clone()))
+            .collect::<Result<Vec<_>, _>>()?;
+        let settings = Settings {
+            variant: match self.variant.unwrap_or(VariantArg::QuinticGoal) {
+                VariantArg::QuinticGoal => Variant::QuinticGoal,
+                VariantArg::FinalVelocity => Variant::FinalVelocity,
+                VariantArg::Classic => Variant::Classic,
+                VariantArg::GoalSafe => Variant::GoalSafe,
+            },
+            scaling: match self.scaling.unwrap_or(ScalingArg::Fixed) {
+                ScalingArg::Fixed => Scaling::Fixed,
+                ScalingArg::Displacement => Scaling::Displacement { limit: 10.0 },
+                ScalingArg::Similarity => Scaling::Similarity { limit: 10.0 },
+            },
+            kernels: self.kernels,
+            ..Settings::default()
+        };
+        let regression = match self.regression.unwrap_or(RegressionArg::Ridge) {
+            RegressionArg::Ridge => Regression::Ridge { lambda: self.penalty.unwrap_or(PENALTY) },
+            RegressionArg::LocallyWeighted => Regression::LocallyWeighted,
+            RegressionArg::Response => Regression::Response { lambda: self.penalty.unwrap_or(PENALTY) },
+        };
+        let model = DmpModel::fit(settings, &demonstrations, regression)?;
+        let mean = |f: &dyn Fn(&Demonstration, usize) -> f64| -> Vec<f64> {
+            (0..shown.names.len())
+                .map(|d| {
+                    demonstrations.iter().map(|demo| f(demo, d)).sum::<f64>() / demonstrations.len() as f64
+                })
+                .collect()
+        };
+        Ok(PrimitiveFile {
+            start: mean(&|demo, d| demo.start(d)),
+            start_velocity: mean(&|demo, d| demo.velocities()[(0, d)]),
+            goal: mean(&|demo, d| demo.goal(d)),
+            final_velocity: mean(&|demo, d| demo.velocities()[(demo.samples() - 1, d)]),
+            ..self.file(shown, Primitive::Discrete(model))
+        })
+    }
+
+    fn rhythmic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
+        let settings = RhythmicSettings { kernels: self.kernels, ..RhythmicSettings::default() };
+        let periods: Vec<DMatrix<f64>> =
+            shown.demonstrations.iter().map(|(_, period)| period.clone()).collect();
+        let model = match self.regression.unwrap_or(RegressionArg::Ridge) {
+            RegressionArg::Ridge => RhythmicModel::fit(settings, &periods, self.penalty.unwrap_or(PENALTY))?,
+            RegressionArg::LocallyWeighted => RhythmicModel::fit_locally_weighted(settings, &periods)?,
+            RegressionArg::Response => bail!("a rhythm is fitted by ridge or locally-weighted regression"),
+        };
+        let goal = model.baseline().as_slice().to_vec();
+        let (samples, count) = (self.samples as usize, periods.len() as f64);
+        let dt = shown.duration / samples as f64;
+        let mean = |f: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
+            (0..shown.names.len())
+                .map(|d| periods.iter().map(|period| f(period, d)).sum::<f64>() / count)
+                .collect()
+        };
+        Ok(PrimitiveFile {
+            start: mean(&|period, d| period[(0, d)]),
+            start_velocity: mean(&|period, d| (period[(1, d)] - period[(samples - 1, d)]) / (2.0 * dt)),
+            goal,
+            ..self.file(shown, Primitive::Rhythmic(model))
+        })
+    }
+
+    fn probabilistic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
+        let positions: Vec<DMatrix<f64>> =
+            shown.demonstrations.iter().map(|(_, positions)| positions.clone()).collect();
+        let learning = match self.regression {
+            None => ProMpFit::default().learning,
+            Some(RegressionArg::Ridge) => Learning::Ridge { lambda: self.penalty.unwrap_or(PENALTY) },
+            Some(_) => bail!(
+                "a distribution is fitted by expectation maximisation (the default) or ridge regression"
+            ),
+        };
+        let bar = progress_bar(!self.json);
+        let basis = ProMpBasis::gaussian(self.kernels, 0.7)?;
+        let fit = ProMpFit { learning, ..ProMpFit::default() };
+        let promp = ProMp::fit_with_progress(basis, &positions, &fit, |part| {
+            bar.set_position((part * 1000.0) as u64);
+        });
+        bar.finish_and_clear();
+        let mut promp = promp?;
+        promp.set_duration(shown.duration)?;
+        let at = |phase: f64| promp.mean_at(phase).as_slice().to_vec();
+        let moving = |phase: f64| (promp.mean_velocity_at(phase) / shown.duration).as_slice().to_vec();
+        Ok(PrimitiveFile {
+            start: at(0.0),
+            start_velocity: moving(0.0),
+            goal: at(1.0),
+            final_velocity: moving(1.0),
+            ..self.file(shown, Primitive::Probabilistic(promp))
+        })
+    }
+
+    fn file(&self, shown: &Shown, primitive: Primitive) -> PrimitiveFile {
+        let zeros = vec![0.0; shown.names.len()];
+        PrimitiveFile {
+            version: PrimitiveFile::VERSION,
+            names: shown.names.clone(),
+            duration: shown.duration,
+            start: zeros.clone(),
+            start_velocity: zeros.clone(),
+            goal: zeros.clone(),
+            final_velocity: zeros,
+            primitive,
+        }
+    }
+}
+
+/// The primitive, asked for the movement of every demonstration.
+fn reproduce(file: &PrimitiveFile, shown: &Shown) -> anyhow::Result<Vec<Trajectory>> {
+    let mut all = Vec::new();
+    for (duration, positions) in &shown.demonstrations {
+        let last = positions.nrows() - 1;
+        let row = |k: usize| positions.row(k).iter().copied().collect::<Vec<f64>>();
+        let (wish, interval) = match &file.primitive {
+            Primitive::Discrete(_) => {
+                let ends = Wish { start: Some(row(0)), goal: Some(row(last)), ..Wish::default() };
+                (Wish { duration: Some(*duration), ..ends }, duration / last as f64)
+            }
+            Primitive::Rhythmic(_) => {
+                let wish = Wish { start: Some(row(0)), duration: Some(*duration), ..Wish::default() };
+                (Wish { periods: Some(1.0), ..wish }, duration / (last + 1) as f64)
+            }
+            Primitive::Probabilistic(_) => {
+                (Wish { duration: Some(*duration), ..Wish::default() }, duration / last as f64)
+            }
+        };
+        all.push(
+            roll_out(file, &wish, interval).context("the primitive does not reproduce what it was shown")?,
+        );
+    }
+    Ok(all)
+}
+
+fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {
+    let mut panels = Vec::new();
+    for (d, name) in shown.names.iter().enumerate() {
+        let mut panel = Panel::new(name);
+        for (duration, positions) in &shown.demonstrations {
+            let last = (positions.nrows() - 1) as f64;
+            let line = (0..positions.nrows()).map(|k| (duration * k as f64 / last, positions[(k, d)]));
+            panel.demonstration(line.collect());
+        }
+        for trajectory in reproduced {
+            panel.trajectory(trajectory, d);
+        }
+        panels.push(panel);
+    }
+    panels
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress_bar(wanted: bool) -> ProgressBar {
+    if !(wanted && std::io::stderr().is_terminal()) {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("fitting {bar:40} {percent} %  {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,110 @@
+//! How closely a primitive gives its recordings back.
+
+use std::path::{Path, PathBuf};
+
+use motorium_policies::file::PrimitiveFile;
+use serde::Serialize;
+
+use super::Shown;
+use crate::commands::primitive::rollout::Trajectory;
+use crate::report::table;
+use crate::style;
+
+/// What is printed.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    kind: &'static str,
+    recordings: usize,
+    duration_s: f64,
+    dimensions: Vec<Dimension>,
+    /// Root mean square over all dimensions.
+    rms_error: f64,
+    output: Option<PathBuf>,
+    plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Dimension {
+    name: String,
+    start: f64,
+    goal: f64,
+    lowest: f64,
+    highest: f64,
+    rms_error: f64,
+    largest_error: f64,
+}
+
+impl Report {
+    pub(super) fn new(
+        file: &PrimitiveFile,
+        shown: &Shown,
+        reproduced: &[Trajectory],
+        [output, plot]: [Option<PathBuf>; 2],
+    ) -> Self {
+        let mut dimensions = Vec::new();
+        for (d, name) in shown.names.iter().enumerate() {
+            let (mut squares, mut count, mut largest) = (0.0, 0, 0.0_f64);
+            let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+            for ((_, positions), trajectory) in shown.demonstrations.iter().zip(reproduced) {
+                for (k, place) in trajectory.position.iter().enumerate().take(positions.nrows()) {
+                    let error = place[d] - positions[(k, d)];
+                    squares += error * error;
+                    count += 1;
+                    largest = largest.max(error.abs());
+                    lowest = lowest.min(positions[(k, d)]);
+                    highest = highest.max(positions[(k, d)]);
+                }
+            }
+            let rms_error = (squares / f64::from(count.max(1))).sqrt();
+            let (start, goal) = (file.start[d], file.goal[d]);
+            dimensions.push(Dimension {
+                name: name.clone(),
+                start,
+                goal,
+                lowest,
+                highest,
+                rms_error,
+                largest_error: largest,
+            });
+        }
+        let squares: f64 = dimensions.iter().map(|dimension| dimension.rms_error.powi(2)).sum();
+        Report {
+            kind: file.primitive.kind(),
+            recordings: shown.recordings,
+            duration_s: file.duration,
+            rms_error: (squares / dimensions.len() as f64).sqrt(),
+            dimensions,
+            output,
+            plot,
+        }
+    }
+}
+
+pub(super) fn text(report: &Report) -> String {
+    let mut rows = table(["dimension", "from", "to", "lowest", "highest", "rms error", "largest error"]);
+    for d in &report.dimensions {
+        let number = |x: f64| format!("{x:.4}");
+        let small = |x: f64| format!("{x:.2e}");
+        rows.add_row([
+            d.name.clone(),
+            number(d.start),
+            number(d.goal),
+            number(d.lowest),
+            number(d.highest),
+            small(d.rms_error),
+            small(d.largest_error),
+        ]);
+    }
+    let wrote = |what: &str, path: &Option<PathBuf>| {
+        path.as_deref().map_or_else(String::new, |path: &Path| format!("{what} {}\n", path.display()))
+    };
+    format!(
+        "{} primitive of {} dimensions, {:.3} s, from {} recordings\n{rows}\n{}{}",
+        style::strong(report.kind),
+        report.dimensions.len(),
+        report.duration_s,
+        report.recordings,
+        wrote("wrote", &report.output),
+        wrote("drew", &report.plot),
+    )
+}

@@ -1,0 +1,48 @@
+//! `motorium primitive`: movement primitives from recordings.
+
+mod fit;
+mod plot;
+mod replay;
+mod rollout;
+mod show;
+
+use std::process::ExitCode;
+
+/// Fit movement primitives to recordings, look at them, replay them.
+///
+/// Example: motorium primitive fit demonstration.csv --output reach.json --plot reach.svg
+#[derive(Debug, clap::Args)]
+pub(crate) struct PrimitiveCommand {
+    #[command(subcommand)]
+    command: Command,
+}
+
+// The help of each is that of its own type: a doc comment on a variant would hide it.
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Fit(fit::Fit),
+    Show(show::Show),
+    Replay(replay::Replay),
+}
+
+impl PrimitiveCommand {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Fit(command) => command.run(),
+            Command::Show(command) => command.run(),
+            Command::Replay(command) => command.run(),
+        }
+    }
+}
+
+/// Numbers as a person writes them: `0.1,-2,3e-2`.
+#[derive(Debug, Clone, PartialEq)]
+struct Numbers(Vec<f64>);
+
+fn numbers(text: &str) -> Result<Numbers, String> {
+    let number = |part: &str| match part.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("`{part}` is no number; expected numbers with commas between, such as 0.1,-2")),
+    };
+    text.split(',').map(number).collect::<Result<_, _>>().map(Numbers)
+}

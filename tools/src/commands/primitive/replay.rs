@@ -1,0 +1,193 @@
+//! `motorium primitive replay`: the movement of a primitive, as shown or elsewhere.
+
+use std::fmt::Write as _;
+use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context as _, bail};
+use motorium_policies::file::PrimitiveFile;
+
+use super::plot::{self, Panel};
+use super::rollout::{Trajectory, Wish, roll_out};
+use super::{Numbers, numbers};
+
+/// Run a primitive: as shown, or with another start, goal, duration or via points.
+///
+/// Prints the movement as CSV unless it goes to a file.
+///
+/// Example: motorium primitive replay reach.json --goal 0.5,0.2,0.4 --duration 3 --plot there.svg
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub(super) struct Replay {
+    /// The primitive, as `motorium primitive fit` wrote it
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Where to start, a number for each dimension
+    #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
+    start: Option<Numbers>,
+    /// Where to go (of a rhythm: the middle)
+    #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
+    goal: Option<Numbers>,
+    /// Velocity at the goal, of a primitive of the variant final-velocity
+    #[arg(long, value_name = "V,..", value_parser = numbers, allow_hyphen_values = true)]
+    final_velocity: Option<Numbers>,
+    /// Seconds to take (of a rhythm: its period)
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+    /// Place to pass, of a probabilistic primitive: phase:X,.. or phase:X,..:deviation (again for more)
+    #[arg(long, value_name = "P:X,..", value_parser = via, allow_hyphen_values = true)]
+    via: Vec<Via>,
+    /// Periods of a rhythm; 2 if not given
+    #[arg(long, value_name = "N", value_parser = positive)]
+    periods: Option<f64>,
+    /// Amplitude of a rhythm; 1 is as shown
+    #[arg(long, value_name = "R", value_parser = positive)]
+    amplitude: Option<f64>,
+    /// Samples a second
+    #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = positive)]
+    rate: f64,
+    /// Write the movement to a file: .csv, .json or .jsonl
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Draw the movement
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Print the movement as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Via {
+    phase: f64,
+    place: Vec<f64>,
+    deviation: f64,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("expected a positive number".to_string()),
+    }
+}
+
+fn via(text: &str) -> Result<Via, String> {
+    let mut parts = text.split(':');
+    let (Some(phase), Some(place)) = (parts.next(), parts.next()) else {
+        return Err("expected a phase, a colon and a place, such as 0.5:0.1,-2".to_string());
+    };
+    let Ok(phase) = phase.parse::<f64>() else {
+        return Err(format!("`{phase}` is no phase: expected a number from 0 to 1"));
+    };
+    if !(0.0..=1.0).contains(&phase) {
+        return Err(format!("a phase of {phase}, expected from 0 to 1"));
+    }
+    let deviation = parts.next().map_or(Ok(1e-4), positive)?;
+    Ok(Via { phase, place: numbers(place)?.0, deviation })
+}
+
+/// More samples than this are a mistake in rate or duration.
+const MOST_SAMPLES: f64 = 10_000_000.0;
+
+impl Replay {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let file = PrimitiveFile::read(&self.file)?;
+        let given = |numbers: &Option<Numbers>| numbers.as_ref().map(|numbers| numbers.0.clone());
+        let wish = Wish {
+            start: given(&self.start),
+            goal: given(&self.goal),
+            final_velocity: given(&self.final_velocity),
+            duration: self.duration,
+            via: self.via.iter().map(|via| (via.phase, via.place.clone(), via.deviation)).collect(),
+            periods: self.periods,
+            amplitude: self.amplitude,
+        };
+        let seconds = wish.duration.unwrap_or(file.duration) * wish.periods.unwrap_or(1.0);
+        if seconds * self.rate > MOST_SAMPLES {
+            bail!("{seconds} s at {} Hz are more than ten million samples: lower --rate", self.rate);
+        }
+        let trajectory = roll_out(&file, &wish, 1.0 / self.rate)?;
+        if let Some(path) = &self.plot {
+            let panel = |(d, name): (usize, &String)| {
+                let mut panel = Panel::new(name);
+                panel.trajectory(&trajectory, d);
+                panel
+            };
+            let panels: Vec<Panel> = file.names.iter().enumerate().map(panel).collect();
+            plot::write(path, &panels)?;
+        }
+        if let Some(path) = &self.output {
+            let text = match path.extension().and_then(|ending| ending.to_str()) {
+                Some("csv") => csv(&trajectory),
+                Some("json") => serde_json::to_string(&trajectory)? + "\n",
+                Some("jsonl" | "ndjson") => json_lines(&trajectory),
+                _ => bail!("{}: expected a name that ends in .csv, .json or .jsonl", path.display()),
+            };
+            std::fs::write(path, text).with_context(|| path.display().to_string())?;
+        }
+        if self.json {
+            print(&(serde_json::to_string(&trajectory)? + "\n"))?;
+        } else if self.output.is_none() && self.plot.is_none() {
+            print(&csv(&trajectory))?;
+        } else {
+            let wrote = |what: &str, path: &Option<PathBuf>| {
+                path.as_deref().map_or_else(String::new, |path: &Path| format!("{what} {}\n", path.display()))
+            };
+            print(&format!("{}{}", wrote("wrote", &self.output), wrote("drew", &self.plot)))?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// To standard output; a reader that has seen enough is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+fn csv(trajectory: &Trajectory) -> String {
+    let mut text = String::from("time_s");
+    for name in &trajectory.names {
+        let _ = write!(text, ",{name}");
+    }
+    for name in &trajectory.names {
+        let _ = write!(text, ",{name}_velocity");
+    }
+    text.push('\n');
+    for (k, time) in trajectory.time.iter().enumerate() {
+        let _ = write!(text, "{time}");
+        for value in trajectory.position[k].iter().chain(&trajectory.velocity[k]) {
+            let _ = write!(text, ",{value}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn json_lines(trajectory: &Trajectory) -> String {
+    let mut text = String::new();
+    for (k, time) in trajectory.time.iter().enumerate() {
+        let value =
+            serde_json::json!({ "position": trajectory.position[k], "velocity": trajectory.velocity[k] });
+        let _ = writeln!(text, "{}", serde_json::json!({ "time_s": time, "value": value }));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn via_points_are_read_as_they_are_written() {
+        let expected = Via { phase: 0.5, place: vec![0.1, -2.0], deviation: 1e-4 };
+        assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
+        assert_eq!(via("0.5:0.1,-2:0.01"), Ok(Via { deviation: 0.01, ..expected }));
+        assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected from 0 to 1");
+        assert!(via("0.5").unwrap_err().contains("a colon"));
+        assert!(via("0.5:a").unwrap_err().contains("`a` is no number"));
+    }
+}

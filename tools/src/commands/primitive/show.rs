@@ -1,0 +1,193 @@
+//! `motorium primitive show`: what a primitive has learned.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium_policies::dmp::{DmpModel, RhythmicModel, Variant};
+use motorium_policies::file::{Primitive, PrimitiveFile};
+use motorium_policies::promp::ProMp;
+use serde::Serialize;
+
+use super::plot::{self, Panel};
+use super::rollout::{Wish, roll_out};
+use crate::report::table;
+use crate::style;
+
+/// Show what a primitive has learned: its equation, settings and weights.
+///
+/// Example: motorium primitive show reach.json --plot reach.svg
+#[derive(Debug, clap::Args)]
+pub(super) struct Show {
+    /// The primitive, as `motorium primitive fit` wrote it
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Draw the movement and, below it, the forcing term (of a probabilistic primitive: two standard deviations)
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    kind: &'static str,
+    equation: &'static str,
+    duration_s: f64,
+    settings: serde_json::Value,
+    dimensions: Vec<Dimension<'a>>,
+    plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Dimension<'a> {
+    name: &'a str,
+    start: f64,
+    goal: f64,
+    weights: usize,
+    largest_weight: f64,
+}
+
+impl Show {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let file = PrimitiveFile::read(&self.file)?;
+        if let Some(path) = &self.plot {
+            plot::write(path, &panels(&file)?)?;
+        }
+        let (equation, settings, weights) = match &file.primitive {
+            Primitive::Discrete(model) => {
+                let weights: Vec<&[f64]> =
+                    model.weights().as_slice().chunks_exact(model.kernels().count()).collect();
+                (equation(model), serde_json::to_value(model.settings())?, weights)
+            }
+            Primitive::Rhythmic(model) => {
+                let weights: Vec<&[f64]> =
+                    model.weights().as_slice().chunks_exact(model.settings().kernels).collect();
+                (RHYTHMIC, serde_json::to_value(model.settings())?, weights)
+            }
+            Primitive::Probabilistic(promp) => {
+                let weights: Vec<&[f64]> =
+                    promp.weight_mean().as_slice().chunks_exact(promp.basis().count()).collect();
+                (PROBABILISTIC, serde_json::to_value(promp.basis())?, weights)
+            }
+        };
+        let dimensions = file.names.iter().enumerate().map(|(d, name)| Dimension {
+            name,
+            start: file.start[d],
+            goal: file.goal[d],
+            weights: weights[d].len(),
+            largest_weight: weights[d].iter().fold(0.0, |largest: f64, weight| largest.max(weight.abs())),
+        });
+        let report = Report {
+            kind: file.primitive.kind(),
+            equation,
+            duration_s: file.duration,
+            settings,
+            dimensions: dimensions.collect(),
+            plot: self.plot.clone(),
+        };
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            anstream::print!("{}", text(&report));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+const RHYTHMIC: &str = "tau^2 y'' = K (g - y) - D tau y' + r f, tau phi' = 1, f = sum(psi_i w_i) / sum(psi_i), psi_i = exp(h (cos(phi - c_i) - 1))";
+const PROBABILISTIC: &str = "y(p) = Phi(p) w + e, w ~ N(mu, Sigma), e ~ N(0, s^2 I)";
+
+fn equation(model: &DmpModel) -> &'static str {
+    match model.settings().variant {
+        Variant::Classic => "T^2 y'' = K (g - y) - D T y' + f, f = s sum(psi_i w_i) / sum(psi_i)",
+        Variant::GoalSafe => {
+            "T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f, f = s sum(psi_i w_i) / sum(psi_i)"
+        }
+        Variant::QuinticGoal => {
+            "T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f, g(t) minimum-jerk to rest at g"
+        }
+        Variant::FinalVelocity => {
+            "T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f, g(t) a quintic through g with a final velocity"
+        }
+    }
+}
+
+fn panels(file: &PrimitiveFile) -> anyhow::Result<Vec<Panel>> {
+    const SAMPLES: usize = 300;
+    let wish =
+        Wish { periods: matches!(file.primitive, Primitive::Rhythmic(_)).then_some(1.0), ..Wish::default() };
+    let trajectory = roll_out(file, &wish, file.duration / SAMPLES as f64)?;
+    let mut panels = Vec::new();
+    for (d, name) in file.names.iter().enumerate() {
+        let mut panel = Panel::new(name);
+        panel.trajectory(&trajectory, d);
+        panels.push(panel);
+        let forcing: Option<Vec<(f64, f64)>> = match &file.primitive {
+            Primitive::Discrete(model) => Some(discrete_forcing(model, file.duration, d, SAMPLES)),
+            Primitive::Rhythmic(model) => Some(rhythmic_forcing(model, file.duration, d, SAMPLES)),
+            Primitive::Probabilistic(promp) => {
+                debug_assert!(d < ProMp::dimensions(promp));
+                None
+            }
+        };
+        if let Some(forcing) = forcing {
+            let mut panel = Panel::new(&format!("forcing of {name}"));
+            panel.line(forcing);
+            panels.push(panel);
+        }
+    }
+    Ok(panels)
+}
+
+fn discrete_forcing(model: &DmpModel, duration: f64, d: usize, samples: usize) -> Vec<(f64, f64)> {
+    let mut features = vec![0.0; model.kernels().count()];
+    let at = |k: usize| {
+        let progress = k as f64 / samples as f64;
+        model.kernels().features_into(progress, &mut features);
+        let sum = features.iter().zip(model.weights().column(d).iter()).map(|(f, w)| f * w).sum();
+        (progress * duration, sum)
+    };
+    (0..=samples).map(at).collect()
+}
+
+fn rhythmic_forcing(model: &RhythmicModel, period: f64, d: usize, samples: usize) -> Vec<(f64, f64)> {
+    let mut features = vec![0.0; model.settings().kernels];
+    let at = |k: usize| {
+        let part = k as f64 / samples as f64;
+        model.features_into(part * std::f64::consts::TAU, &mut features);
+        let sum = features.iter().zip(model.weights().column(d).iter()).map(|(f, w)| f * w).sum();
+        (part * period, sum)
+    };
+    (0..=samples).map(at).collect()
+}
+
+fn text(report: &Report<'_>) -> String {
+    let mut rows = table(["dimension", "from", "to", "weights", "largest"]);
+    for d in &report.dimensions {
+        rows.add_row([
+            d.name.to_string(),
+            format!("{:.4}", d.start),
+            format!("{:.4}", d.goal),
+            d.weights.to_string(),
+            format!("{:.4}", d.largest_weight),
+        ]);
+    }
+    let settings: Vec<String> = match &report.settings {
+        serde_json::Value::Object(settings) => settings
+            .iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(key, value)| format!("{key} = {}", value.to_string().replace('"', "")))
+            .collect(),
+        other => vec![other.to_string()],
+    };
+    let drew = report.plot.as_ref().map_or_else(String::new, |path| format!("drew {}\n", path.display()));
+    format!(
+        "{} primitive of {} dimensions, {:.3} s\n  {}\n  {}\n{rows}\n{drew}",
+        style::strong(report.kind),
+        report.dimensions.len(),
+        report.duration_s,
+        report.equation,
+        style::dim(settings.join(", ")),
+    )
+}

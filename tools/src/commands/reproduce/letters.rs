@@ -1,0 +1,233 @@
+//! Figures 3.9 to 3.12, 3.14 and 3.15: eigenforces of letters.
+
+use motorium_policies::library::{
+    Evaluation, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, compare, kernel_functions,
+    nearest_neighbour_rate,
+};
+
+use super::chart::{Chart, Series, Tile, tiles};
+use super::sheet::Sheet;
+
+const TERMS: [usize; 7] = [4, 8, 12, 16, 24, 32, 64];
+
+pub(super) fn chart(title: &str, [x, y]: [&str; 2], [log_x, log_y]: [bool; 2], series: Vec<Series>) -> Chart {
+    Chart { title: title.into(), x: x.into(), y: y.into(), log_x, log_y, series }
+}
+
+pub(super) fn figures(
+    sheet: &mut Sheet,
+    seen: &Recordings,
+    held: &Recordings,
+    spring: SampledSpring,
+) -> anyhow::Result<MotionLibrary> {
+    let force = MotionLibrary::build(seen, spring, Metric::Force, Keep::All)?;
+    let position = MotionLibrary::build(seen, spring, Metric::Position, Keep::All)?;
+    sheet.bar.inc(2);
+    spectrum(sheet, &force)?;
+    eigenforces(sheet, &force)?;
+    reproduction(sheet, &force, held)?;
+    kernels_of_eigenforces(sheet, &force)?;
+    bases(sheet, &force, &position, held)?;
+    recognition(sheet, &force, held)?;
+    Ok(force)
+}
+
+fn spectrum(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+    let explained = library.explained();
+    let points = |values: &mut dyn Iterator<Item = f64>| {
+        values.take(100).enumerate().map(|(k, value)| [(k + 1) as f64, value, 0.0]).collect::<Vec<_>>()
+    };
+    let mut sum = 0.0;
+    let together: Vec<f64> = explained
+        .iter()
+        .map(|part| {
+            sum += part;
+            sum
+        })
+        .collect();
+    let series = vec![
+        Series { name: "each".into(), points: points(&mut explained.iter().copied()) },
+        Series { name: "together".into(), points: points(&mut together.iter().copied()) },
+    ];
+    let title = "3.9  Variance that eigenforces explain";
+    sheet.chart(
+        "fig-3-09-eigenvalues",
+        &chart(title, ["eigenforce", "part of the variance"], [true, true], series),
+    )?;
+    let needed = |part: f64| together.iter().position(|sum| *sum >= part).map_or(0, |k| k + 1);
+    let counts = [0.8, 0.9, 0.95, 0.99].map(needed);
+    sheet.claim(
+        "3.9",
+        "a few eigenforces explain most of the forces of letters",
+        counts[1] <= 10,
+        format!(
+            "the first five explain {:.3?}; 80, 90, 95, 99 % take {counts:?} of {}",
+            &explained[..5.min(explained.len())],
+            explained.len()
+        ),
+    );
+    sheet.bar.inc(1);
+    Ok(())
+}
+
+fn eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+    let steps = library.spring().forces();
+    let mut series = Vec::new();
+    for k in [0, 1, 2, 9] {
+        let column = library.eigenforces().column(k.min(library.rank() - 1));
+        for (name, forces) in library.layout().names().iter().zip(column.as_slice().chunks_exact(steps)) {
+            let points =
+                forces.iter().enumerate().map(|(i, f)| [i as f64 * library.spring().step(), *f, 0.0]);
+            series.push(Series { name: format!("{} {name}", k + 1), points: points.collect() });
+        }
+    }
+    let title = "3.10  Eigenforces 1, 2, 3 and 10";
+    sheet
+        .chart("fig-3-10-eigenforces", &chart(title, ["time, durations", "force"], [false, false], series))?;
+    sheet.bar.inc(1);
+    Ok(())
+}
+
+/// The path of a held-out letter by the first `n` eigenforces, beside its own.
+fn drawn(library: &MotionLibrary, letter: &motorium_policies::library::Trajectory, n: usize) -> Tile {
+    let movement = Movement::of(letter, library.spring());
+    let weights = library.project(&movement.forces);
+    let forces = library.forces(&weights.as_slice()[..n.min(library.rank())]);
+    let points = |path: nalgebra::DMatrix<f64>| path.row_iter().map(|row| [row[0], row[1]]).collect();
+    Tile {
+        name: format!("{}, n = {n}", letter.label.as_deref().unwrap_or("")),
+        known: points(movement.path(library.spring())),
+        found: points(Movement { forces, ..movement.clone() }.path(library.spring())),
+    }
+}
+
+fn reproduction(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
+    let mut all = Vec::new();
+    let mut labels = Vec::new();
+    for letter in &held.trajectories {
+        if labels.len() < 6 && !labels.contains(&letter.label) {
+            labels.push(letter.label.clone());
+            all.extend([2, 4, 8, 16].map(|n| drawn(library, letter, n)));
+        }
+    }
+    let title = "3.11  Held-out letters by the first n eigenforces";
+    sheet.write("fig-3-11-letters.svg", &tiles(title, &all, 4))?;
+    sheet.bar.inc(1);
+    Ok(())
+}
+
+fn kernels_of_eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+    let spring = library.spring();
+    let steps = spring.forces();
+    let counts = [5, 10, 20, 40, 80, 120, 160];
+    let mut series = Vec::new();
+    let mut at_40 = Vec::new();
+    for k in [1, 2, 5, 10, 20, 50] {
+        let mut points = Vec::new();
+        for count in counts {
+            let q = kernel_functions(spring, count.min(steps)).qr().q();
+            let column = library.eigenforces().column(k.min(library.rank()) - 1);
+            let mut left = 0.0;
+            for forces in column.as_slice().chunks_exact(steps) {
+                let f = nalgebra::DVector::from_column_slice(forces);
+                left += (&f - &q * (q.transpose() * &f)).norm_squared();
+            }
+            points.push([count as f64, (left / column.norm_squared()).sqrt(), 0.0]);
+            if count == 40 {
+                at_40.push((k, (left / column.norm_squared()).sqrt()));
+            }
+        }
+        series.push(Series { name: format!("eigenforce {k}"), points });
+    }
+    let title = "3.12  Eigenforces approximated by radial kernels over phase";
+    let axes = ["kernels for each degree of freedom", "relative error"];
+    sheet.chart("fig-3-12-kernels", &chart(title, axes, [true, true], series))?;
+    let (second, fiftieth) = (at_40[1].1, at_40[5].1);
+    sheet.claim(
+        "3.12",
+        "later eigenforces take many more kernels than early ones",
+        fiftieth > 3.0 * second,
+        format!("with 40 kernels the 2nd is off by {second:.3}, the 50th by {fiftieth:.3}; a table of samples has no error"),
+    );
+    sheet.bar.inc(1);
+    Ok(())
+}
+
+fn bases(
+    sheet: &mut Sheet,
+    force: &MotionLibrary,
+    position: &MotionLibrary,
+    held: &Recordings,
+) -> anyhow::Result<()> {
+    let names = ["eigenforces, force", "eigenforces, position", "fourier", "kernels"];
+    let bar = sheet.bar.clone();
+    let found = compare(&[(names[0], force), (names[1], position)], held, &TERMS, || bar.inc(1));
+    let count = (held.trajectories.len().max(1) as f64).sqrt();
+    let line = |name: &str, value: &dyn Fn(&Evaluation) -> [f64; 2]| Series {
+        name: name.into(),
+        points: found
+            .iter()
+            .filter(|(basis, _)| *basis == name)
+            .map(|(_, e)| [e.n as f64, value(e)[0], value(e)[1]])
+            .collect(),
+    };
+    let all = |value: &dyn Fn(&Evaluation) -> [f64; 2]| names.map(|name| line(name, value)).to_vec();
+    let axes = ["weights in all", "error of position / spread"];
+    let title = "3.14  Held-out letters: error of position";
+    let series = all(&|e| [e.position.mean, e.position.deviation / count]);
+    sheet.chart("fig-3-14-position", &chart(title, axes, [true, true], series))?;
+    let title = "3.14  Held-out letters: error of force";
+    let axes = ["weights in all", "error of force"];
+    sheet.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, 0.0])))?;
+    let at = |name: &str, n: usize| {
+        found.iter().find(|(basis, e)| *basis == name && e.n == n).map_or(f64::NAN, |(_, e)| e.position.mean)
+    };
+    let better = |a: &str, b: &str, n: &[usize]| n.iter().all(|n| at(a, *n) < at(b, *n));
+    let table =
+        |n: usize| format!("n = {n}: {}", names.map(|name| format!("{name} {:.4}", at(name, n))).join(", "));
+    sheet.claim(
+        "3.14",
+        "eigenforces hold letters better than as many Fourier functions",
+        better(names[0], names[2], &TERMS),
+        [table(8), table(16), table(64)].join("; "),
+    );
+    sheet.claim(
+        "3.14",
+        "eigenforces hold letters better than as many radial kernels, at every number",
+        better(names[0], names[3], &TERMS),
+        [table(16), table(32), table(64)].join("; "),
+    );
+    sheet.claim(
+        "3.14 (beyond the thesis)",
+        "eigenforces weighted by their response are at least as good as all others, at every number",
+        [names[0], names[2], names[3]].iter().all(|other| better(names[1], other, &TERMS)),
+        table(32),
+    );
+    Ok(())
+}
+
+fn recognition(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
+    let count = held.trajectories.len().max(1) as f64;
+    let points: Vec<[f64; 3]> = [1, 2, 4, 8, 16, 32]
+        .iter()
+        .map(|&n| {
+            let rate = nearest_neighbour_rate(library, held, n);
+            [n as f64, rate, (rate * (1.0 - rate) / count).sqrt()]
+        })
+        .collect();
+    let (four, sixteen) = (points[2][1], points[4][1]);
+    let series = vec![Series { name: "nearest neighbour".into(), points }];
+    let title = "3.15  Held-out letters recognised";
+    sheet.chart(
+        "fig-3-15-recognition",
+        &chart(title, ["weights", "part that is right"], [true, false], series),
+    )?;
+    sheet.claim(
+        "3.15",
+        "letters are recognised by their first weights",
+        sixteen > 0.9,
+        format!("right: {four:.3} by 4 weights, {sixteen:.3} by 16, of {count} letters"),
+    );
+    sheet.bar.inc(1);
+    Ok(())
+}

@@ -1,0 +1,31 @@
+//! `motorium reproduce`: published figures, computed anew.
+
+mod body;
+mod chapter3;
+pub(super) mod chart;
+mod letters;
+mod perception;
+mod search;
+mod sheet;
+
+use std::process::ExitCode;
+
+/// Compute published figures anew, and say where their claims hold.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Reproduce {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Chapter3(chapter3::Chapter3),
+}
+
+impl Reproduce {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Chapter3(command) => command.run(),
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Figure 3.16: policy search on library weights and on kernel weights.
+
+use motorium_policies::learning::{Power, PowerSettings};
+use motorium_policies::library::{
+    MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, kernel_functions,
+};
+use nalgebra::DMatrix;
+
+use super::chart::Series;
+use super::letters::chart;
+use super::sheet::{Sheet, mean};
+
+const ROLLOUTS: usize = 300;
+/// Rollouts at which the best reward is shown.
+const SHOWN: [usize; 7] = [1, 10, 30, 60, 100, 200, 300];
+/// Standard deviation of the first exploration, in those of the weights in the library.
+const EXPLORATION: f64 = 0.6;
+
+/// Functions to search with, and the variance of exploration for each weight.
+pub(super) struct Space {
+    pub(super) functions: DMatrix<f64>,
+    pub(super) variance: Vec<f64>,
+}
+
+impl Space {
+    /// The first eigenforces, explored as much as their weights vary in the library.
+    pub(super) fn library(library: &MotionLibrary, n: usize, movements: usize) -> Self {
+        let n = n.min(library.rank());
+        let variance = library.parts().singular[..n].iter();
+        Self {
+            functions: library.eigenforces().columns(0, n).into_owned(),
+            variance: variance.map(|s| EXPLORATION.powi(2) * s * s / movements.max(1) as f64).collect(),
+        }
+    }
+
+    /// Kernels, all explored alike, with as much force in all as the library has.
+    fn kernels(library: &MotionLibrary, n: usize, force: f64) -> Self {
+        let (dofs, spring) = (library.layout().dofs(), library.spring());
+        let each = (n / dofs).max(1);
+        let kernels = kernel_functions(spring, each);
+        let mut functions = DMatrix::zeros(library.rows(), each * dofs);
+        for d in 0..dofs {
+            functions.view_mut((d * spring.forces(), d * each), kernels.shape()).copy_from(&kernels);
+        }
+        let variance = EXPLORATION.powi(2) * force / functions.norm_squared();
+        Self { variance: vec![variance; functions.ncols()], functions }
+    }
+
+    /// The best reward after each number of rollouts shown: `exp(-3 e^2)`, `e` the error of position over the spread.
+    pub(super) fn search(
+        &self,
+        goal: &[f64],
+        spread: f64,
+        spring: &SampledSpring,
+        seed: u64,
+    ) -> [f64; SHOWN.len()] {
+        let mut power =
+            Power::new(vec![0.0; self.variance.len()], self.variance.clone(), PowerSettings::default(), seed);
+        let mut shown = [0.0; SHOWN.len()];
+        let mut left = vec![0.0; goal.len()];
+        let simd = motorium_policies::library::algebra::Simd::new();
+        for rollout in 1..=ROLLOUTS {
+            left.iter_mut().zip(goal).for_each(|(left, goal)| *left = -goal);
+            simd.superpose(self.functions.as_slice(), power.propose(), &mut left);
+            left.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
+            let squared = left.iter().map(|y| y * y).sum::<f64>() / spring.samples() as f64;
+            power.tell((-3.0 * squared / (spread * spread)).exp());
+            if let Some(k) = SHOWN.iter().position(|shown| *shown == rollout) {
+                shown[k] = power.best().map_or(0.0, |(_, reward)| reward);
+            }
+        }
+        shown
+    }
+}
+
+/// Searches over several goals: at each rollout shown, the mean and its standard error; and all final rewards.
+pub(super) fn searches(
+    space: &Space,
+    goals: &[(Vec<f64>, f64)],
+    spring: &SampledSpring,
+    seeds: u64,
+) -> (Vec<[f64; 3]>, Vec<f64>) {
+    let mut all = Vec::new();
+    for (k, (goal, spread)) in goals.iter().enumerate() {
+        all.extend((0..seeds).map(|seed| space.search(goal, *spread, spring, 1000 * k as u64 + seed)));
+    }
+    let points = SHOWN.iter().enumerate().map(|(k, rollout)| {
+        let rewards: Vec<f64> = all.iter().map(|run| run[k]).collect();
+        let (mean, error) = mean(&rewards);
+        [*rollout as f64, mean, error]
+    });
+    (points.collect(), all.iter().map(|run| run[SHOWN.len() - 1]).collect())
+}
+
+pub(super) fn figure(
+    sheet: &mut Sheet,
+    library: &MotionLibrary,
+    held: &Recordings,
+    searched: usize,
+) -> anyhow::Result<()> {
+    let spring = *library.spring();
+    let stride = (held.trajectories.len() / searched.max(1)).max(1);
+    let goals: Vec<(Vec<f64>, f64)> = held
+        .trajectories
+        .iter()
+        .step_by(stride)
+        .take(searched)
+        .map(|letter| {
+            let spread = Trajectory::spread(&letter.resampled(spring.samples()));
+            (Movement::of(letter, &spring).forces, spread)
+        })
+        .collect();
+    let force = library.parts().energy / library.entries().len() as f64;
+    let mut series = Vec::new();
+    let mut finals = Vec::new();
+    for n in [4, 8, 16, 32, 64] {
+        let spaces = [
+            ("library", Space::library(library, n, library.entries().len())),
+            ("kernels", Space::kernels(library, n, force)),
+        ];
+        let mut found = Vec::new();
+        for (name, space) in spaces {
+            let (points, last) = searches(&space, &goals, &spring, 3);
+            series.push(Series { name: format!("{name}, n = {n}"), points });
+            found.push(mean(&last));
+        }
+        finals.push((n, found[0], found[1]));
+        sheet.bar.inc(1);
+    }
+    let title = "3.16  Policy search (PoWER) for held-out letters";
+    sheet.chart("fig-3-16-power", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
+    let wins =
+        |n: &[usize]| finals.iter().filter(|f| n.contains(&f.0)).all(|(_, l, k)| l.0 - k.0 > l.1.hypot(k.1));
+    let words = |n: &[usize]| {
+        let rows = finals.iter().filter(|f| n.contains(&f.0));
+        let row = |(n, l, k): &(usize, (f64, f64), (f64, f64))| {
+            format!("n = {n}: library {:.3} +- {:.3}, kernels {:.3} +- {:.3}", l.0, l.1, k.0, k.1)
+        };
+        rows.map(row).collect::<Vec<_>>().join("; ")
+    };
+    let claim = "with few weights, search in the library finds better movements than in kernels";
+    sheet.claim("3.16", claim, wins(&[4, 8, 16]), words(&[4, 8, 16]));
+    let claim = "with many weights, search in the library finds better movements than in kernels";
+    sheet.claim("3.16", claim, wins(&[32, 64]), words(&[32, 64]));
+    Ok(())
+}

@@ -1,0 +1,118 @@
+//! From the world to the picture: a parallel projection that fits the scene.
+
+use std::str::FromStr;
+
+use nalgebra::{Point3, Vector3};
+
+use super::marks::Marks;
+use super::scene::Scene;
+
+/// Where the eye is, seen from the robot \[rad\].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct View {
+    /// About z, from the x axis towards y.
+    azimuth: f64,
+    /// Above the horizon.
+    elevation: f64,
+}
+
+impl FromStr for View {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wanted = || {
+            "expected front, back, left, right, top or AZIMUTH,ELEVATION in degrees such as -50,20 \
+             (elevation from -90 to 90)"
+                .to_string()
+        };
+        let (azimuth, elevation): (f64, f64) = match text {
+            "front" => (0.0, 0.0),
+            "back" => (180.0, 0.0),
+            "left" => (90.0, 0.0),
+            "right" => (-90.0, 0.0),
+            "top" => (-90.0, 90.0),
+            _ => {
+                let (azimuth, elevation) = text.split_once(',').ok_or_else(wanted)?;
+                let number = |text: &str| text.trim().parse().map_err(|_| wanted());
+                (number(azimuth)?, number(elevation)?)
+            }
+        };
+        if !azimuth.is_finite() || !(-90.0..=90.0).contains(&elevation) {
+            return Err(wanted());
+        }
+        Ok(Self { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() })
+    }
+}
+
+/// A parallel projection.
+#[derive(Debug, Clone)]
+pub(super) struct Camera {
+    /// To the eye.
+    pub(super) eye: Vector3<f64>,
+    right: Vector3<f64>,
+    up: Vector3<f64>,
+    scale: f64,
+    offset: (f64, f64),
+    pub(super) width: f64,
+    pub(super) height: f64,
+}
+
+impl Camera {
+    /// Looks at the whole scene.
+    pub(super) fn new(view: View, (width, height): (f64, f64), scene: &Scene, marks: &Marks) -> Self {
+        let (sa, ca) = view.azimuth.sin_cos();
+        let (se, ce) = view.elevation.sin_cos();
+        let mut camera = Self {
+            eye: Vector3::new(ce * ca, ce * sa, se),
+            right: Vector3::new(-sa, ca, 0.0),
+            up: Vector3::new(-se * ca, -se * sa, ce),
+            scale: 1.0,
+            offset: (0.0, 0.0),
+            width,
+            height,
+        };
+        let origins = marks.frames.iter().map(|(_, pose)| Point3::from(pose.translation.vector));
+        let points: Vec<_> = scene.points().chain(origins).map(|point| camera.project(&point)).collect();
+        let span = |pick: fn(&(f64, f64)) -> f64| {
+            let low = points.iter().map(pick).fold(f64::INFINITY, f64::min);
+            let high = points.iter().map(pick).fold(f64::NEG_INFINITY, f64::max);
+            if low <= high { (low, high) } else { (-0.5, 0.5) }
+        };
+        let ((left, right), (top, bottom)) = (span(|point| point.0), span(|point| point.1));
+        // A margin of an eighth, and no more than a metre to ten centimetres for what has no size.
+        let fit = |room: f64, extent: f64| 0.82 * room / extent.max(1e-3);
+        camera.scale = fit(width, right - left).min(fit(height, bottom - top));
+        camera.offset = (
+            width / 2.0 - camera.scale * (left + right) / 2.0,
+            height / 2.0 - camera.scale * (top + bottom) / 2.0,
+        );
+        camera
+    }
+
+    /// Where a point of the world is in the picture: right, and down.
+    pub(super) fn project(&self, point: &Point3<f64>) -> (f64, f64) {
+        (
+            self.offset.0 + self.scale * self.right.dot(&point.coords),
+            self.offset.1 - self.scale * self.up.dot(&point.coords),
+        )
+    }
+
+    /// Metres in the world that are as long as this many units of the picture.
+    pub(super) fn metres(&self, units: f64) -> f64 {
+        units / self.scale
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::View;
+
+    #[test]
+    fn views_have_names_or_angles() {
+        assert_eq!("left".parse::<View>(), "90,0".parse());
+        assert_eq!("-50, 20".parse::<View>().unwrap().elevation, 20.0_f64.to_radians());
+        for text in ["above", "10", "0,91", "nan,0", ""] {
+            assert!(text.parse::<View>().unwrap_err().contains("AZIMUTH,ELEVATION"), "{text}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! What is drawn over the robot: frames, and the centre of mass.
+
+use std::collections::BTreeSet;
+
+use motorium_robots::{Kinematics, Loaded};
+use nalgebra::{Isometry3, Vector3};
+
+use super::Frames;
+
+/// Frames and their names, the centre of mass.
+#[derive(Debug, Clone)]
+pub(super) struct Marks {
+    pub(super) frames: Vec<(String, Isometry3<f64>)>,
+    pub(super) names: bool,
+    pub(super) com: Option<Vector3<f64>>,
+}
+
+/// The frames wanted, and where they are.
+pub(super) fn frames(
+    robot: &Loaded,
+    kinematics: &Kinematics,
+    wanted: Frames,
+) -> Vec<(String, Isometry3<f64>)> {
+    let model = &robot.model;
+    let names: BTreeSet<&str> = match wanted {
+        Frames::None => BTreeSet::new(),
+        Frames::All => model.frames().iter().map(|frame| frame.name.as_str()).collect(),
+        Frames::Joints => model.bodies().iter().map(|body| body.name.as_str()).collect(),
+        Frames::Ends => ends(robot),
+    };
+    let frame = |name: &str| {
+        let id = model.frame(name).ok()?;
+        Some((name.to_string(), kinematics.pose(model, id)))
+    };
+    names.into_iter().filter_map(frame).collect()
+}
+
+/// The root, and what the profile names, or the last link of every chain.
+fn ends(robot: &Loaded) -> BTreeSet<&str> {
+    let model = &robot.model;
+    let mut names: BTreeSet<&str> =
+        model.frames().first().map(|frame| frame.name.as_str()).into_iter().collect();
+    match &robot.profile {
+        Some(profile) => {
+            names.extend(profile.end_effectors.values().map(|end| end.frame.as_str()));
+            names.extend(profile.feet.values().map(|foot| foot.frame.as_str()));
+            names.extend(profile.rotors.values().map(|rotor| rotor.frame.as_str()));
+            names.extend(profile.mobile_base.iter().map(|base| base.frame.as_str()));
+        }
+        None => {
+            let carries = |index: usize| model.bodies().iter().any(|body| body.parent == Some(index));
+            for index in (0..model.bodies().len()).filter(|index| !carries(*index)) {
+                let last = model.frames().iter().rev().find(|frame| frame.body == Some(index));
+                names.extend(last.map(|frame| frame.name.as_str()));
+            }
+        }
+    }
+    names
+}

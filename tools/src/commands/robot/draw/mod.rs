@@ -1,0 +1,101 @@
+//! `motorium robot draw`: a picture of a robot in a pose.
+
+mod camera;
+mod marks;
+mod order;
+mod picture;
+mod pose;
+mod scene;
+mod solid;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_robots::{Kinematics, MimicMode};
+
+use super::source::RobotArgs;
+use camera::{Camera, View};
+use pose::PoseArgs;
+
+/// Draw a robot in a pose as an SVG picture: its shapes, shaded, and its frames.
+///
+/// Shapes are those of the collision geometry; links that have none, or meshes, are sticks.
+///
+/// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
+#[derive(Debug, clap::Args)]
+pub(super) struct Draw {
+    #[command(flatten)]
+    robot: RobotArgs,
+    #[command(flatten)]
+    pose: PoseArgs,
+    /// From where to look: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
+    #[arg(long, default_value = "-50,20", allow_hyphen_values = true)]
+    view: View,
+    /// Which frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
+    #[arg(long, value_enum, default_value_t = Frames::Ends)]
+    frames: Frames,
+    /// Write the names of the frames beside them
+    #[arg(long)]
+    names: bool,
+    /// Mark the centre of mass
+    #[arg(long)]
+    com: bool,
+    /// Leave out the ground and the shadow
+    #[arg(long)]
+    no_ground: bool,
+    /// Width and height of the picture [default: 640x640]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", hide_default_value = true, value_parser = size)]
+    size: (f64, f64),
+    /// Where to write it; standard output if not given
+    #[arg(long, short)]
+    output: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Frames {
+    // The root's, and those of end effectors, feet and rotors; without a profile those at the ends of the chains.
+    Ends,
+    Joints,
+    All,
+    None,
+}
+
+fn size(text: &str) -> Result<(f64, f64), String> {
+    let wanted = || "expected WIDTHxHEIGHT such as 800x600, from 16 to 10000 each".to_string();
+    let (width, height) = text.split_once('x').ok_or_else(wanted)?;
+    let side = |side: &str| side.parse().ok().filter(|side| (16.0..=1e4).contains(side)).ok_or_else(wanted);
+    Ok((side(width)?, side(height)?))
+}
+
+impl Draw {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let robot = match self.robot.open(MimicMode::Follow) {
+            Ok(robot) => robot,
+            Err(code) => return Ok(code),
+        };
+        let model = &robot.model;
+        let q = self.pose.configuration(&robot)?;
+        let mut kinematics = Kinematics::new(model);
+        kinematics.update(model, &q);
+        let scene = scene::Scene::of(&robot, &kinematics, &super::urdf_text::text(&robot)?);
+        let marks = marks::Marks {
+            frames: marks::frames(&robot, &kinematics, self.frames),
+            names: self.names,
+            com: self.com.then(|| kinematics.centre_of_mass(model).position),
+        };
+        let camera = Camera::new(self.view, self.size, &scene, &marks);
+        let picture = picture::svg(model.name(), &scene, &marks, &camera, !self.no_ground);
+        match &self.output {
+            Some(path) => {
+                if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+                    std::fs::create_dir_all(folder)
+                        .with_context(|| format!("making {}", folder.display()))?;
+                }
+                std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
+            }
+            None => print!("{picture}"),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

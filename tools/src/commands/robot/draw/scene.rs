@@ -1,0 +1,133 @@
+//! The robot's shapes in the world, coloured.
+
+use std::collections::BTreeMap;
+
+use motorium_robots::{Geometry, Kinematics, Loaded, Shape};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::solid::{Face, Solid};
+use crate::commands::robot::urdf_text;
+
+/// Of links that state no colour: the base, then links in turn.
+const PLAIN: [[f64; 3]; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
+
+/// Of sticks in place of meshes.
+const STICK: [f64; 3] = [0.45, 0.58, 0.75];
+
+/// Everything solid.
+#[derive(Debug, Clone)]
+pub(super) struct Scene {
+    pub(super) solids: Vec<Solid>,
+}
+
+impl Scene {
+    /// The robot as `kinematics` has placed it; `urdf` is its text.
+    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, urdf: &str) -> Self {
+        let model = &robot.model;
+        let mut painter = Painter { colours: urdf_text::colours(urdf), used: BTreeMap::new() };
+        let mut solids = Vec::new();
+        let root = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world);
+        let base = root.and_then(|frame| {
+            let pose = kinematics.pose(model, model.frame(&frame.name).ok()?);
+            Some(pose * frame.placement.inverse())
+        });
+        let base = base.unwrap_or_else(Isometry3::identity);
+        solids.extend(painter.paint(&model.base().world_shapes, Isometry3::identity(), 0));
+        let shapes = painter.paint(&model.base().shapes, base, 0);
+        let bare_base =
+            shapes.is_empty() && (model.base().inertia.mass > 0.0 || !model.base().shapes.is_empty());
+        solids.extend(shapes);
+        let mut bare = Vec::new();
+        for (index, body) in model.bodies().iter().enumerate() {
+            let shapes = painter.paint(&body.shapes, kinematics.body_pose(index), 1 + index % 2);
+            // A link without shape and mass, as between the slides of a base, is nothing to see.
+            bare.push(shapes.is_empty() && (body.inertia.mass > 0.0 || !body.shapes.is_empty()));
+            solids.extend(shapes);
+        }
+        let origin = |index: usize| Point3::from(kinematics.body_pose(index).translation.vector);
+        let mut sticks = Vec::new();
+        for (index, body) in model.bodies().iter().enumerate() {
+            // The stick stands for the link above the joint.
+            let (above, from) = match body.parent {
+                Some(parent) => (bare[parent], origin(parent)),
+                None => (bare_base, Point3::from(base.translation.vector)),
+            };
+            if above {
+                sticks.push((from, origin(index)));
+            }
+            let last = model.frames().iter().rev().find(|frame| frame.body == Some(index));
+            if let Some(last) =
+                last.filter(|_| bare[index] && !model.bodies().iter().any(|b| b.parent == Some(index)))
+            {
+                sticks.push((
+                    origin(index),
+                    kinematics.body_pose(index) * Point3::from(last.placement.translation.vector),
+                ));
+            }
+        }
+        let reach = sticks.iter().map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
+        let thick = 0.08 * reach;
+        solids.extend(sticks.iter().filter_map(|(a, b)| stick(a, b, thick)));
+        Self { solids }
+    }
+
+    /// Points that enclose it.
+    pub(super) fn points(&self) -> impl Iterator<Item = Point3<f64>> {
+        self.solids.iter().flat_map(|solid| solid.faces().into_iter().flat_map(|face| face.points))
+    }
+
+    /// The faces that look to the eye and are not inside another body.
+    pub(super) fn visible(&self, eye: &Vector3<f64>) -> Vec<Face> {
+        let mut faces = Vec::new();
+        for (index, solid) in self.solids.iter().enumerate() {
+            let hidden = |face: &Face| {
+                let mut others = self.solids.iter().enumerate().filter(|(other, _)| *other != index);
+                others.any(|(_, other)| face.points.iter().all(|point| other.contains(point)))
+            };
+            faces.extend(
+                solid.faces().into_iter().filter(|face| face.normal.dot(eye) > 1e-9 && !hidden(face)),
+            );
+        }
+        faces
+    }
+}
+
+struct Painter {
+    colours: BTreeMap<String, Vec<Option<[f64; 3]>>>,
+    /// How many shapes of each link have been painted.
+    used: BTreeMap<String, usize>,
+}
+
+impl Painter {
+    /// Shapes that are no meshes, each in the colour of the visual at its place in its link.
+    fn paint(&mut self, shapes: &[Shape], body: Isometry3<f64>, plain: usize) -> Vec<Solid> {
+        let mut solids = Vec::new();
+        for shape in shapes {
+            let place = self.used.entry(shape.link.clone()).or_default();
+            let stated =
+                self.colours.get(&shape.link).and_then(|colours| colours.get(*place).or(colours.last()));
+            *place += 1;
+            if !matches!(shape.geometry, Geometry::Mesh { .. }) {
+                solids.push(Solid {
+                    pose: body * shape.placement,
+                    geometry: shape.geometry.clone(),
+                    colour: stated.copied().flatten().unwrap_or(PLAIN[plain]),
+                });
+            }
+        }
+        solids
+    }
+}
+
+/// A capsule between two points, if they are apart.
+fn stick(from: &Point3<f64>, to: &Point3<f64>, thick: f64) -> Option<Solid> {
+    let way = to - from;
+    let length = way.norm();
+    if length < 0.25 * thick {
+        return None;
+    }
+    let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &way)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let pose = Isometry3::from_parts(Translation3::from(nalgebra::center(from, to).coords), rotation);
+    Some(Solid { pose, geometry: Geometry::Capsule { radius: thick / 2.0, length }, colour: STICK })
+}

@@ -1,0 +1,165 @@
+//! `motorium robot eval`: everything the library computes, at given states.
+
+mod answer;
+mod difference;
+mod layout;
+mod states;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use comfy_table::CellAlignment;
+use motorium_robots::{JointKind, Loaded, MimicMode, Model};
+use serde_json::{Value, json};
+
+use super::facts::short;
+use super::source::RobotArgs;
+use crate::report::table;
+use crate::{exit, style};
+use layout::Layout;
+use states::States;
+
+/// Compute kinematics and dynamics of a robot at given states: frame poses, Jacobians, mass matrix, bias and gravity
+/// forces, inverse and forward dynamics, centre of mass, centroidal momentum, energies.
+///
+/// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in Pinocchio's layout, or in
+/// the order `joints` lists. With --json the answer has one case for each; without, results that the states already hold are
+/// compared with ours.
+///
+/// Example: motorium robot eval arm.urdf --states states.json --json
+#[derive(Debug, clap::Args)]
+pub(super) struct Eval {
+    #[command(flatten)]
+    robot: RobotArgs,
+    /// The states; `-` is standard input
+    #[arg(long, value_name = "FILE")]
+    states: PathBuf,
+    /// Jacobians, velocities and accelerations of this frame; may be repeated; those of `jacobian_frames` of the states, or
+    /// of all frames, if not given
+    #[arg(long, value_name = "LINK")]
+    frame: Vec<String>,
+    /// Largest relative difference that counts as agreement when results are compared
+    #[arg(long, default_value_t = 1e-8, conflicts_with = "json")]
+    tolerance: f64,
+    /// Print the answer as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Eval {
+    pub(super) fn run(mut self) -> anyhow::Result<ExitCode> {
+        let text = if self.states.as_os_str() == "-" {
+            std::io::read_to_string(std::io::stdin()).context("reading standard input")?
+        } else {
+            std::fs::read_to_string(&self.states)
+                .with_context(|| format!("reading {}", self.states.display()))?
+        };
+        let document: Value =
+            serde_json::from_str(&text).with_context(|| format!("{} is not JSON", self.states.display()))?;
+        if document["floating_base"] == true && !self.robot.fixed_base {
+            self.robot.floating_base = true;
+        }
+        let robot = match self.robot.open(mode(&self.robot, &document)?) {
+            Ok(robot) => robot,
+            Err(code) => return Ok(code),
+        };
+        let states = self.states(&robot, &document)?;
+        let answer = answer::answer(&robot.model, &states)?;
+        if self.json {
+            println!("{}", serde_json::to_string(&answer)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        Ok(self.print(&document, &answer))
+    }
+
+    fn states(&self, robot: &Loaded, document: &Value) -> anyhow::Result<States> {
+        let urdf = super::urdf_text::text(robot)?;
+        let order = super::urdf_text::depth_first(&urdf);
+        let layout = Layout::of(&robot.model, document, &order).context("reading `joints` of the states")?;
+        states::read(&robot.model, layout, document, &self.frame)
+    }
+
+    /// Compares the results the states hold with ours; without any, says where the robot is.
+    fn print(&self, document: &Value, answer: &Value) -> ExitCode {
+        let differences = difference::differences(document, answer);
+        if differences.is_empty() {
+            let mut rows = table(["case", "centre of mass m", "kinetic J", "potential J", "largest |rnea|"]);
+            for (index, case) in answer["cases"].as_array().into_iter().flatten().enumerate() {
+                let numbers = |key: &str| -> Vec<f64> {
+                    case[key].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
+                };
+                let com: Vec<String> = numbers("com").into_iter().map(short).collect();
+                let scalar = |key: &str| short(case[key].as_f64().unwrap_or(f64::NAN));
+                let largest = numbers("rnea").into_iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                rows.add_row([
+                    index.to_string(),
+                    com.join(" "),
+                    scalar("kinetic_energy"),
+                    scalar("potential_energy"),
+                    short(largest),
+                ]);
+            }
+            for column in rows.column_iter_mut().skip(2) {
+                column.set_cell_alignment(CellAlignment::Right);
+            }
+            anstream::println!("{}\n--json prints everything", rows.trim_fmt());
+            return ExitCode::SUCCESS;
+        }
+        let mut rows = table(["quantity", "cases", "largest relative difference"]);
+        for (quantity, (count, worst)) in &differences {
+            rows.add_row([quantity.clone(), count.to_string(), format!("{worst:.1e}")]);
+        }
+        for column in rows.column_iter_mut().skip(1) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        anstream::println!("{}", rows.trim_fmt());
+        let apart: Vec<&str> = differences
+            .iter()
+            .filter(|(_, (_, worst))| worst.is_nan() || *worst > self.tolerance)
+            .map(|(name, _)| &**name)
+            .collect();
+        if apart.is_empty() {
+            anstream::println!("{} all within {:e}", style::good("ok:"), self.tolerance);
+            return ExitCode::SUCCESS;
+        }
+        anstream::eprintln!(
+            "{}: {} differ by more than {:e}",
+            style::error("error"),
+            apart.join(", "),
+            self.tolerance
+        );
+        exit::FAILED
+    }
+}
+
+/// Mimic joints are independent ones if the states list or hold them as such.
+fn mode(robot: &RobotArgs, document: &Value) -> anyhow::Result<MimicMode> {
+    let Ok(independent) = robot.load(MimicMode::Independent) else { return Ok(MimicMode::Follow) };
+    let Ok(follow) = robot.load(MimicMode::Follow) else { return Ok(MimicMode::Follow) };
+    let extra = independent.model.nv() - follow.model.nv();
+    if extra == 0 {
+        return Ok(MimicMode::Follow);
+    }
+    let mimics = |name: &str| {
+        follow.model.joint_index(name).is_none() && independent.model.joint_index(name).is_some()
+    };
+    let listed = document["joints"].as_array().map(|joints| {
+        joints.iter().filter_map(|joint| joint.as_str().or_else(|| joint["name"].as_str())).any(mimics)
+    });
+    let first = states::cases(document)?.first().cloned().unwrap_or(json!({}));
+    // A continuous joint may take one entry of q, or two.
+    let lengths = |model: &Model| {
+        let continuous = |index: &usize| model.joint(*index).kind == JointKind::Continuous;
+        let count = (0..model.joint_count()).filter(continuous).count();
+        [model.nq(), model.nq() + count]
+    };
+    let held = || match (&first["v"], &first["q"]) {
+        (Value::Array(v), _) => v.len() == independent.model.nv(),
+        (_, Value::Array(q)) => {
+            lengths(&independent.model).contains(&q.len()) || !lengths(&follow.model).contains(&q.len())
+        }
+        _ => true,
+    };
+    Ok(if listed.unwrap_or_else(held) { MimicMode::Independent } else { MimicMode::Follow })
+}

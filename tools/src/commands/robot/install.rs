@@ -1,0 +1,116 @@
+//! `motorium robot install`: robots of others, unpacked into the user's data folder.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::Context as _;
+use motorium_robots::{installed, installed_folder};
+
+use crate::style;
+
+/// Unpack a collection of robots into the user's data folder, where every command and graph finds them by name.
+///
+/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under BSD or Apache
+/// licences; some robots are not (each robot's README says which). It comes from PyPI by pip; nothing of it is executed.
+///
+/// Example: motorium robot install example-robot-data
+#[derive(Debug, clap::Args)]
+pub(super) struct Install {
+    /// The collection
+    #[arg(value_enum)]
+    collection: Collection,
+    /// Its version
+    #[arg(long, default_value = "6.0.0")]
+    version: String,
+    /// The Python whose pip to use
+    #[arg(long, default_value = "python3")]
+    python: PathBuf,
+    /// Where to put it; `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder, if not given
+    #[arg(long, value_name = "FOLDER")]
+    into: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Collection {
+    /// The PyPI package of that name
+    ExampleRobotData,
+}
+
+impl Collection {
+    /// Name of the package, and of its folder.
+    fn name(self) -> &'static str {
+        match self {
+            Self::ExampleRobotData => "example-robot-data",
+        }
+    }
+
+    /// Where its robots lie in what pip unpacks.
+    fn inside(self) -> &'static str {
+        match self {
+            Self::ExampleRobotData => "cmeel.prefix/share/example-robot-data",
+        }
+    }
+}
+
+impl Install {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let usual = installed_folder();
+        let folder = self.into.clone().or_else(|| usual.clone());
+        let folder =
+            folder.context("neither HOME nor MOTORIUM_ROBOTS is set; say where with --into FOLDER")?;
+        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        // Beside its place, so that it can be moved there at once; a dot keeps it from being found before it is whole.
+        let unpacked = folder.join(format!(".unpacking-{}", std::process::id()));
+        let result = self.unpack(&unpacked, &folder);
+        let _ = std::fs::remove_dir_all(&unpacked);
+        let place = result?;
+        anstream::println!("{} {}", style::good("installed:"), place.display());
+        if self.into.is_none() || self.into == usual {
+            let name = self.collection.name();
+            let count = installed().iter().filter(|robot| robot.collection == name).count();
+            anstream::println!("{count} robots; `motorium robot list` names them");
+        } else {
+            anstream::println!("set MOTORIUM_ROBOTS={} to find its robots by name", folder.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Unpacks into `unpacked`, then moves the robots to their place in `folder`.
+    fn unpack(&self, unpacked: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
+        let name = self.collection.name();
+        let python = self.python.display();
+        let pip = |arguments: &[&str]| {
+            let mut command = Command::new(&self.python);
+            command.args(["-m", "pip"]).args(arguments);
+            command
+        };
+        let there = pip(&["--version"]).output();
+        anyhow::ensure!(
+            there.is_ok_and(|output| output.status.success()),
+            "`{python} -m pip` does not work, and the robots come by pip; install it (Debian: apt install python3-pip), name \
+             another Python with --python, or unpack the wheel from https://pypi.org/project/{name}/ into {}",
+            folder.join(name).display()
+        );
+        let package = format!("{name}=={}", self.version);
+        let mut install =
+            pip(&["install", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-compile"]);
+        install.args(["--only-binary", ":all:", "--target"]).arg(unpacked).arg(&package);
+        let output = install.output().with_context(|| format!("starting {python} -m pip"))?;
+        let complaint = String::from_utf8_lossy(&output.stderr);
+        anyhow::ensure!(output.status.success(), "pip could not get {package}:\n{}", complaint.trim());
+        let robots = unpacked.join(self.collection.inside());
+        anyhow::ensure!(
+            robots.is_dir(),
+            "{package} has no folder {}; its layout changed, try --version 6.0.0",
+            self.collection.inside()
+        );
+        let place = folder.join(name);
+        if place.exists() {
+            std::fs::remove_dir_all(&place)
+                .with_context(|| format!("removing the old {}", place.display()))?;
+        }
+        std::fs::rename(&robots, &place)
+            .with_context(|| format!("moving the robots to {}", place.display()))?;
+        Ok(place)
+    }
+}

@@ -1,0 +1,49 @@
+//! `motorium robot`: robots of the catalogue, installed ones, and any URDF file.
+
+mod bench;
+mod check;
+mod draw;
+mod eval;
+mod facts;
+mod install;
+mod list;
+mod show;
+mod source;
+mod urdf_text;
+
+use std::process::ExitCode;
+
+/// Look at robots: the catalogue's, installed ones, and any URDF file.
+///
+/// Example: motorium robot draw panda --output panda.svg
+#[derive(Debug, clap::Args)]
+pub(crate) struct Robot {
+    #[command(subcommand)]
+    command: Command,
+}
+
+// The help of each is that of its own type: a doc comment on a variant would hide it.
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    List(list::List),
+    Show(show::Show),
+    Check(check::Check),
+    Draw(draw::Draw),
+    Bench(bench::Bench),
+    Eval(eval::Eval),
+    Install(install::Install),
+}
+
+impl Robot {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::List(command) => command.run(),
+            Command::Show(command) => command.run(),
+            Command::Check(command) => command.run(),
+            Command::Draw(command) => command.run(),
+            Command::Bench(command) => command.run(),
+            Command::Eval(command) => command.run(),
+            Command::Install(command) => command.run(),
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Which robot a command is about, and how to read it.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use motorium_robots::{
+    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, load_with,
+};
+
+use crate::{exit, style};
+
+/// A robot and how to read it.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct RobotArgs {
+    /// A catalogue or installed robot, a URDF file, or a folder with one
+    #[arg(value_name = "ROBOT")]
+    pub(super) robot: String,
+    /// Let the root link move freely, whatever its files say
+    #[arg(long, conflicts_with = "fixed_base")]
+    pub(super) floating_base: bool,
+    /// Fix the root link to the world, whatever the profile says
+    #[arg(long)]
+    pub(super) fixed_base: bool,
+    /// Look for `package://` files in this folder first; may be repeated
+    #[arg(long, value_name = "FOLDER")]
+    pub(super) package_path: Vec<PathBuf>,
+}
+
+impl RobotArgs {
+    /// Loads the robot relative to the current folder.
+    pub(super) fn load(&self, mimic: MimicMode) -> Result<Loaded, LoadError> {
+        let base = match (self.floating_base, self.fixed_base) {
+            (true, _) => BaseMode::Floating,
+            (_, true) => BaseMode::Fixed,
+            _ => BaseMode::AsFile,
+        };
+        let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
+        load_with(&self.robot, Path::new(""), &LoadOptions { base, mimic, packages })
+    }
+
+    /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
+    pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
+        self.load(mimic).map_err(|error| {
+            anstream::eprintln!("{}: {}", style::error("error"), explain(&error));
+            code(&error)
+        })
+    }
+}
+
+/// The exit code that suits the error: 3 for a file that is not right, 1 for one that cannot be had.
+pub(super) fn code(error: &LoadError) -> ExitCode {
+    match error {
+        LoadError::Urdf(_) | LoadError::Profile { .. } => exit::invalid(),
+        _ => exit::FAILED,
+    }
+}
+
+/// The message, with the place in the file where there is one.
+pub(super) fn explain(error: &LoadError) -> String {
+    let message = error.to_string();
+    let LoadError::Urdf(urdf) = error else { return message };
+    let (Some(file), Some(at)) = (&urdf.file, urdf.at) else { return message };
+    let excerpt = std::fs::read_to_string(file).ok().and_then(|text| excerpt(&text, at));
+    excerpt.map_or(message.clone(), |excerpt| format!("{message}\n{excerpt}"))
+}
+
+/// The line at fault with a mark under its column.
+fn excerpt(text: &str, at: Position) -> Option<String> {
+    let line = text.lines().nth(at.line as usize - 1)?;
+    let before: String = line.chars().take(at.column as usize - 1).collect();
+    // Tabs stay tabs, so that the mark stands where the fault is.
+    let blank: String = before.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+    let number = at.line.to_string();
+    let margin = " ".repeat(number.len());
+    Some(format!("{number} | {line}\n{margin} | {blank}^"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fault_is_marked_in_its_line() {
+        let text = "<robot>\n\t <link/>\n</robot>";
+        let marked = excerpt(text, Position { line: 2, column: 3 }).unwrap();
+        assert_eq!(marked, "2 | \t <link/>\n  | \t ^");
+        assert_eq!(excerpt(text, Position { line: 9, column: 1 }), None);
+    }
+}

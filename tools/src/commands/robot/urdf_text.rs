@@ -1,0 +1,108 @@
+//! What the model of a robot leaves out of its URDF: colours, and the order of joints that Pinocchio uses.
+
+use std::collections::BTreeMap;
+
+use motorium_robots::Loaded;
+use roxmltree::{Document, Node};
+
+/// The URDF text of a loaded robot.
+pub(super) fn text(robot: &Loaded) -> anyhow::Result<String> {
+    match (&robot.entry, &robot.path) {
+        (Some(entry), _) => Ok(entry.urdf.to_string()),
+        (None, Some(path)) => Ok(std::fs::read_to_string(path)?),
+        (None, None) => anyhow::bail!("the robot comes from nowhere"),
+    }
+}
+
+fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Item = Node<'a, 'b>> {
+    node.children().filter(move |child| child.has_tag_name(name))
+}
+
+fn element<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> Option<Node<'a, 'b>> {
+    elements(node, name).next()
+}
+
+/// The colours of each link's visuals, in their order; red, green, blue from 0 to 1.
+pub(super) fn colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
+    let Ok(document) = Document::parse(text) else { return BTreeMap::new() };
+    let robot = document.root_element();
+    let own = |material: Node| {
+        let rgba = element(material, "color")?.attribute("rgba")?.to_string();
+        let values: Vec<f64> = rgba.split_whitespace().filter_map(|value| value.parse().ok()).collect();
+        Some([*values.first()?, *values.get(1)?, *values.get(2)?])
+    };
+    let named: BTreeMap<&str, [f64; 3]> = elements(robot, "material")
+        .filter_map(|material| Some((material.attribute("name")?, own(material)?)))
+        .collect();
+    let of_visual = |visual: Node| {
+        let material = element(visual, "material")?;
+        own(material).or_else(|| named.get(material.attribute("name")?).copied())
+    };
+    elements(robot, "link")
+        .filter_map(|link| {
+            Some((link.attribute("name")?.to_string(), elements(link, "visual").map(of_visual).collect()))
+        })
+        .collect()
+}
+
+/// The names of the joints that are not fixed as Pinocchio orders them: depth first, the joints below one link in
+/// alphabetical order.
+pub(super) fn depth_first(text: &str) -> Vec<String> {
+    let Ok(document) = Document::parse(text) else { return Vec::new() };
+    let mut below: BTreeMap<&str, BTreeMap<&str, (&str, bool)>> = BTreeMap::new();
+    let mut children = Vec::new();
+    for joint in elements(document.root_element(), "joint") {
+        let link = |role| element(joint, role).and_then(|element| element.attribute("link"));
+        let (Some(name), Some(parent), Some(child)) =
+            (joint.attribute("name"), link("parent"), link("child"))
+        else {
+            continue;
+        };
+        let moves = joint.attribute("type") != Some("fixed");
+        below.entry(parent).or_default().insert(name, (child, moves));
+        children.push(child);
+    }
+    let roots = elements(document.root_element(), "link").filter_map(|link| link.attribute("name"));
+    let mut open: Vec<&str> = roots.filter(|link| !children.contains(link)).collect();
+    let mut order = Vec::new();
+    // The joints to come, the next one last.
+    let mut waiting: Vec<(&str, (&str, bool))> = Vec::new();
+    loop {
+        if let Some(link) = open.pop() {
+            let joints = below.remove(link).unwrap_or_default();
+            waiting.extend(joints.into_iter().rev());
+        }
+        let Some((name, (child, moves))) = waiting.pop() else { return order };
+        if moves {
+            order.push(name.to_string());
+        }
+        open.push(child);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TREE: &str = r#"<robot name="r">
+      <material name="red"><color rgba="1 0 0 1"/></material>
+      <link name="a"><visual><material name="red"/></visual><visual><material name="x"><color rgba="0 0.5 1 1"/></material></visual></link>
+      <link name="b"><visual/></link><link name="c"/><link name="d"/><link name="e"/>
+      <joint name="z" type="fixed"><parent link="a"/><child link="b"/></joint>
+      <joint name="k" type="revolute"><parent link="b"/><child link="c"/></joint>
+      <joint name="m" type="revolute"><parent link="a"/><child link="d"/></joint>
+      <joint name="y" type="prismatic"><parent link="d"/><child link="e"/></joint>
+    </robot>"#;
+
+    #[test]
+    fn joints_come_depth_first_and_fixed_ones_keep_their_place_in_the_alphabet() {
+        assert_eq!(depth_first(TREE), ["m", "y", "k"]);
+    }
+
+    #[test]
+    fn colours_are_found_by_name_and_in_place() {
+        let colours = colours(TREE);
+        assert_eq!(colours["a"], [Some([1.0, 0.0, 0.0]), Some([0.0, 0.5, 1.0])]);
+        assert_eq!(colours["b"], [None]);
+    }
+}

@@ -1,0 +1,203 @@
+//! What `motorium top --json` prints, and what its tables show.
+
+use motorium::plan::ClockKind;
+use motorium::region::{Misses, Phase, Stalls};
+use motorium::telemetry::Percentiles;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// Version of this format; raised when a field changes its meaning or goes.
+pub(crate) const TOP_VERSION: u32 = 1;
+
+/// How a running graph is doing.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct Top {
+    /// Version of this format.
+    pub(crate) version: u32,
+    /// Id of the run.
+    pub(crate) run: String,
+    /// Name of the graph.
+    pub(crate) graph: String,
+    /// The clock that drives it.
+    pub(crate) clock: ClockKind,
+    /// What the graph is doing.
+    pub(crate) state: State,
+    /// Time since the start on the run's clock, s; 0 before it.
+    pub(crate) elapsed_s: f64,
+    /// Time between the two looks that make the interval, on the clock on the wall, s.
+    pub(crate) interval_s: f64,
+    /// Each component, in the order of the graph file.
+    pub(crate) components: Vec<ComponentTop>,
+    /// Each latency budget, in the order of the graph file.
+    pub(crate) latencies: Vec<LatencyTop>,
+    /// Each topic and each of its readers.
+    pub(crate) edges: Vec<EdgeTop>,
+    /// Each core of the machine.
+    pub(crate) cores: Vec<CoreTop>,
+}
+
+/// What a graph is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum State {
+    /// Its components are being configured and connected.
+    Starting,
+    /// Its components step.
+    Running,
+    /// Its actuators apply the safe state.
+    SafeStop,
+    /// It was told to end.
+    Stopping,
+}
+
+/// One component.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct ComponentTop {
+    /// Its name in the graph.
+    pub(crate) name: String,
+    /// Where it is in its life.
+    pub(crate) phase: Phase,
+    /// Whether it is an actuator in its safe state.
+    pub(crate) safe: bool,
+    /// Its process.
+    pub(crate) pid: u32,
+    /// The core it is pinned to; `null` if it may run on several.
+    pub(crate) core: Option<usize>,
+    /// Share of a core that its stepping thread had in the interval, spinning included; `null` if it cannot be told.
+    pub(crate) core_share: Option<f64>,
+    /// Share of a core that its steps took in the interval, without spinning.
+    pub(crate) step_share: f64,
+    /// Memory of its process in use, bytes; `null` if it is not there.
+    pub(crate) resident_bytes: Option<u64>,
+    /// How much of that belongs to files and shared memory, bytes.
+    pub(crate) shared_bytes: Option<u64>,
+    /// How long it now spins before a release, ns.
+    pub(crate) spin_ns: u64,
+    /// What it saw of the machine while it spun.
+    pub(crate) stalls: Stalls,
+    /// How often it was restarted.
+    pub(crate) restarts: u32,
+    /// Over the whole run.
+    pub(crate) run: ComponentSpan,
+    /// Over the interval.
+    pub(crate) interval: ComponentSpan,
+}
+
+/// What a component did in a span of time.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct ComponentSpan {
+    /// Steps done.
+    pub(crate) steps: u64,
+    /// Steps a second of the run's clock, from the first to the last of them; 0 if it made none.
+    pub(crate) rate_hz: f64,
+    /// From release (or triggering publication) to the beginning of the step, ns.
+    pub(crate) lateness_ns: Percentiles,
+    /// From the beginning to the end of the step, on the clock on the wall, ns.
+    pub(crate) execution_ns: Percentiles,
+    /// Time of the core that each step took, without spinning, ns.
+    pub(crate) cpu_ns: Percentiles,
+    /// Missed steps by cause, and what followed.
+    pub(crate) misses: Misses,
+    /// Steps that returned an error and were tolerated.
+    pub(crate) errors: u64,
+    /// Samples withheld or refused because of their content or their lateness.
+    pub(crate) refused: u64,
+    /// Heap allocations in steps; `null` if its program does not count them.
+    pub(crate) allocations: Option<u64>,
+    /// Heap allocations in steps by foreign code named in its docs; `null` likewise.
+    pub(crate) allocations_apart: Option<u64>,
+    /// Page faults of its stepping thread.
+    pub(crate) page_faults: u64,
+}
+
+/// One latency budget.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct LatencyTop {
+    /// Topic at the head of the chain.
+    pub(crate) from: String,
+    /// Topic at its end.
+    pub(crate) to: String,
+    /// The budget, ns.
+    pub(crate) max_ns: u64,
+    /// Over the whole run.
+    pub(crate) run: LatencySpan,
+    /// Over the interval.
+    pub(crate) interval: LatencySpan,
+}
+
+/// Latencies in a span of time.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct LatencySpan {
+    /// Measurements in all.
+    pub(crate) count: u64,
+    /// Measurements above the budget.
+    pub(crate) missed: u64,
+    /// Measured, ns.
+    pub(crate) latency_ns: Percentiles,
+}
+
+/// A topic and one of its readers.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct EdgeTop {
+    /// The topic.
+    pub(crate) topic: String,
+    /// The component that reads it.
+    pub(crate) reader: String,
+    /// Over the whole run.
+    pub(crate) run: EdgeSpan,
+    /// Over the interval.
+    pub(crate) interval: EdgeSpan,
+}
+
+/// What went over an edge in a span of time.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct EdgeSpan {
+    /// Samples read.
+    pub(crate) read: u64,
+    /// Age of each when it was first looked at, since its publication, ns.
+    pub(crate) age_ns: Percentiles,
+}
+
+/// What a core of the machine did in the interval, as shares of it; the kernel counts in steps of 10 ms.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct CoreTop {
+    /// Its number.
+    pub(crate) core: usize,
+    /// Programs.
+    pub(crate) user: f64,
+    /// The kernel for programs.
+    pub(crate) system: f64,
+    /// Interrupts.
+    pub(crate) interrupts: f64,
+    /// Nothing.
+    pub(crate) idle: f64,
+    /// Held back by the host of the virtual machine.
+    pub(crate) stolen: f64,
+    /// Components pinned to it.
+    pub(crate) components: Vec<String>,
+}
+
+/// Which span of time is meant.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum Span {
+    /// The whole run.
+    #[default]
+    Run,
+    /// The last interval.
+    Interval,
+}
+
+macro_rules! over {
+    ($($type:ident => $span:ident),*) => {
+        $(impl $type {
+            /// What is known of this span of time.
+            pub(super) fn over(&self, span: Span) -> &$span {
+                match span {
+                    Span::Run => &self.run,
+                    Span::Interval => &self.interval,
+                }
+            }
+        })*
+    };
+}
+over!(ComponentTop => ComponentSpan, LatencyTop => LatencySpan, EdgeTop => EdgeSpan);

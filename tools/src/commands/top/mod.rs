@@ -1,0 +1,176 @@
+//! `motorium top`: how a running graph keeps its times, read from its shared memory and from `/proc`.
+
+mod compare;
+mod data;
+#[cfg(test)]
+mod example;
+mod layout;
+mod order;
+mod plain;
+mod screen;
+mod view;
+
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use motorium::graph::units::TimeSpan;
+
+use super::runs::{LivingRun, pick};
+use crate::metrics::{Address, Sample, Server};
+use data::Span;
+pub(super) use data::Top as Data;
+use order::Order;
+use view::View;
+
+/// Show how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores, memory.
+///
+/// It reads shared memory and /proc from the shared cores. No component waits for it.
+///
+/// Example: motorium top --once --json
+#[derive(Debug, clap::Args)]
+pub(crate) struct Top {
+    /// Which run: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    #[arg(value_name = "RUN")]
+    name: Option<String>,
+    /// The same, as other commands take it
+    #[arg(long = "run", value_name = "ID", conflicts_with = "name")]
+    run: Option<String>,
+    /// Time between two looks
+    #[arg(long, value_name = "TIME", default_value = "1s")]
+    interval: TimeSpan,
+    /// Times and counts of the last interval instead of the whole run
+    #[arg(long)]
+    last: bool,
+    /// What components are sorted by
+    #[arg(long, value_enum, default_value_t = Order::Graph)]
+    sort: Order,
+    /// Print one table, over one interval, and end
+    #[arg(long)]
+    once: bool,
+    /// Print JSON: an object per interval and line, or with --once one for reading
+    #[arg(long)]
+    json: bool,
+    /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
+    #[arg(long, value_name = "ADDR", conflicts_with = "once")]
+    metrics: Option<Address>,
+}
+
+/// The shortest time between two looks: below it reading would show in what is read.
+const SHORTEST: Duration = Duration::from_millis(100);
+/// The longest one.
+const LONGEST: Duration = Duration::from_secs(3600);
+
+/// Why looking on ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    /// Somebody asked for it.
+    Asked,
+    /// The run is over.
+    RunOver,
+}
+
+impl Top {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let interval = Duration::from_nanos(self.interval.ns);
+        anyhow::ensure!(
+            (SHORTEST..=LONGEST).contains(&interval),
+            "an interval of {interval:?} is none to look at a graph in; expected from 100 ms to 1 h"
+        );
+        let run = open(self.name.as_deref().or(self.run.as_deref()))?;
+        if let Some(address) = self.metrics {
+            let server = Server::bind(address)?;
+            anstream::eprintln!("metrics at {}", server.url());
+            server.serve(open(Some(run.folder.id()))?).context("starting the thread that serves metrics")?;
+        }
+        run.stand_aside();
+        let interrupted = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, interrupted.clone()).context("catching signals")?;
+        }
+        let span = if self.last { Span::Interval } else { Span::Run };
+        let view = View { order: self.sort, reversed: false, span };
+        if self.once {
+            return once(&run, interval, self.json, view, &interrupted);
+        }
+        let end = if !self.json && std::io::stdout().is_terminal() {
+            screen::follow(&run, interval, view, &interrupted)?
+        } else {
+            follow(&run, interval, self.json, &interrupted)?
+        };
+        if end == End::RunOver {
+            anstream::eprintln!("run {} is over", run.folder.id());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn open(run: Option<&str>) -> anyhow::Result<LivingRun> {
+    let folder = pick(run)?;
+    let (plan, region) = (folder.plan()?, folder.region()?);
+    Ok(LivingRun { folder, plan, region })
+}
+
+fn once(
+    run: &LivingRun,
+    interval: Duration,
+    json: bool,
+    view: View,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<ExitCode> {
+    let before = Sample::take(run);
+    match wait(run, interval, interrupted) {
+        None => {}
+        Some(End::Asked) => return Ok(crate::exit::FAILED),
+        Some(End::RunOver) => anyhow::bail!("run {} ended while it was looked at", run.folder.id()),
+    }
+    let top = Data::between(run, &before, &Sample::take(run));
+    if json {
+        println!("{}", serde_json::to_string_pretty(&top)?);
+    } else {
+        print!("{}", plain::tables(&top, view));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A line per interval, until the run is over or somebody stops it.
+fn follow(run: &LivingRun, interval: Duration, json: bool, interrupted: &AtomicBool) -> anyhow::Result<End> {
+    let mut before = Sample::take(run);
+    loop {
+        if let Some(end) = wait(run, interval, interrupted) {
+            return Ok(end);
+        }
+        let now = Sample::take(run);
+        let top = Data::between(run, &before, &now);
+        before = now;
+        let line = if json { serde_json::to_string(&top)? } else { plain::line(&top) };
+        // Whoever read it may have gone (`| head -3`).
+        let mut out = std::io::stdout().lock();
+        let written = std::io::Write::write_all(&mut out, format!("{line}\n").as_bytes());
+        match written.and_then(|()| std::io::Write::flush(&mut out)) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => return Ok(End::Asked),
+            other => other?,
+        }
+    }
+}
+
+/// Waits for an interval; tells why not, if something came between.
+fn wait(run: &LivingRun, interval: Duration, interrupted: &AtomicBool) -> Option<End> {
+    let due = Instant::now() + interval;
+    loop {
+        let left = due.saturating_duration_since(Instant::now());
+        std::thread::sleep(left.min(Duration::from_millis(100)));
+        if interrupted.load(Relaxed) {
+            return Some(End::Asked);
+        }
+        if run.has_ended() {
+            return Some(End::RunOver);
+        }
+        if Instant::now() >= due {
+            return None;
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! What this machine itself takes: measured by `motorium calibrate --save`, used by `check` and `run`.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use motorium::schedule::Overheads;
+use serde::{Deserialize, Serialize};
+
+/// Which machine and kernel something was measured on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Machine {
+    /// Release and version of the kernel.
+    pub(crate) kernel: String,
+    /// Model of the processor.
+    pub(crate) processor: String,
+    /// Number of cores.
+    pub(crate) cores: usize,
+}
+
+impl Machine {
+    /// This one.
+    pub(crate) fn this() -> Self {
+        let system = rustix::system::uname();
+        let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
+        let cpus = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpus.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+        Self {
+            kernel: format!("{} {}", text(system.release()), text(system.version())),
+            processor: model.map_or_else(|| text(system.machine()), |(_, model)| model.trim().to_string()),
+            cores: online_cores(),
+        }
+    }
+}
+
+/// Cores of the machine, whichever of them this thread may use.
+fn online_cores() -> usize {
+    let stat = std::fs::read_to_string("/proc/stat").unwrap_or_default();
+    let is_core = |line: &&str| {
+        line.strip_prefix("cpu").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+    };
+    stat.lines().filter(is_core).count()
+}
+
+/// What the file holds.
+#[derive(Debug, Serialize, Deserialize)]
+struct Saved {
+    machine: Machine,
+    overheads: Overheads,
+}
+
+/// Overheads, and where they come from.
+#[derive(Debug, Clone)]
+pub(crate) struct Known {
+    pub(crate) overheads: Overheads,
+    /// In words, for the line that shows them.
+    pub(crate) origin: &'static str,
+}
+
+/// The overheads that were saved for this machine, else the cautious ones that come with motorium.
+pub(crate) fn known() -> Known {
+    let saved = file().and_then(|path| std::fs::read(path).ok()).map(|text| serde_json::from_slice(&text));
+    let (overheads, origin) = match saved {
+        Some(Ok(Saved { machine, overheads })) if machine == Machine::this() => {
+            (overheads, "as measured on this machine by `motorium calibrate`")
+        }
+        Some(Ok(_)) => {
+            (Overheads::default(), "cautious values: the saved ones are of another machine or kernel")
+        }
+        Some(Err(_)) => (Overheads::default(), "cautious values: the saved ones cannot be read"),
+        None => {
+            (Overheads::default(), "cautious values; `motorium calibrate --save` measures this machine's own")
+        }
+    };
+    Known { overheads, origin }
+}
+
+/// Saves overheads for this machine. Returns the file.
+pub(crate) fn save(overheads: Overheads) -> anyhow::Result<PathBuf> {
+    let path = file().context("neither XDG_CONFIG_HOME nor HOME says where to save them")?;
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    let text = serde_json::to_string_pretty(&Saved { machine: Machine::this(), overheads })?;
+    // written beside and moved into place: a full disk leaves the older file whole
+    let beside = path.with_extension("new");
+    std::fs::write(&beside, text).with_context(|| format!("writing {}", beside.display()))?;
+    std::fs::rename(&beside, &path).with_context(|| format!("writing {}", path.display()))?;
+    Ok(path)
+}
+
+fn file() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let config = folder("XDG_CONFIG_HOME").or_else(|| Some(folder("HOME")?.join(".config")))?;
+    Some(config.join("motorium").join("overheads.json"))
+}
