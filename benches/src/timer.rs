@@ -1,7 +1,5 @@
 //! How late the machine wakes a sleeper: what `cyclictest` measures.
 
-use std::path::Path;
-
 use motorium::os::{Request, apply, monotonic_ns, prefault_stack, sleep_until};
 use motorium::plan::SchedulingClass;
 
@@ -65,10 +63,4 @@ impl Places {
         let realtime = cores.last().copied().unwrap_or(0);
         Self { realtime, other: cores.first().copied().filter(|core| *core != realtime) }
     }
-}
-
-/// Whether a program is installed.
-pub fn is_installed(program: &str) -> bool {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    std::env::split_paths(&path).any(|folder| Path::new(&folder).join(program).is_file())
 }

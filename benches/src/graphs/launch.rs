@@ -17,8 +17,6 @@ pub struct Ran {
     pub report: Report,
     /// Release lateness of each component, ns.
     pub lateness: Vec<Distribution>,
-    /// Execution time of each component's steps, ns.
-    pub execution: Vec<Distribution>,
     /// Each latency budget, ns.
     pub latencies: Vec<Distribution>,
 }
@@ -63,7 +61,6 @@ pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Res
     Ok(Ran {
         report,
         lateness: blocks.iter().map(|block| Distribution::from_histogram(&block.lateness)).collect(),
-        execution: blocks.iter().map(|block| Distribution::from_histogram(&block.execution)).collect(),
         latencies: region
             .latencies()
             .iter()

@@ -21,9 +21,9 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// One component that does nothing, at a rate.
+/// One component at a rate, that publishes what nobody reads.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
-    head("bench-release", rate_hz, seconds, core)
+    head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }
 
 /// A chain of so many processes at 1 kHz, all on one core; the last is `tail`.
@@ -71,7 +71,29 @@ pub fn panda(seconds: u32) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+    use motorium::graph::{self, Machine};
+
     use super::*;
+    use crate::relay::Relay;
+
+    fn no_robots(_: &str, _: &Path) -> Result<Vec<String>, ConfigError> {
+        Err(ConfigError::new("none here"))
+    }
+
+    #[test]
+    fn every_graph_of_relays_can_run() {
+        let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
+        let machine = Machine::detect();
+        let core = crate::host::cores()[0];
+        let graphs = [release(4_000, 1, core), chain(2, 1, core), chain(8, 1, core), caterpillar(1, core)];
+        for text in graphs.into_iter().chain([fan_out(1, 1, core), fan_out(8, 1, core)]) {
+            let checked = graph::check(Path::new("bench.toml"), text.clone(), &[], &registry, &machine);
+            checked.unwrap_or_else(|error| panic!("{text}\n{}", error.render(false)));
+        }
+    }
 
     #[test]
     fn a_chain_has_as_many_processes_as_were_asked_for_and_ends_in_a_tail() {

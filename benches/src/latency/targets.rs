@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Measurement;
+use crate::Distribution;
 
 /// Whether a target was reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -171,17 +172,28 @@ impl Seen<'_> {
             missed.host.seconds,
             100.0 * missed.host.steal_share
         );
+        // Medians are moved by neither: what moves them is where the host has put the cores.
+        if let Some(floor) = tail_of(name).is_none().then(|| self.get("floor.cache-line")).flatten() {
+            let (near, far) = (floor.slices_p50.iter().min(), floor.slices_p50.iter().max());
+            let moved = near.zip(far).map_or(String::new(), |(near, far)| {
+                format!("; a cache line took {near} to {far} ns from core to core meanwhile")
+            });
+            return Some(format!("{steal}, which does not move a median{moved}"));
+        }
         let loaded = name.ends_with(".loaded");
         let Some(timer) = self.get(if loaded { "floor.timer.loaded" } else { "floor.timer" }) else {
             return Some(steal);
         };
         // How far the tail of a bare sleeper lies above its median: the machine's and its host's, not ours.
-        let (tail, floor) =
-            (missed.ns.p99_9.saturating_sub(missed.ns.p50), timer.ns.p99_9.saturating_sub(timer.ns.p50));
+        let tail_of = tail_of(name).unwrap_or(|ns| ns.p99_9);
+        let (tail, floor) = (
+            tail_of(&missed.ns).saturating_sub(missed.ns.p50),
+            tail_of(&timer.ns).saturating_sub(timer.ns.p50),
+        );
         let share = if tail == 0 { 0.0 } else { (floor as f64 / tail as f64).min(1.0) };
         Some(format!(
-            "{steal}; of its p99.9 above p50, {:.0} % ({:.0} of {:.0} us) are late wake-ups of an idle core, seen \
-             in floor.timer too",
+            "{steal}; of its tail above p50, {:.0} % ({:.0} of {:.0} us) are late wake-ups that a bare sleeper on \
+             this core has too (floor.timer)",
             100.0 * share,
             (share * tail as f64) * 1e-3,
             tail as f64 * 1e-3
@@ -189,10 +201,18 @@ impl Seen<'_> {
     }
 }
 
+/// The tail that the target of a measurement is about; `None` for a median.
+fn tail_of(name: &str) -> Option<fn(&Distribution) -> u64> {
+    match name {
+        "release.1khz" | "chain.4" | "chain.17" => Some(|ns| ns.p99),
+        "panda" | "panda.loaded" => Some(|ns| ns.p99_9),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Distribution;
     use crate::host::HostShare;
 
     fn measured(name: &str, p50: u64, p99: u64, p99_9: u64) -> Measurement {
@@ -252,6 +272,14 @@ mod tests {
         assert_eq!((missed.verdict, missed.measured), (Verdict::Missed, Some(500.0)));
         let host = missed.host.as_deref().unwrap();
         assert!(host.contains("40 ms of 2.0 s (1.00 %)") && host.contains("25 % (100 of 400 us)"), "{host}");
+        let table = targets(&[
+            measured("hop.blocking.same.512", 9_000, 0, 0),
+            measured("floor.futex.same", 1_000, 0, 0),
+            Measurement { slices_p50: vec![60, 280], ..measured("floor.cache-line", 60, 0, 0) },
+        ]);
+        let host = find(&table, "raw futex hand-off").host.clone().unwrap();
+        assert!(host.contains("does not move a median; a cache line took 60 to 280 ns"), "{host}");
+        let table = targets(&[measured("panda.loaded", 100_000, 150_000, 200_000)]);
         let met = find(&table, "Panda loop, under load");
         assert_eq!((met.verdict, met.host.as_ref()), (Verdict::Met, None));
     }

@@ -90,6 +90,7 @@ impl Latency {
             }
         }
         if self.peers {
+            anstream::eprintln!("{}", style::dim("measuring peers, for about a minute ..."));
             let (measured, skipped) = peers::measure();
             measured.into_iter().for_each(|measurement| keep(&mut written.measurements, measurement));
             written.skipped.extend(skipped);
