@@ -67,7 +67,7 @@ fn a_short_run_leaves_every_sample_in_its_file_its_picture_and_the_filled_table(
     let picture = std::fs::read_to_string(svg).expect("a picture");
     let document = roxmltree::Document::parse(&picture).expect("it is XML");
     let curves = document.descendants().filter(|node| node.has_tag_name("polyline")).count();
-    assert_eq!(curves, names.len());
+    assert_eq!(curves, measurements.len(), "a curve for each");
 }
 
 #[test]
