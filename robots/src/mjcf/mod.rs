@@ -15,6 +15,7 @@ mod compiler;
 mod equality;
 mod error;
 mod geoms;
+mod joints;
 mod pose;
 
 use std::path::Path;
