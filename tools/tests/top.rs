@@ -61,6 +61,14 @@ impl Serving {
         self.scrape()["motorium_component_steps"].value(&[("component", "controller")])
     }
 
+    fn comes_to_life(&self) {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while self.steps() < 20.0 {
+            assert!(Instant::now() < deadline, "the graph does not step");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
     fn end(mut self) -> (bool, String) {
         signal(&self.child, rustix::process::Signal::INT);
         let success = self.child.wait().expect("it ends").success();
@@ -92,11 +100,7 @@ fn graph(name: &str, more: &[&str]) -> Command {
 fn a_running_graph_is_looked_at_from_all_sides() {
     let name = format!("seen-{}", std::process::id());
     let run = Serving::start(graph(&name, &["--force"]));
-    let deadline = Instant::now() + Duration::from_secs(60);
-    while run.steps() < 20.0 {
-        assert!(Instant::now() < deadline, "the graph does not step");
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    run.comes_to_life();
     data_has_the_shape_of_its_schema(&name);
     tables_name_everything(&name);
     looking_on_takes_no_place(&name);
@@ -300,6 +304,7 @@ fn wrong_names_are_refused(name: &str) {
 
 fn the_end_of_the_run_is_told(run: Serving, name: &str) {
     let lockstep = Serving::start(graph(&format!("{name}-b"), &["--clock", "lockstep"]));
+    lockstep.comes_to_life();
     // Two of ours are two at least, whatever else runs on this machine.
     let text = complaint(&["top", "--once"]);
     assert!(text.contains("several graphs are running") && text.contains(&format!("graph {name}")), "{text}");
