@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use super::Measurement;
 
-const WIDTH: f64 = 960.0;
+const WIDTH: f64 = 1080.0;
 const HEIGHT: f64 = 560.0;
 const LEFT: f64 = 70.0;
-const RIGHT: f64 = 330.0;
+const RIGHT: f64 = 450.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 60.0;
 /// Twelve colours that can be told apart on white (Tol's "bright" and "muted").
@@ -30,7 +30,7 @@ pub fn plot(title: &str, measurements: &[&Measurement]) -> String {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"24\" font-size=\"15\">{}</text>\n",
+         <text x=\"{LEFT}\" y=\"24\">{}</text>\n",
         escape(title)
     );
     let (left, right, top, bottom) = (LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM);
