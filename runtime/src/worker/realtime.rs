@@ -67,9 +67,10 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
             if woken >= sleep_to {
                 margin.woke(woken - sleep_to);
             }
-            (let_others_run, spinning) = (true, None);
+            spinning = None;
         } else if !let_others_run {
-            // Behind its time, it does not sleep: those it has just woken on this core must still get their turn.
+            // Those it has just woken on this core must get their turn, also when it is behind its time and does not
+            // sleep, or was stopped on its way to sleep and found the time over when it got there.
             yield_core();
             let_others_run = true;
         } else {
