@@ -1,5 +1,7 @@
 //! The values of a graph file: names, numbers, choices, units.
 
+mod scheduling;
+
 use std::borrow::Cow;
 
 use schemars::{Schema, SchemaGenerator, json_schema};
@@ -13,6 +15,7 @@ use super::source::Span;
 use super::units::{Rate, TimeSpan, UnitError};
 use crate::component::ParameterValue;
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+pub(super) use scheduling::{Schedule, Share, SpinChoice};
 
 impl<'i> Read<'i> for String {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
@@ -258,100 +261,6 @@ choices! {
     RestartWhen: Never, Failure, Always;
     SafeState: Hold, Damp, ZeroTorque, Brake;
     Schedule: Fifo, Deadline, Normal;
-}
-
-/// How a component is scheduled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Schedule {
-    /// Real-time: `SCHED_FIFO`, on a real-time core.
-    Fifo,
-    /// Real-time: `SCHED_DEADLINE`. The kernel promises the budget in every period, on whatever core.
-    Deadline,
-    /// Not real-time: the system's time sharing, on the shared cores.
-    Normal,
-}
-
-/// How long to spin before a release.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SpinChoice {
-    /// As long as the machine's wake errors ask for.
-    Auto,
-    /// Always this long.
-    Fixed(TimeSpan),
-}
-
-impl<'i> Read<'i> for SpinChoice {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        if value.get_ref().as_str() == Some("auto") {
-            return Some(Self::Auto);
-        }
-        TimeSpan::read(key, value, report).map(Self::Fixed)
-    }
-}
-
-impl Serialize for SpinChoice {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Auto => serializer.serialize_str("auto"),
-            Self::Fixed(time) => time.serialize(serializer),
-        }
-    }
-}
-
-impl schemars::JsonSchema for SpinChoice {
-    fn schema_name() -> Cow<'static, str> {
-        "SpinChoice".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "anyOf": [{ "const": "auto" }, generator.subschema_for::<TimeSpan>()] })
-    }
-}
-
-/// A part of a whole, above 0 and at most 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(transparent)]
-pub(super) struct Share(pub f64);
-
-impl<'i> Read<'i> for Share {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let number: Option<f64> = match value.get_ref() {
-            DeValue::Float(number) => number.as_str().parse().ok(),
-            DeValue::Integer(number) => number.as_str().parse().ok(),
-            _ => None,
-        };
-        let Some(number) = number else {
-            mismatch(key, value, "a share, as a number", report).advise("a tenth of a core: 0.1");
-            return None;
-        };
-        if number > 0.0 && number <= 1.0 {
-            return Some(Self(number));
-        }
-        report
-            .error(format!("`{key}` is {number}, which is no share"))
-            .at(&value.span(), "expected more than 0 and at most 1")
-            .advise("a tenth of a core: 0.1");
-        None
-    }
-}
-
-impl schemars::JsonSchema for Share {
-    fn schema_name() -> Cow<'static, str> {
-        "Share".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "number", "exclusiveMinimum": 0, "maximum": 1 })
-    }
 }
 
 impl<'i> Read<'i> for ParameterValue {
