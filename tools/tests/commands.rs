@@ -40,7 +40,7 @@ fn the_help_of_every_command_has_an_example() {
         arguments.push("--help");
         let help = printed(&arguments);
         assert!(help.contains("Example: motorium"), "{command}: {help}");
-        assert!(help.lines().count() <= 80, "{command}: {} lines", help.lines().count());
+        assert!(help.lines().count() <= 60, "{command}: {} lines", help.lines().count());
     }
 }
 

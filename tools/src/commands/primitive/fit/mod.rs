@@ -23,32 +23,39 @@ use super::rollout::{Trajectory, Wish, roll_out};
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
 ///
-/// What `motorium topic echo --json` prints is read as it is. Reports how closely the primitive gives the movement back.
+/// What `motorium topic echo --json` prints will do. Reports how closely the movement is given back.
 ///
-/// Example: motorium primitive fit demonstration.jsonl --kernels 50 --output reach.json --plot reach.svg
+/// Example: motorium primitive fit demonstration.jsonl --output reach.json --plot reach.svg
 #[derive(Debug, clap::Args)]
 pub(super) struct Fit {
     /// The recordings
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// What to fit
-    #[arg(long, value_enum, default_value_t = Model::Discrete)]
+    /// What to fit; a discrete primitive if not given
+    #[arg(
+        long, value_enum, default_value_t = Model::Discrete, hide_default_value = true, hide_possible_values = true,
+        value_name = "discrete|rhythmic|probabilistic"
+    )]
     model: Model,
     /// The equation of a discrete primitive; quintic-goal if not given
-    #[arg(long, value_enum)]
+    #[arg(
+        long,
+        value_enum,
+        hide_possible_values = true,
+        value_name = "quintic-goal|final-velocity|classic|goal-safe"
+    )]
     variant: Option<VariantArg>,
-    /// Number of kernels or basis functions for each dimension
-    #[arg(long, value_name = "N", default_value_t = 30)]
+    /// Number of kernels or basis functions for each dimension; 30 if not given
+    #[arg(long, value_name = "N", default_value_t = 30, hide_default_value = true)]
     kernels: usize,
-    /// How the weights are found: least squares on the forcing term (the default; of a distribution, expectation maximisation), each kernel by itself, or least squares on the position
-    #[arg(long, value_enum)]
+    /// How the weights are found; ridge (of a distribution: by EM) if not given
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
     regression: Option<RegressionArg>,
     /// Penalty of ridge and response regression; 1e-12 if not given
     #[arg(long, value_name = "LAMBDA")]
     penalty: Option<f64>,
-    /// How the shape of a discrete primitive follows another displacement: not (fixed, the default), each dimension by
-    /// itself, or as a whole, at most tenfold
-    #[arg(long, value_enum)]
+    /// How the shape of a discrete primitive follows another displacement; fixed if not given
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "fixed|displacement|similarity")]
     scaling: Option<ScalingArg>,
     /// Field of the samples of a topic, such as velocity; position if not given
     #[arg(long, value_name = "NAME")]
@@ -62,8 +69,8 @@ pub(super) struct Fit {
     /// Frequency above which a recording is noise; nothing is filtered if not given
     #[arg(long, value_name = "HZ")]
     cutoff: Option<f64>,
-    /// Evenly spaced samples that a recording (of a rhythm: a period) is made into
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(4..=100_000))]
+    /// Evenly spaced samples made of a recording (of a rhythm: of a period); 200 if not given
+    #[arg(long, value_name = "N", default_value_t = 200, hide_default_value = true, value_parser = clap::value_parser!(u32).range(4..=100_000))]
     samples: u32,
     /// Periods that every recording of a rhythm holds; 1 if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -82,7 +89,6 @@ pub(super) struct Fit {
 /// Of ridge and response regression.
 const PENALTY: f64 = 1e-12;
 
-// Without a comment on each, the help lists the values in one line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Model {
     Discrete,
