@@ -1,10 +1,11 @@
-//! The library without the command: floors and hops in turns, `cargo run --release --example hop -- hop.polling.across.512
-//! floor.cache-line`.
+//! The library without the command: floors, hops and chains in turns, `cargo run --release --example hop --
+//! hop.polling.across.512 floor.cache-line chain.4`.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+use motorium::worker::{Program, run_worker};
 use motorium_benches::Part;
 use motorium_benches::latency::{Bench, Case, catalogue, targets};
 use motorium_benches::relay::Relay;
@@ -20,6 +21,14 @@ fn main() -> ExitCode {
     if let Some(part) = Part::from_arguments(&arguments) {
         return part.run();
     }
+    // So are the processes of a graph.
+    match Program::from_arguments(&arguments) {
+        Some(Program::Worker { folder, component }) => {
+            return run_worker(&folder, &component, |_| Some(Kind::of::<Relay>()));
+        }
+        Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
+        Some(Program::Describe) | None => {}
+    }
     let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
     let bench = Bench {
         program: std::env::current_exe().expect("a running program has a file"),
@@ -27,7 +36,7 @@ fn main() -> ExitCode {
         places: Places::detect(),
         fifo: 80,
         samples: 20_000,
-        seconds: 1,
+        seconds: 3,
     };
     let wanted = |case: &Case| arguments[1..].contains(&case.name);
     let cases: Vec<Case> = catalogue().into_iter().filter(wanted).collect();

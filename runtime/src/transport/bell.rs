@@ -1,20 +1,21 @@
-//! A word in shared memory that tells of publications, and wakes whoever waits for one.
+//! A word in shared memory that tells of publications, and wakes whoever waits for one. Behind it lie the newest values of
+//! a small state topic.
 
 #![allow(unsafe_code)] // the one place where mapped bytes become a bell
 
-use std::cell::Cell;
 use std::fs::OpenOptions;
 use std::io;
 use std::path::Path;
-use std::rc::Rc;
-use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use memmap2::{MmapOptions, MmapRaw};
 
 use crate::os::{current_core, futex_wait, futex_wake};
 
-const FILE_BYTES: u64 = 4096;
+const PAGE: usize = 4096;
+/// What lies before the values, bytes.
+pub(super) const WORDS_BYTES: usize = 64;
 
 /// What lies in the file. Zero bytes are a bell that was never rung.
 #[derive(Debug)]
@@ -29,7 +30,11 @@ struct Words {
     core: AtomicU32,
     /// Where the newest sample lies, counted from wherever its publisher likes, bytes.
     place: AtomicU64,
+    /// Number of the newest of the values behind the words; 0 for none.
+    newest: AtomicU64,
 }
+
+const _: () = assert!(size_of::<Words>() == WORDS_BYTES);
 
 /// The bell of one topic. Any number ring it, any number wait, and no ring is lost: a waiter names the last ring it
 /// has heard, and sleeps only while there was none since.
@@ -37,21 +42,43 @@ struct Words {
 pub(super) struct Bell(MmapRaw);
 
 impl Bell {
-    /// Makes the file of a bell.
-    pub(super) fn create(path: &Path) -> io::Result<Self> {
+    /// Makes the file of a bell with room for values of so many bytes.
+    pub(super) fn create(path: &Path, values: usize) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
-        // Reserve the page now: on a full file system the first ring would otherwise die of SIGBUS.
-        rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, FILE_BYTES)?;
-        Ok(Self(MmapOptions::new().len(FILE_BYTES as usize).map_raw(&file)?))
+        // Reserve the pages now: on a full file system the first ring would otherwise die of SIGBUS.
+        let bytes = file_bytes(values);
+        rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes as u64)?;
+        Ok(Self(MmapOptions::new().len(bytes).map_raw(&file)?))
     }
 
-    /// Opens the file of a bell.
-    pub(super) fn open(path: &Path) -> io::Result<Self> {
+    /// Opens the file of a bell with room for values of so many bytes.
+    pub(super) fn open(path: &Path, values: usize) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
-        if file.metadata()?.len() != FILE_BYTES {
+        let bytes = file_bytes(values);
+        if file.metadata()?.len() != bytes as u64 {
             return Err(io::Error::other("its file was cut short"));
         }
-        Ok(Self(MmapOptions::new().len(FILE_BYTES as usize).map_raw(&file)?))
+        Ok(Self(MmapOptions::new().len(bytes).map_raw(&file)?))
+    }
+
+    /// Length of the mapping, bytes.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The memory of the values.
+    pub(super) fn behind_words(&self) -> *mut u8 {
+        self.0.as_mut_ptr().wrapping_add(WORDS_BYTES)
+    }
+
+    /// Number of the newest value; 0 for none.
+    pub(super) fn newest(&self) -> u64 {
+        self.words().newest.load(Acquire)
+    }
+
+    /// Says which value is the newest; to be followed by a ring.
+    pub(super) fn say_newest(&self, number: u64) {
+        self.words().newest.store(number, Release);
     }
 
     fn words(&self) -> &Words {
@@ -67,7 +94,7 @@ impl Bell {
     }
 
     /// Counts a ring, which those see who look; [`wake`](Self::wake) is to follow.
-    fn count(&self) {
+    pub(super) fn count(&self) {
         let words = self.words();
         let core = current_core() as u32 + 1;
         if words.core.load(Relaxed) != core {
@@ -78,7 +105,7 @@ impl Bell {
     }
 
     /// Wakes all who wait for a ring that was counted.
-    fn wake(&self) {
+    pub(super) fn wake(&self) {
         let words = self.words();
         if words.sleepers.load(SeqCst) != 0 {
             futex_wake(&words.rings);
@@ -114,31 +141,6 @@ impl Bell {
     }
 }
 
-/// A bell that wakes nobody before the step of its publisher is over.
-///
-/// Whom a topic wakes on the publisher's own core cannot run before that gives up the core anyway; woken earlier, those
-/// more urgent would cut the step in two.
-#[derive(Debug)]
-pub(crate) struct LateBell {
-    bell: Rc<Bell>,
-    owes: Cell<bool>,
-}
-
-impl LateBell {
-    pub(super) fn new(bell: Rc<Bell>) -> Self {
-        Self { bell, owes: Cell::new(false) }
-    }
-
-    /// Counts a ring; whoever sleeps goes on sleeping.
-    pub(super) fn ring(&self) {
-        self.bell.count();
-        self.owes.set(true);
-    }
-
-    /// Wakes those who wait for what has been published since the last time.
-    pub(crate) fn wake(&self) {
-        if self.owes.take() {
-            self.bell.wake();
-        }
-    }
+fn file_bytes(values: usize) -> usize {
+    (WORDS_BYTES + values).next_multiple_of(PAGE)
 }

@@ -11,6 +11,7 @@ use iceoryx2::sample::Sample;
 use super::bell::Bell;
 use super::eager::{fetch_sent_over, fetch_to_read};
 use super::output::FETCHED;
+use super::slots::{Copied, Slots};
 use super::topic::{open, refused};
 use super::trigger::open_bell;
 use super::{Connect, PortError, Shared};
@@ -28,7 +29,20 @@ const THOROUGH: u32 = 16;
 #[derive(Debug)]
 pub struct Input<T: StateBuffer> {
     subscriber: Option<Rc<Subscriber<Shared, T, Stamp>>>,
-    current: Option<Sample<Shared, T, Stamp>>,
+    /// Of a small state: where its component leaves it.
+    slots: Option<Slots<T>>,
+    /// Number of the value copied last.
+    copied: u64,
+    /// The value copied last, and one to copy the next into.
+    copies: Box<[Copied<T>; 2]>,
+    /// Incarnation and sequence of the value copied last.
+    own: (u32, u64),
+    /// What was read last.
+    current: Current<T>,
+    /// Whether other iceoryx2 programs publish on the topic as well.
+    has_guests: bool,
+    /// Index of the component that writes the topic.
+    writer: u32,
     context: Rc<Context>,
     is_cause: bool,
     last_origin: (u32, u32),
@@ -37,7 +51,7 @@ pub struct Input<T: StateBuffer> {
     /// Index of the topic if it is a stream: what is lost of it counts.
     stream: Option<usize>,
     /// Rung at every publication; not in lockstep.
-    bell: Option<Bell>,
+    bell: Option<Rc<Bell>>,
     /// Rings heard at the last look.
     heard: u32,
     /// Where the publisher counts the places of its samples from, in the memory of this process.
@@ -48,10 +62,21 @@ pub struct Input<T: StateBuffer> {
     edge: Option<usize>,
 }
 
-/// A sample, borrowed from shared memory.
+/// What was read last.
+#[derive(Debug)]
+enum Current<T: StateBuffer> {
+    Nothing,
+    /// The first of the copies.
+    Copy,
+    /// In place.
+    Sample(Sample<Shared, T, Stamp>),
+}
+
+/// A sample: a small state as it was when it was read, anything else in place in shared memory.
 #[derive(Debug)]
 pub struct Reading<'a, T: StateBuffer> {
-    sample: &'a Sample<Shared, T, Stamp>,
+    stamp: &'a Stamp,
+    payload: &'a T,
     context: &'a Context,
 }
 
@@ -59,19 +84,19 @@ impl<T: StateBuffer> core::ops::Deref for Reading<'_, T> {
     type Target = T;
 
     fn deref(&self) -> &T {
-        self.sample.payload()
+        self.payload
     }
 }
 
 impl<T: StateBuffer> Reading<'_, T> {
     /// When and by whom it was made.
     pub fn stamp(&self) -> Stamp {
-        *self.sample.user_header()
+        *self.stamp
     }
 
     /// Time since it was published, ns.
     pub fn age_ns(&self) -> u64 {
-        self.context.now_ns().saturating_sub(self.sample.user_header().publish_time)
+        self.context.now_ns().saturating_sub(self.stamp.publish_time)
     }
 }
 
@@ -79,7 +104,13 @@ impl<T: StateBuffer> Input<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
         Self {
             subscriber: None,
-            current: None,
+            slots: None,
+            copied: 0,
+            own: (0, 0),
+            copies: Box::new([Copied::nothing(), Copied::nothing()]),
+            current: Current::Nothing,
+            has_guests: false,
+            writer: 0,
             context,
             is_cause: false,
             last_origin: (0, 0),
@@ -108,13 +139,15 @@ impl<T: StateBuffer> Input<T> {
             .subscriber_builder()
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        let bell = if context.is_lockstep() { None } else { Some(open_bell(node, topic)?) };
+        let bell = Rc::new(open_bell(node, topic)?);
         Ok(Self {
             subscriber: Some(Rc::new(subscriber)),
             is_cause,
             stream,
             edge,
-            bell,
+            slots: Slots::of(&bell, topic),
+            bell: (!context.is_lockstep()).then_some(bell),
+            writer: topic.writer as u32,
             ..Self::unwired(context)
         })
     }
@@ -136,19 +169,29 @@ impl<T: StateBuffer> Input<T> {
         self.bell.as_ref().is_none_or(|bell| bell.rings() != self.heard)
     }
 
-    /// The newest valid sample, if there ever was one; it is read in place, nothing is copied.
+    /// The newest valid sample, if there ever was one.
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
-        let (place, published) = self.fetch();
         let thorough = self.looks.is_multiple_of(THOROUGH);
         self.looks = self.looks.wrapping_add(1);
+        if self.slots.is_some() {
+            if let Some(bell) = &self.bell {
+                self.heard = bell.rings();
+            }
+            self.copy();
+            if thorough || self.has_guests {
+                self.hear_guests();
+            }
+            return self.reading();
+        }
+        let (place, published) = self.fetch();
         while let Some(sample) = self.receive() {
             let stamp = sample.user_header();
             let next = (stamp.origin, stamp.incarnation) == self.last_origin
                 && stamp.sequence == self.last_sequence.wrapping_add(1);
-            if self.admit(&sample) {
+            if self.admit(*stamp, sample.payload().check().is_ok()) {
                 let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
                 self.base = address.wrapping_sub(place);
-                self.current = Some(sample);
+                self.current = Current::Sample(sample);
                 if next && published == 1 && !thorough {
                     // The one publication since the last look: only another iceoryx2 program may have sent more.
                     break;
@@ -156,6 +199,40 @@ impl<T: StateBuffer> Input<T> {
             }
         }
         self.reading()
+    }
+
+    /// Copies the newest value that the topic's component has left, if it is news and valid.
+    fn copy(&mut self) {
+        let Some(slots) = &self.slots else { return };
+        let Some(number) = slots.read(self.copied, &mut self.copies[1]) else { return };
+        self.copied = number;
+        let Copied { stamp, payload } = &self.copies[1];
+        // Seen already if it came as an echo.
+        self.own = (stamp.incarnation, stamp.sequence);
+        let known = (stamp.origin, stamp.incarnation) == self.last_origin
+            && stamp.sequence == self.last_sequence
+            && stamp.sequence > 0;
+        if known || self.admit(*stamp, payload.check().is_ok()) {
+            self.copies.swap(0, 1);
+            self.current = Current::Copy;
+        }
+    }
+
+    /// Takes what other iceoryx2 programs have published; echoes of the topic's own component are no news.
+    fn hear_guests(&mut self) {
+        while let Some(sample) = self.receive() {
+            let stamp = *sample.user_header();
+            let is_echo = stamp.origin == self.writer
+                && stamp.sequence > 0
+                && (stamp.incarnation, stamp.sequence) <= self.own;
+            if is_echo {
+                continue;
+            }
+            self.has_guests |= stamp.origin != self.writer || stamp.sequence == 0;
+            if self.admit(stamp, sample.payload().check().is_ok()) {
+                self.current = Current::Sample(sample);
+            }
+        }
     }
 
     /// Has the newest sample on its way from the publisher's core while the queue is asked for it. Only a hint: the
@@ -182,8 +259,8 @@ impl<T: StateBuffer> Input<T> {
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         loop {
             let sample = self.receive()?;
-            if self.admit(&sample) {
-                self.current = Some(sample);
+            if self.admit(*sample.user_header(), sample.payload().check().is_ok()) {
+                self.current = Current::Sample(sample);
                 return self.reading();
             }
         }
@@ -191,7 +268,12 @@ impl<T: StateBuffer> Input<T> {
 
     /// The sample read last, without looking for a newer one.
     pub fn current(&self) -> Option<Reading<'_, T>> {
-        Some(Reading { sample: self.current.as_ref()?, context: &self.context })
+        let (stamp, payload) = match &self.current {
+            Current::Nothing => return None,
+            Current::Copy => (&self.copies[0].stamp, &self.copies[0].payload),
+            Current::Sample(sample) => (sample.user_header(), sample.payload()),
+        };
+        Some(Reading { stamp, payload, context: &self.context })
     }
 
     /// Samples of a stream that were overwritten before they were read.
@@ -206,11 +288,10 @@ impl<T: StateBuffer> Input<T> {
     }
 
     /// A sample is only looked at when its sequence and its content have been checked.
-    fn admit(&mut self, sample: &Sample<Shared, T, Stamp>) -> bool {
-        let stamp = sample.user_header();
+    fn admit(&mut self, stamp: Stamp, is_valid: bool) -> bool {
         let origin = (stamp.origin, stamp.incarnation);
         let newer = origin != self.last_origin || stamp.sequence > self.last_sequence;
-        if stamp.sequence == 0 || !newer || sample.payload().check().is_err() {
+        if stamp.sequence == 0 || !newer || !is_valid {
             add(&self.context.block().refused, 1);
             return false;
         }
@@ -232,11 +313,11 @@ impl<T: StateBuffer> Input<T> {
     }
 
     fn reading(&self) -> Option<Reading<'_, T>> {
-        let sample = self.current.as_ref()?;
+        let reading = self.current()?;
         if self.is_cause {
-            self.context.inherit(sample.user_header().source_time);
+            self.context.inherit(reading.stamp.source_time);
         }
-        Some(Reading { sample, context: &self.context })
+        Some(reading)
     }
 }
 

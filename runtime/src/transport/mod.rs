@@ -1,25 +1,30 @@
 //! Topics and parameters over iceoryx2: made by the launcher, only opened by components.
 //!
+//! Small states go from component to component through the slots of their topic (`slots`), and are echoed over iceoryx2
+//! for everybody else (`echo`); streams and large states are iceoryx2 samples, read in place.
+//!
 //! [`Domain`] keeps runs apart, [`Shared`] is the choice of mechanisms, [`Input`] and [`Output`] are the ports a
 //! component steps with, [`Observer`] is how tools look on without taking part.
 
 mod bell;
 mod domain;
 mod eager;
+mod echo;
 mod exchange;
 mod input;
 mod observer;
 mod output;
 mod parameter;
 mod pooled;
+mod slots;
 #[cfg(test)]
 mod tests;
 mod topic;
 mod trigger;
 mod variant;
 
-pub(crate) use bell::LateBell;
 pub use domain::{Domain, DomainError};
+pub(crate) use echo::AfterStep;
 pub use exchange::{Exchange, ExchangeError, Seat};
 pub use input::{Input, Reading};
 pub use observer::{Observed, Observer};

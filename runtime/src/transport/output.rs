@@ -10,8 +10,10 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
 
-use super::bell::{Bell, LateBell};
+use super::bell::Bell;
 use super::eager::{fetch_to_write, learn};
+use super::echo::{AfterStep as _, Echo};
+use super::slots::Slots;
 use super::topic::{open, refused};
 use super::trigger::open_bell;
 use super::{PortError, Shared};
@@ -57,8 +59,12 @@ struct Wired<T: StateBuffer> {
     publisher: Rc<Publisher<Shared, T, Stamp>>,
     /// Not used in lockstep, where nobody waits for a topic.
     bell: Option<Rc<Bell>>,
-    /// In place of it where those whom it wakes share this component's core.
-    late: Option<Rc<LateBell>>,
+    /// Of a small state: where its readers find it.
+    slots: Option<Slots<T>>,
+    echo: Rc<Echo<T>>,
+    /// Whether the worker ends every step, and with it wakes those on its own core, and echoes.
+    ends_steps: bool,
+    wakes_late: bool,
     places: Places,
     probes: Vec<Probe>,
     digest: Digest,
@@ -91,13 +97,20 @@ impl<T: StateBuffer> Output<T> {
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let bell = if context.is_lockstep() { None } else { Some(Rc::new(open_bell(node, topic)?)) };
+        let bell = Rc::new(open_bell(node, topic)?);
         let publisher = Rc::new(publisher);
+        let slots = Slots::of(&bell, topic);
+        // In lockstep nobody waits for a topic.
+        let rings = (!context.is_lockstep()).then(|| bell.clone());
+        let echo = Rc::new(Echo::new(publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
         let wired = Wired {
             topic: index,
             publisher,
-            bell,
-            late: None,
+            bell: rings,
+            slots,
+            echo,
+            ends_steps: false,
+            wakes_late: false,
             places: Places::default(),
             probes,
             digest: Digest::default(),
@@ -105,10 +118,12 @@ impl<T: StateBuffer> Output<T> {
         Ok(Self { wired: Some(wired), ..Self::unwired(port, context) })
     }
 
-    /// Wakes those it triggers only when the step is over, as suits those on the same core.
-    pub(crate) fn waking_after_the_step(mut self) -> Self {
+    /// The worker ends every step of this output's component; only then those are woken that it triggers, if they are
+    /// all on its own core.
+    pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
         if let Some(wired) = &mut self.wired {
-            wired.late = wired.bell.clone().map(|bell| self.context.after_the_step(LateBell::new(bell)));
+            (wired.ends_steps, wired.wakes_late) = (true, stays_on_core);
+            self.context.after_the_step(wired.echo.clone());
         }
         self
     }
@@ -128,8 +143,12 @@ impl<T: StateBuffer> Output<T> {
     /// # Errors
     /// All samples are held by readers, which cannot happen while every reader keeps to its limits.
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
-        let sample = match &self.wired {
+        let sample = match &mut self.wired {
             None => None,
+            Some(Wired { slots: Some(slots), .. }) => {
+                slots.begin();
+                None
+            }
             Some(wired) => {
                 let sample = wired.publisher.loan_uninit().map_err(|_| StepError::Transport {
                     port: self.port,
@@ -158,18 +177,20 @@ impl<T: StateBuffer> core::ops::Deref for Loan<'_, T> {
     type Target = T;
 
     fn deref(&self) -> &T {
-        match &self.sample {
-            Some(sample) => sample.payload(),
-            None => &self.output.scratch,
+        match (&self.sample, &self.output.wired) {
+            (Some(sample), _) => sample.payload(),
+            (None, Some(Wired { slots: Some(slots), .. })) => slots.begun(),
+            (None, _) => &self.output.scratch,
         }
     }
 }
 
 impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
     fn deref_mut(&mut self) -> &mut T {
-        match &mut self.sample {
-            Some(sample) => sample.payload_mut(),
-            None => &mut self.output.scratch,
+        match (&mut self.sample, &mut self.output.wired) {
+            (Some(sample), _) => sample.payload_mut(),
+            (None, Some(Wired { slots: Some(slots), .. })) => slots.begun_mut(),
+            (None, _) => &mut self.output.scratch,
         }
     }
 }
@@ -181,17 +202,14 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that does not fit: it is then
     /// not published, its readers keep the older value.
     pub fn publish(mut self) -> Result<(), StepError> {
+        if let Err(defect) = self.check() {
+            add(&self.output.context.block().refused, 1);
+            return Err(StepError::InvalidOutput { port: self.output.port, defect });
+        }
+        let sample = self.sample.take();
         let output = &mut *self.output;
         let context = &output.context;
-        let content: &T = self.sample.as_ref().map_or(&output.scratch, |sample| sample.payload());
-        if let Err(defect) = content.check() {
-            add(&context.block().refused, 1);
-            return Err(StepError::InvalidOutput { port: output.port, defect });
-        }
-        let (Some(mut sample), Some(wired)) = (self.sample.take(), output.wired.as_mut()) else {
-            return Ok(());
-        };
-        let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
+        let Some(wired) = output.wired.as_mut() else { return Ok(()) };
         let now = context.now_ns();
         if context.withholds(now) {
             add(&context.block().refused, 1);
@@ -199,27 +217,78 @@ impl<T: StateBuffer> Loan<'_, T> {
         }
         output.sequence += 1;
         let source_time = context.source_time_or(now);
-        *sample.user_header_mut() = Stamp {
+        let stamp = Stamp {
             sequence: output.sequence,
             source_time,
             publish_time: now,
             origin: context.index() as u32,
             incarnation: context.incarnation(),
         };
-        let region = context.region();
-        let block = &region.topics()[wired.topic];
         if context.is_lockstep() {
+            let content: &T = match (&sample, &wired.slots) {
+                (Some(sample), _) => sample.payload(),
+                (None, Some(slots)) => slots.begun(),
+                (None, None) => &output.scratch,
+            };
             wired.digest.write_u64(output.sequence);
             wired.digest.write_u64(now);
-            sample.payload().digest(&mut wired.digest);
-            block.digest.store(wired.digest.finish(), Relaxed);
+            content.digest(&mut wired.digest);
+            context.region().topics()[wired.topic].digest.store(wired.digest.finish(), Relaxed);
         }
-        let sent = if output.sequence % RELEARNT == 1 { learn(|| sample.send()) } else { sample.send() };
-        sent.map_err(|_| StepError::Transport { port: output.port, reason: "the sample was not sent" })?;
+        match (sample, &mut wired.slots) {
+            (Some(sample), _) => wired.send(sample, stamp, output.port)?,
+            (None, Some(slots)) => {
+                slots.publish(stamp);
+                wired.echo.owe_echo();
+            }
+            (None, None) => {}
+        }
+        wired.tell(context, stamp);
+        Ok(())
+    }
+}
+
+impl<T: StateBuffer> Wired<T> {
+    /// Sends an iceoryx2 sample.
+    fn send(
+        &mut self,
+        mut sample: SampleMut<Shared, T, Stamp>,
+        stamp: Stamp,
+        port: &'static str,
+    ) -> Result<(), StepError> {
+        let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
+        *sample.user_header_mut() = stamp;
+        let sent = if stamp.sequence % RELEARNT == 1 { learn(|| sample.send()) } else { sample.send() };
+        sent.map_err(|_| StepError::Transport { port, reason: "the sample was not sent" })?;
+        if let Some(bell) = &self.bell {
+            bell.point_to(self.places.offset(address));
+        }
+        fetch_to_write(self.places.after(address), size_of::<T>().min(FETCHED));
+        Ok(())
+    }
+
+    /// Lets everybody know of a publication: those who wait, those who count, those who measure.
+    fn tell(&self, context: &Context, stamp: Stamp) {
+        let region = context.region();
+        let block = &region.topics()[self.topic];
         add(&block.published, 1);
-        block.last_publish_ns.store(now, Relaxed);
-        for probe in &wired.probes {
-            let latency = now.saturating_sub(source_time);
+        block.last_publish_ns.store(stamp.publish_time, Relaxed);
+        if let Some(bell) = &self.bell {
+            bell.count();
+            if self.wakes_late {
+                self.echo.owe_wake();
+            } else {
+                bell.wake();
+            }
+        }
+        if let Some(slots) = &self.slots {
+            slots.fetch_next();
+            if !self.ends_steps {
+                self.echo.echo();
+            }
+        }
+        for probe in &self.probes {
+            let latency = stamp.publish_time.saturating_sub(stamp.source_time);
             let measured = &region.latencies()[probe.index];
             measured.latency.record(latency);
             if latency > probe.max_ns {
@@ -229,15 +298,6 @@ impl<T: StateBuffer> Loan<'_, T> {
                 }
             }
         }
-        if let Some(bell) = &wired.bell {
-            bell.point_to(wired.places.offset(address));
-            match &wired.late {
-                Some(late) => late.ring(),
-                None => bell.ring(),
-            }
-            fetch_to_write(wired.places.after(address), size_of::<T>().min(FETCHED));
-        }
-        Ok(())
     }
 }
 

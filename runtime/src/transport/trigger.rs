@@ -8,7 +8,7 @@ use iceoryx2::prelude::SemanticString as _;
 
 use super::bell::Bell;
 use super::topic::refused;
-use super::{PortError, Shared};
+use super::{PortError, Shared, slots};
 use crate::os::{current_core, monotonic_ns};
 use crate::plan::TopicPlan;
 use crate::state::Digest;
@@ -37,7 +37,7 @@ pub struct Trigger {
 impl Waker {
     /// Makes the bell of a topic.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let bell = Bell::create(&file(node, topic));
+        let bell = Bell::create(&file(node, topic), slots::bytes(topic));
         Ok(Self(bell.map_err(|error| refused(&topic.name, "making its bell")(&error))?))
     }
 
@@ -120,7 +120,8 @@ impl Patience {
 
 /// Opens the bell of a topic.
 pub(super) fn open_bell(node: &Node<Shared>, topic: &TopicPlan) -> Result<Bell, PortError> {
-    Bell::open(&file(node, topic)).map_err(|error| refused(&topic.name, "opening its bell")(&error))
+    Bell::open(&file(node, topic), slots::bytes(topic))
+        .map_err(|error| refused(&topic.name, "opening its bell")(&error))
 }
 
 /// The file of a topic's bell, in the folder of its domain.
@@ -141,14 +142,14 @@ mod tests {
     fn bells<const N: usize>(name: &str) -> (tempfile::TempDir, [PathBuf; N]) {
         let folder = tempfile::tempdir().unwrap();
         let paths = std::array::from_fn(|i| folder.path().join(format!("{name}-{i}")));
-        paths.iter().for_each(|path| drop(Bell::create(path).unwrap()));
+        paths.iter().for_each(|path| drop(Bell::create(path, 0).unwrap()));
         (folder, paths)
     }
 
     #[test]
     fn a_ring_before_the_wait_ends_it_at_once_and_only_once() {
         let (_folder, [path]) = bells("early");
-        let (bell, trigger) = (Bell::open(&path).unwrap(), Trigger::new(Bell::open(&path).unwrap()));
+        let (bell, trigger) = (Bell::open(&path, 0).unwrap(), Trigger::new(Bell::open(&path, 0).unwrap()));
         bell.ring();
         bell.ring();
         trigger.wait();
@@ -169,7 +170,8 @@ mod tests {
             let (ready, answers, stuck) = (&ready, &answers, &stuck);
             let (there, back) = (&there, &back);
             scope.spawn(move || {
-                let (trigger, bell) = (Trigger::new(Bell::open(there).unwrap()), Bell::open(back).unwrap());
+                let (trigger, bell) =
+                    (Trigger::new(Bell::open(there, 0).unwrap()), Bell::open(back, 0).unwrap());
                 ready.wait();
                 for round in 0..ROUNDS {
                     trigger.wait();
@@ -180,7 +182,8 @@ mod tests {
                 }
             });
             scope.spawn(move || {
-                let (trigger, bell) = (Trigger::new(Bell::open(back).unwrap()), Bell::open(there).unwrap());
+                let (trigger, bell) =
+                    (Trigger::new(Bell::open(back, 0).unwrap()), Bell::open(there, 0).unwrap());
                 ready.wait();
                 for round in 0..ROUNDS {
                     bell.ring();
@@ -216,7 +219,7 @@ mod tests {
         std::thread::scope(|scope| {
             for _ in 0..8 {
                 scope.spawn(|| {
-                    let trigger = Trigger::new(Bell::open(&path).unwrap());
+                    let trigger = Trigger::new(Bell::open(&path, 0).unwrap());
                     ready.wait();
                     trigger.wait();
                     heard.fetch_add(1, SeqCst);
@@ -224,7 +227,7 @@ mod tests {
             }
             ready.wait();
             std::thread::sleep(Duration::from_millis(20));
-            Bell::open(&path).unwrap().ring();
+            Bell::open(&path, 0).unwrap().ring();
         });
         assert_eq!(heard.load(SeqCst), 8);
     }
@@ -233,7 +236,7 @@ mod tests {
     fn a_bell_that_was_cut_short_is_refused() {
         let (_folder, [path]) = bells("short");
         std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(10).unwrap();
-        assert!(Bell::open(&path).unwrap_err().to_string().contains("cut short"));
+        assert!(Bell::open(&path, 0).unwrap_err().to_string().contains("cut short"));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, OnOverrun, Plan};
 use crate::region::{Command, ComponentBlock, Region};
-use crate::transport::LateBell;
+use crate::transport::AfterStep;
 
 /// What the ports and the loop of one component share: whose they are, and what time it is.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub struct Context {
     deadline_ns: Cell<u64>,
     cause_ns: Cell<Option<u64>>,
     signals: Arc<Signals>,
-    late_bells: RefCell<Vec<Rc<LateBell>>>,
+    after_step: RefCell<Vec<Rc<dyn AfterStep>>>,
 }
 
 /// What the watcher thread tells the stepping thread.
@@ -57,7 +57,7 @@ impl Context {
             deadline_ns: Cell::new(u64::MAX),
             cause_ns: Cell::new(None),
             signals: Arc::default(),
-            late_bells: RefCell::default(),
+            after_step: RefCell::default(),
         }
     }
 
@@ -95,16 +95,17 @@ impl Context {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
     }
 
-    /// Takes in a bell that is to wake its waiters after every step.
-    pub(crate) fn after_the_step(&self, bell: LateBell) -> Rc<LateBell> {
-        let bell = Rc::new(bell);
-        self.late_bells.borrow_mut().push(bell.clone());
-        bell
+    /// Takes in what an output has to do after every step.
+    pub(crate) fn after_the_step(&self, duties: Rc<dyn AfterStep>) {
+        self.after_step.borrow_mut().push(duties);
     }
 
-    /// Wakes those on this core whom the step has triggered. They may run before this returns.
-    pub(super) fn wake_triggered(&self) {
-        self.late_bells.borrow().iter().for_each(|bell| bell.wake());
+    /// Does what the outputs have to do after a step. Those that the step has triggered on this core may run before
+    /// this returns.
+    pub(super) fn end_step(&self) {
+        let duties = self.after_step.borrow();
+        duties.iter().for_each(|output| output.wake());
+        duties.iter().for_each(|output| output.echo());
     }
 
     pub(super) fn begin(&self) {

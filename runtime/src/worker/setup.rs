@@ -120,10 +120,8 @@ impl Setup {
             .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
             .collect();
         let topic = (topic, &self.plan.topics[topic]);
-        let mut output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?;
-        if self.plan.stays_on_core(topic.0) {
-            output = output.waking_after_the_step();
-        }
+        let output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?
+            .ending_steps(self.plan.stays_on_core(topic.0));
         self.ports.extend(output.connection());
         Ok(output)
     }
