@@ -9,8 +9,8 @@ use std::path::Path;
 
 use motorium_robots::{
     BaseMode, CollisionModel, CollisionOptions, Collisions, ConstrainedDynamics, Constraint, Derivatives,
-    Dynamics, IkOptions, InverseKinematics, Kinematics, LoadOptions, MimicMode, Reference, load, load_with,
-    parse_urdf_with,
+    Dynamics, IkOptions, InverseKinematics, Kinematics, LoadOptions, MimicMode, Reference, TaskRows, Wrench,
+    load, load_with, parse_urdf_with,
 };
 use nalgebra::{DMatrix, Matrix6xX, Vector3};
 
@@ -73,6 +73,8 @@ fn kinematics_and_dynamics_do_not_allocate_after_construction() {
         dynamics.bias(&model, &q, &v, gravity, &mut out);
         dynamics.gravity(&model, &q, gravity, &mut out);
         dynamics.crba(&model, &q, &mut mass);
+        dynamics.crba_upper(&model, &q, &mut mass);
+        kinematics.place_carriers(&model, &q, hand);
         let tau = &v;
         dynamics.forward(&model, &q, &v, tau, gravity, &mut out).unwrap();
         checksum += out[0] + mass[(0, 0)];
@@ -110,7 +112,16 @@ fn nothing_allocates_on_a_floating_base_either() {
         checksum += kinematics.acceleration_in(&model, hand, Reference::World).linear.x;
         checksum += kinematics.centre_of_mass(&model).position.x;
         dynamics.forward(&model, &q, &v, &a, gravity, &mut out).unwrap();
+        let push = [(hand, Wrench { force: Vector3::new(1.0, 2.0, 3.0), moment: Vector3::zeros() })];
+        dynamics.forward_external(&model, &q, &v, &a, gravity, &push, &mut out).unwrap();
+        dynamics.rnea_external(&model, &q, &v, &a, gravity, &push, &mut out);
+        dynamics.crba(&model, &q, &mut mass);
+        dynamics.crba_upper(&model, &q, &mut mass);
+        dynamics.factor_mass(&model, &q).unwrap().solve(&mut out);
         dynamics.inverse_mass(&model, &q, &mut mass).unwrap();
+        kinematics.place_carriers(&model, &q, hand);
+        checksum += kinematics.manipulability(&model, hand, TaskRows::POSE);
+        checksum += kinematics.manipulability_gradient(&model, hand, TaskRows::POSE, &mut out);
         dynamics.centroidal_map(&model, &q, &mut jacobian);
         checksum +=
             dynamics.momentum_rate(&model, &q, &v, &a).linear.x + dynamics.kinetic_energy(&model, &q, &v);

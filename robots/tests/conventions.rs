@@ -79,6 +79,7 @@ fn configurations_and_velocities_of_pinocchio_are_the_motions_they_are_there() {
             let index = model.nq() - model.joint_count() + model.joint_index(name).unwrap();
             assert_relative_eq!(q[index], position.as_f64().unwrap(), epsilon = 1e-12);
         }
+        assert_eq!(model.velocity_from_pinocchio(&q, &v), v, "no planar joint here");
         for (name, link) in case["links"].as_object().unwrap() {
             assert_moves(&model, &q, &v, name, link);
         }
@@ -88,6 +89,35 @@ fn configurations_and_velocities_of_pinocchio_are_the_motions_they_are_there() {
         *turned.last_mut().unwrap() += 2.0 * std::f64::consts::TAU;
         assert_close(&model.to_pinocchio(&turned), &theirs);
     }
+}
+
+#[test]
+fn the_way_from_one_configuration_to_another_is_pinocchios() {
+    let model = rover();
+    let document = vectors();
+    let cases = document["cases"].as_array().unwrap();
+    let mut whole = 0;
+    for (case, after) in cases.iter().zip(cases.iter().cycle().skip(1)) {
+        let ours = |case: &Value| model.from_pinocchio(&numbers(&case["pinocchio"]["q"])).unwrap();
+        let (from, to) = (ours(case), ours(after));
+        let (mut way, mut between) = (vec![0.0; model.nv()], vec![0.0; model.nq()]);
+        model.difference(&from, &to, &mut way);
+        model.interpolate(&from, &to, 0.3, &mut between);
+        let theirs = numbers(&case["pinocchio"]["difference"]);
+        let there = model.from_pinocchio(&numbers(&case["pinocchio"]["interpolated"])).unwrap();
+        // A continuous joint is one unbounded angle here; Pinocchio takes the shorter way around, half a turn at most.
+        let wheel = (way.len() - 1, between.len() - 1);
+        let turns = ((way[wheel.0] - theirs[wheel.0]) / std::f64::consts::TAU).round();
+        assert_relative_eq!(way[wheel.0] - turns * std::f64::consts::TAU, theirs[wheel.0], epsilon = 1e-11);
+        assert_close(&way[..wheel.0], &theirs[..wheel.0]);
+        let between = with_the_sign_of(&there, 3..7, between);
+        assert_close(&between[..wheel.1], &there[..wheel.1]);
+        if turns == 0.0 {
+            whole += 1;
+            assert_close(&between, &there);
+        }
+    }
+    assert!(whole > 0 && whole < cases.len(), "{whole}");
 }
 
 #[test]
@@ -135,9 +165,14 @@ fn a_planar_joint_has_pinocchios_configuration_and_its_velocity_in_axes_that_do_
         assert_close(&model.to_pinocchio(&q), &theirs);
         // Theirs is along the axes of the body, ours along those of the plane.
         let v = numbers(&case["v"]);
-        let (sin, cos) = q[2].sin_cos();
-        let ours = [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]];
+        let ours = model.velocity_from_pinocchio(&q, &v);
         assert_moves(&model, &q, &ours, "plate", case);
+        assert_close(&model.velocity_to_pinocchio(&q, &ours), &v);
+        // Efforts are dual to velocities: their power is the same.
+        let tau = [0.7, -1.1, 0.4];
+        let theirs = model.velocity_to_pinocchio(&q, &tau);
+        let power = |tau: &[f64], v: &[f64]| tau.iter().zip(v).map(|(tau, v)| tau * v).sum::<f64>();
+        assert_relative_eq!(power(&theirs, &v), power(&tau, &ours), epsilon = 1e-12);
     }
 }
 

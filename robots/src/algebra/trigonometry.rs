@@ -25,25 +25,29 @@ pub(crate) fn sin_cos(angles: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
     let (sines, _) = sines.as_chunks_mut::<LANES>();
     let (cosines, _) = cosines.as_chunks_mut::<LANES>();
     for ((x, sin), cos) in angles.iter().zip(sines).zip(cosines) {
-        (*sin, *cos) = sin_cos_abreast::<false>(x);
+        sin_cos_abreast::<false>(x, sin, cos);
     }
 }
 
 /// Sines and cosines of a few angles.
 #[inline(always)]
-pub(crate) fn sin_cos_abreast<const FUSED: bool>(x: &[f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
-    // All compared, without a branch each.
-    if x.iter().fold(true, |near, x| near & (x.abs() <= FAR)) {
-        return lanes::<FUSED>(x);
+pub(crate) fn sin_cos_abreast<const FUSED: bool>(
+    x: &[f64; LANES],
+    sin: &mut [f64; LANES],
+    cos: &mut [f64; LANES],
+) {
+    if x.iter().all(|x| x.abs() <= FAR) {
+        lanes::<FUSED>(x, sin, cos);
+    } else {
+        // Also where an angle is not a number.
+        for i in 0..LANES {
+            (sin[i], cos[i]) = x[i].sin_cos();
+        }
     }
-    // Also where an angle is not a number.
-    let both = x.map(f64::sin_cos);
-    (both.map(|(sin, _)| sin), both.map(|(_, cos)| cos))
 }
 
 #[inline(always)]
-fn lanes<const FUSED: bool>(x: &[f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
-    let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
+fn lanes<const FUSED: bool>(x: &[f64; LANES], sin: &mut [f64; LANES], cos: &mut [f64; LANES]) {
     for i in 0..LANES {
         let rounded = fused::<FUSED>(x[i], std::f64::consts::FRAC_2_PI, ROUND);
         let quadrant = rounded.to_bits();
@@ -59,7 +63,6 @@ fn lanes<const FUSED: bool>(x: &[f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
         sin[i] = f64::from_bits((s ^ exchange) ^ ((quadrant & 2) << 62));
         cos[i] = f64::from_bits((c ^ exchange) ^ ((quadrant.wrapping_add(1) & 2) << 62));
     }
-    (sin, cos)
 }
 
 /// (sin r / r - 1) / z for z = r^2.
@@ -116,7 +119,8 @@ mod tests {
 
     /// As processors compute that fuse.
     fn fusing(x: f64) -> (f64, f64) {
-        let (sin, cos) = sin_cos_abreast::<true>(&[x; LANES]);
+        let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
+        sin_cos_abreast::<true>(&[x; LANES], &mut sin, &mut cos);
         (sin[0], cos[0])
     }
 

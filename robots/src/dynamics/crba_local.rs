@@ -183,7 +183,8 @@ impl Posture {
         }
         let mut angles = positions;
         angles.iter_mut().zip(&zero.turning).for_each(|(angle, turning)| *angle *= turning);
-        let (sin, cos) = sin_cos_abreast::<FUSED>(&angles);
+        let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
+        sin_cos_abreast::<FUSED>(&angles, &mut sin, &mut cos);
         for i in 0..LANES {
             let s = fused::<FUSED>(sin[i], zero.cos[i], cos[i] * zero.sin[i]);
             let c = fused::<FUSED>(cos[i], zero.cos[i], -(sin[i] * zero.sin[i]));

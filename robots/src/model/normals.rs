@@ -114,8 +114,10 @@ impl Normals {
             zero.lift[lane] = rest.slide + own.slide;
         }
         for (index, node) in nodes.iter().enumerate() {
-            if node.parent != index {
-                node.parent.checked_sub(1).map(|parent| arms[parent].forks = true);
+            if let Some(parent) = node.parent.checked_sub(1)
+                && node.parent != index
+            {
+                arms[parent].forks = true;
             }
         }
         Self { arms, zeros }

@@ -10,7 +10,8 @@ writes it in each program's coordinates, asks the program where its links are an
 matrix, linear velocity of the origin, angular velocity, all in world axes), and stops unless both say the same.
 `joints` is each program's own order. Accelerations: `a` is each program's derivative of its own velocity; Pinocchio's is the
 spatial one in body axes, MuJoCo's the classical one in world axes with the angular part in body axes. `tau` is each program's
-inverse dynamics for its `a` without gravity, so that it tells whether a velocity's dual is right too.
+inverse dynamics for its `a` without gravity, so that it tells whether a velocity's dual is right too. `difference` and
+`interpolated` are Pinocchio's, of the way from a case's `q` to the next one's: its velocity, and where it is after 0.3 of it.
 
 `planar`: a planar joint alone, which Pinocchio has and MuJoCo has not. Pinocchio takes it to lie in x and y whatever its axis.
 """
@@ -168,6 +169,10 @@ def main():
             "links": {name: {key: plain(value) for key, value in link.items()} for name, link in links.items()},
             "positions": {name: plain(values)[0] for name, values in motion["joints"].items()},
         })
+    for case, after in zip(cases, cases[1:] + cases[:1]):
+        q, to = (np.array(entry["pinocchio"]["q"]) for entry in (case, after))
+        case["pinocchio"]["difference"] = plain(pin.difference(theirs, q, to))
+        case["pinocchio"]["interpolated"] = plain(pin.interpolate(theirs, q, to, 0.3))
     document = {
         "source": {"pinocchio": pin.__version__, "mujoco": mujoco.__version__, "seed": SEED},
         "joints": {
