@@ -68,7 +68,8 @@ impl Model {
         }
     }
 
-    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine. Joints keep our order.
+    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine, so that a planar joint is x, y,
+    /// cosine and sine. Joints keep our order.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
@@ -94,6 +95,37 @@ impl Model {
             });
         }
         rest.next().is_none().then_some(out)
+    }
+
+    /// A velocity `v` at `q` in Pinocchio's axes. They differ for a planar joint alone, which moves there along the axes of the
+    /// body, here along those of the plane. Efforts `tau` turn in the same way.
+    ///
+    /// Pinocchio takes every planar joint to lie in x and y, whatever axis its file gives; here the plane is square to it.
+    pub fn velocity_to_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
+        self.turned_planes(q, v, -1.0)
+    }
+
+    /// The reverse of [`velocity_to_pinocchio`](Self::velocity_to_pinocchio); `q` is ours.
+    pub fn velocity_from_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
+        self.turned_planes(q, v, 1.0)
+    }
+
+    /// `v` with the slides of planar joints turned by their yaw times `sign`.
+    fn turned_planes(&self, q: &[f64], v: &[f64], sign: f64) -> Vec<f64> {
+        assert!(q.len() == self.nq() && v.len() == self.nv(), "length of q and v");
+        let mut out = v.to_vec();
+        let (angles, offset) = (self.joints_of_q(q), self.nv() - self.joint_count());
+        for (index, joint) in self.joint_names().windows(3).enumerate() {
+            let part = |place: usize, suffix: &str| joint[place].strip_suffix(suffix);
+            let planar =
+                part(0, "/x").is_some() && part(0, "/x") == part(1, "/y") && part(0, "/x") == part(2, "/yaw");
+            if planar {
+                let (sin, cos) = (sign * angles[index + 2]).sin_cos();
+                let (x, y) = (v[offset + index], v[offset + index + 1]);
+                (out[offset + index], out[offset + index + 1]) = (cos * x - sin * y, sin * x + cos * y);
+            }
+        }
+        out
     }
 
     /// `q` and `v` in MuJoCo's layout: quaternion w x y z, linear velocity of the base in world axes, its angular

@@ -9,8 +9,8 @@ use std::path::Path;
 
 use motorium_robots::{
     BaseMode, CollisionModel, CollisionOptions, Collisions, ConstrainedDynamics, Constraint, Derivatives,
-    Dynamics, IkOptions, InverseKinematics, Kinematics, LoadOptions, MimicMode, Reference, load, load_with,
-    parse_urdf_with,
+    Dynamics, IkOptions, InverseKinematics, Kinematics, LoadOptions, MimicMode, Reference, TaskRows, Wrench,
+    load, load_with, parse_urdf_with,
 };
 use nalgebra::{DMatrix, Matrix6xX, Vector3};
 
@@ -73,6 +73,8 @@ fn kinematics_and_dynamics_do_not_allocate_after_construction() {
         dynamics.bias(&model, &q, &v, gravity, &mut out);
         dynamics.gravity(&model, &q, gravity, &mut out);
         dynamics.crba(&model, &q, &mut mass);
+        dynamics.crba_upper(&model, &q, &mut mass);
+        kinematics.place_carriers(&model, &q, hand);
         let tau = &v;
         dynamics.forward(&model, &q, &v, tau, gravity, &mut out).unwrap();
         checksum += out[0] + mass[(0, 0)];
@@ -110,7 +112,16 @@ fn nothing_allocates_on_a_floating_base_either() {
         checksum += kinematics.acceleration_in(&model, hand, Reference::World).linear.x;
         checksum += kinematics.centre_of_mass(&model).position.x;
         dynamics.forward(&model, &q, &v, &a, gravity, &mut out).unwrap();
+        let push = [(hand, Wrench { force: Vector3::new(1.0, 2.0, 3.0), moment: Vector3::zeros() })];
+        dynamics.forward_external(&model, &q, &v, &a, gravity, &push, &mut out).unwrap();
+        dynamics.rnea_external(&model, &q, &v, &a, gravity, &push, &mut out);
+        dynamics.crba(&model, &q, &mut mass);
+        dynamics.crba_upper(&model, &q, &mut mass);
+        dynamics.factor_mass(&model, &q).unwrap().solve(&mut out);
         dynamics.inverse_mass(&model, &q, &mut mass).unwrap();
+        kinematics.place_carriers(&model, &q, hand);
+        checksum += kinematics.manipulability(&model, hand, TaskRows::POSE);
+        checksum += kinematics.manipulability_gradient(&model, hand, TaskRows::POSE, &mut out);
         dynamics.centroidal_map(&model, &q, &mut jacobian);
         checksum +=
             dynamics.momentum_rate(&model, &q, &v, &a).linear.x + dynamics.kinetic_energy(&model, &q, &v);
@@ -153,11 +164,54 @@ fn distances_and_their_jacobians_do_not_allocate_either() {
             solids.distance_jacobians(&model, &kinematics, collisions.found(), &mut rows);
         }
     };
-    // Depths search in memory that grows with the hardest case met.
-    run(0.2);
     assert_eq!(calls(|| run(0.2)), 0);
     // Overlaps that no radius bridges are among them.
     assert!(deepest < -0.02 && found > 1000, "{deepest} {found}");
+}
+
+#[test]
+fn the_deepest_overlaps_of_hulls_and_cylinders_do_not_allocate() {
+    // Round bodies take the search for a depth to its last corner.
+    let points = (0..400).map(|index| {
+        let (turn, height) = (f64::from(index) * 2.399_963, f64::from(index) / 199.5 - 1.0);
+        let radius = (1.0 - height * height).max(0.0).sqrt();
+        format!("v {} {} {}\n", 0.3 * radius * turn.cos(), 0.3 * radius * turn.sin(), 0.3 * height)
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = folder.path().join("ball.obj");
+    std::fs::write(&mesh, points.collect::<String>() + "f 1 200 400\n").unwrap();
+    let shapes = [
+        "<cylinder radius=\"0.3\" length=\"0.5\"/>".to_owned(),
+        format!("<mesh filename=\"{}\"/>", mesh.display()),
+        "<box size=\"0.4 0.5 0.6\"/>".to_owned(),
+    ];
+    let mut deep = 0;
+    for (first, second) in [(0, 0), (0, 1), (1, 1), (1, 2), (2, 2)] {
+        let collision =
+            |shape: usize| format!("<collision><geometry>{}</geometry></collision>", shapes[shape]);
+        let text = format!(
+            "<robot name=\"r\"><link name=\"a\">{}</link><link name=\"v\"/><link name=\"b\">{}</link>\
+             <joint name=\"p\" type=\"planar\"><parent link=\"a\"/><child link=\"v\"/><axis xyz=\"0 0 1\"/></joint>\
+             <joint name=\"t\" type=\"continuous\"><parent link=\"v\"/><child link=\"b\"/><axis xyz=\"1 0 0\"/></joint></robot>",
+            collision(first),
+            collision(second)
+        );
+        let model = parse_urdf_with(&text, None, &LoadOptions::default()).unwrap().model;
+        let options = CollisionOptions { adjacent: true, ..CollisionOptions::default() };
+        let solids = CollisionModel::new(&model, &options).unwrap();
+        let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+        let count = calls(|| {
+            for step in 0..200 {
+                let q: [f64; 4] =
+                    std::array::from_fn(|joint| (f64::from(step) * 0.37 + joint as f64).sin() * 0.3);
+                kinematics.update(&model, &q);
+                collisions.update(&solids, &kinematics);
+                deep += usize::from(collisions.distance(&solids, 0).distance < -0.05);
+            }
+        });
+        assert_eq!(count, 0, "{first} {second}");
+    }
+    assert!(deep > 500, "{deep}");
 }
 
 #[test]

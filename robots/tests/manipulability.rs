@@ -165,3 +165,26 @@ fn the_jacobian_of_the_centre_of_mass_is_its_slope() {
         }
     }
 }
+
+#[test]
+fn the_jacobian_of_one_frame_alone_is_that_after_an_update_of_all() {
+    for base in [BaseMode::AsFile, BaseMode::Floating] {
+        let options = LoadOptions { base, ..LoadOptions::default() };
+        let model = load_with("humanoid", Path::new("."), &options).unwrap().model;
+        let q = configuration(&model, 2.0);
+        let (mut kinematics, mut alone) = (Kinematics::new(&model), Kinematics::new(&model));
+        kinematics.update(&model, &q);
+        let mut expected = Matrix6xX::zeros(model.nv());
+        for link in model.frames() {
+            let frame = model.frame(&link.name).unwrap();
+            for reference in [Reference::Local, Reference::World, Reference::LocalWorldAligned] {
+                kinematics.jacobian(&model, frame, reference, &mut expected);
+                let mut found = Matrix6xX::from_element(model.nv(), f64::NAN);
+                alone.jacobian_at(&model, &q, frame, reference, &mut found);
+                assert_relative_eq!(found, expected, epsilon = 1e-13);
+            }
+            alone.place_carriers(&model, &q, frame);
+            assert_relative_eq!(alone.pose(&model, frame), kinematics.pose(&model, frame), epsilon = 1e-13);
+        }
+    }
+}

@@ -1,5 +1,7 @@
-//! Kinematics and dynamics, alone (criterion) or with `--peers` beside Pinocchio in C++, pair by pair in one run.
+//! Kinematics, dynamics and distances, alone (criterion); or with `--peers` kinematics and dynamics beside Pinocchio in C++,
+//! pair by pair in one run.
 
+mod distances;
 mod peers;
 mod quantities;
 mod robots;
@@ -28,6 +30,7 @@ fn main() {
             }
             group.finish();
         }
+        distances::measure(&mut criterion);
         criterion.final_summary();
     }
     // Nothing is lost when it stays: the system clears its temporary files.

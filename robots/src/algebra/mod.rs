@@ -1,12 +1,14 @@
 //! Small dense arithmetic for the inner loops: three-vectors, rotations, symmetric matrices and spatial vectors as plain
 //! numbers, so that a whole recursion compiles into straight-line code.
 
+mod axial;
 mod spatial;
 mod three;
 mod trigonometry;
 mod wide;
 
+pub(crate) use axial::Turn;
 pub(crate) use spatial::{ArticulatedInertia, RigidInertia, Spatial};
 pub(crate) use three::{M3, S3, V3};
-pub(crate) use trigonometry::{LANES, sin_cos};
+pub(crate) use trigonometry::{LANES, sin_cos, sin_cos_abreast};
 pub(crate) use wide::{Work, fused, widest};

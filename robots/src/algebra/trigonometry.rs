@@ -4,6 +4,8 @@
 //! Reduction by three parts of pi/2 (Cody and Waite 1980), then Taylor polynomials on [-pi/4, pi/4] whose remainder is
 //! below half a unit in the last place.
 
+use super::fused;
+
 /// pi/2 in three parts; the first two have 33 bits, so that whole multiples up to 2^20 are exact.
 const PI_2: [f64; 3] = [1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21];
 
@@ -23,27 +25,37 @@ pub(crate) fn sin_cos(angles: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
     let (sines, _) = sines.as_chunks_mut::<LANES>();
     let (cosines, _) = cosines.as_chunks_mut::<LANES>();
     for ((x, sin), cos) in angles.iter().zip(sines).zip(cosines) {
-        if x.iter().all(|x| x.abs() <= FAR) {
-            lanes(x, sin, cos);
-        } else {
-            // Also where an angle is not a number.
-            for i in 0..LANES {
-                (sin[i], cos[i]) = x[i].sin_cos();
-            }
+        sin_cos_abreast::<false>(x, sin, cos);
+    }
+}
+
+/// Sines and cosines of a few angles.
+#[inline(always)]
+pub(crate) fn sin_cos_abreast<const FUSED: bool>(
+    x: &[f64; LANES],
+    sin: &mut [f64; LANES],
+    cos: &mut [f64; LANES],
+) {
+    if x.iter().all(|x| x.abs() <= FAR) {
+        lanes::<FUSED>(x, sin, cos);
+    } else {
+        // Also where an angle is not a number.
+        for i in 0..LANES {
+            (sin[i], cos[i]) = x[i].sin_cos();
         }
     }
 }
 
 #[inline(always)]
-fn lanes(x: &[f64; LANES], sin: &mut [f64; LANES], cos: &mut [f64; LANES]) {
+fn lanes<const FUSED: bool>(x: &[f64; LANES], sin: &mut [f64; LANES], cos: &mut [f64; LANES]) {
     for i in 0..LANES {
-        let rounded = x[i] * std::f64::consts::FRAC_2_PI + ROUND;
+        let rounded = fused::<FUSED>(x[i], std::f64::consts::FRAC_2_PI, ROUND);
         let quadrant = rounded.to_bits();
-        let turns = rounded - ROUND;
-        let r = ((x[i] - turns * PI_2[0]) - turns * PI_2[1]) - turns * PI_2[2];
+        let turns = ROUND - rounded;
+        let r = PI_2.iter().fold(x[i], |rest, part| fused::<FUSED>(turns, *part, rest));
         let z = r * r;
-        let s = r + r * z * sine_tail(z);
-        let c = 1.0 - 0.5 * z + z * z * cosine_tail(z);
+        let s = fused::<FUSED>(r * z, sine_tail::<FUSED>(z), r);
+        let c = fused::<FUSED>(z * z, cosine_tail::<FUSED>(z), fused::<FUSED>(-0.5, z, 1.0));
         // Odd quadrants swap; quadrants 2 and 3 negate the sine, 1 and 2 the cosine.
         let swap = (quadrant & 1).wrapping_neg();
         let (s, c) = (s.to_bits(), c.to_bits());
@@ -55,7 +67,7 @@ fn lanes(x: &[f64; LANES], sin: &mut [f64; LANES], cos: &mut [f64; LANES]) {
 
 /// (sin r / r - 1) / z for z = r^2.
 #[inline(always)]
-fn sine_tail(z: f64) -> f64 {
+fn sine_tail<const FUSED: bool>(z: f64) -> f64 {
     const C: [f64; 8] = [
         -1.0 / 6.0,
         1.0 / 120.0,
@@ -66,12 +78,12 @@ fn sine_tail(z: f64) -> f64 {
         -1.0 / 1_307_674_368_000.0,
         1.0 / 355_687_428_096_000.0,
     ];
-    polynomial(&C, z)
+    polynomial::<FUSED>(&C, z)
 }
 
 /// (cos r - 1 + z/2) / z^2 for z = r^2.
 #[inline(always)]
-fn cosine_tail(z: f64) -> f64 {
+fn cosine_tail<const FUSED: bool>(z: f64) -> f64 {
     const C: [f64; 8] = [
         1.0 / 24.0,
         -1.0 / 720.0,
@@ -82,15 +94,17 @@ fn cosine_tail(z: f64) -> f64 {
         1.0 / 20_922_789_888_000.0,
         -1.0 / 6_402_373_705_728_000.0,
     ];
-    polynomial(&C, z)
+    polynomial::<FUSED>(&C, z)
 }
 
 /// Estrin's scheme: half the depth of Horner's.
 #[inline(always)]
-fn polynomial(c: &[f64; 8], z: f64) -> f64 {
+fn polynomial<const FUSED: bool>(c: &[f64; 8], z: f64) -> f64 {
     let z2 = z * z;
     let z4 = z2 * z2;
-    ((c[0] + c[1] * z) + (c[2] + c[3] * z) * z2) + ((c[4] + c[5] * z) + (c[6] + c[7] * z) * z2) * z4
+    let pair = |low: usize| fused::<FUSED>(c[low + 1], z, c[low]);
+    let low = fused::<FUSED>(pair(2), z2, pair(0));
+    fused::<FUSED>(fused::<FUSED>(pair(6), z2, pair(4)), z4, low)
 }
 
 #[cfg(test)]
@@ -103,14 +117,22 @@ mod tests {
         (sin[0], cos[0])
     }
 
+    /// As processors compute that fuse.
+    fn fusing(x: f64) -> (f64, f64) {
+        let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
+        sin_cos_abreast::<true>(&[x; LANES], &mut sin, &mut cos);
+        (sin[0], cos[0])
+    }
+
     #[test]
     fn sine_and_cosine_agree_with_the_standard_library_to_two_units_in_the_last_place_of_one() {
         for step in 0..2_000_000 {
             let x = f64::from(step - 1_000_000) * 1e-4 * std::f64::consts::PI;
             for x in [x, x * 1e-3, x * 1e-9, x * 1e2] {
-                let (sin, cos) = both(x);
-                assert!((sin - x.sin()).abs() <= 2.3e-16, "sin {x:e}: {sin:e}");
-                assert!((cos - x.cos()).abs() <= 2.3e-16, "cos {x:e}: {cos:e}");
+                for (sin, cos) in [both(x), fusing(x)] {
+                    assert!((sin - x.sin()).abs() <= 2.3e-16, "sin {x:e}: {sin:e}");
+                    assert!((cos - x.cos()).abs() <= 2.3e-16, "cos {x:e}: {cos:e}");
+                }
             }
         }
     }
@@ -119,7 +141,9 @@ mod tests {
     fn small_angles_keep_their_relative_accuracy() {
         for exponent in 1..300 {
             let x = 10_f64.powi(-exponent);
-            assert!((both(x).0 / x.sin() - 1.0).abs() < 3e-16, "{x:e}");
+            for (sin, _) in [both(x), fusing(x)] {
+                assert!((sin / x.sin() - 1.0).abs() < 3e-16, "{x:e}");
+            }
         }
     }
 

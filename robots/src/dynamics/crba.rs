@@ -1,4 +1,5 @@
-//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2), in base coordinates.
+//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2): in frames on the joints' axes where
+//! bodies stand depth first and no joint follows another, else in base coordinates.
 
 use nalgebra::DMatrix;
 
@@ -7,62 +8,74 @@ use crate::Model;
 use crate::algebra::{Spatial, Work, widest};
 use crate::model::program::Program;
 
-struct BodiesMass<'a> {
+struct BodiesMass<'a, const BOTH: bool> {
     dynamics: &'a mut Dynamics,
     model: &'a Model,
     q: &'a [f64],
     out: &'a mut DMatrix<f64>,
 }
 
-impl Work for BodiesMass<'_> {
+impl<const BOTH: bool> Work for BodiesMass<'_, BOTH> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        self.dynamics.bodies_mass::<FUSED>(self.model, self.q, self.out);
+        self.dynamics.bodies_mass::<FUSED, BOTH>(self.model, self.q, self.out);
     }
 }
 
 impl Dynamics {
     /// Joint-space mass matrix `M(q)` (nv x nv), both triangles.
     pub fn crba(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
-        out.fill(0.0);
-        self.crba_upper(model, q, out);
-        let n = model.nv();
-        let out = out.as_mut_slice();
-        // Column by column: what is written lies together.
-        for column in 1..n {
-            for row in 0..column {
-                out[row * n + column] = out[column * n + row];
-            }
-        }
+        // Matrices fill entry by entry, slices at the width of memory.
+        out.as_mut_slice().fill(0.0);
+        widest(BodiesMass::<true> { dynamics: self, model, q, out });
+        turn_rotors(model.program(), out);
     }
 
     /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
     /// hand in a matrix of zeros once and the same one ever after.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
-        widest(BodiesMass { dynamics: self, model, q, out });
-        let program = model.program();
-        if program.geared {
-            program.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
-        }
+        widest(BodiesMass::<false> { dynamics: self, model, q, out });
+        turn_rotors(model.program(), out);
     }
 
-    /// The mass matrix without the rotors of the drives.
+    /// The mass matrix without the rotors of the drives: the upper triangle, and its mirror image if `BOTH`.
     #[inline(always)]
-    fn bodies_mass<const FUSED: bool>(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
+    fn bodies_mass<const FUSED: bool, const BOTH: bool>(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        out: &mut DMatrix<f64>,
+    ) {
         let n = model.nv();
         assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
-        self.place(model, q);
         let program = model.program();
         let out = out.as_mut_slice();
-        if program.short_limbs && !program.coupled {
-            self.mass_in_place::<FUSED>(program, out, n);
+        if program.orderly {
+            self.check(model, q);
+            self.hanging_mass::<FUSED, BOTH>(program, q, out, n);
             if program.floating {
                 self.base_block(out, n);
             }
-            return;
+        } else {
+            self.place(model, q);
+            self.placed_mass(program, out, n);
         }
+        if BOTH {
+            let mirrored = if program.orderly { if program.floating { 6 } else { 0 } } else { n };
+            // Column by column: what is written lies together.
+            for column in 1..mirrored {
+                for row in 0..column {
+                    out[row * n + column] = out[column * n + row];
+                }
+            }
+        }
+    }
+
+    /// Upper triangle, in base coordinates.
+    #[inline(always)]
+    fn placed_mass(&mut self, program: &Program, out: &mut [f64], n: usize) {
         self.sweep(program);
         if program.coupled {
             self.coupled_mass(program, out, n);
@@ -131,5 +144,13 @@ impl Dynamics {
         if program.floating {
             self.base_block(out, n);
         }
+    }
+}
+
+/// Adds the rotors of the drives.
+#[inline(always)]
+fn turn_rotors(program: &Program, out: &mut DMatrix<f64>) {
+    if program.geared {
+        program.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
     }
 }

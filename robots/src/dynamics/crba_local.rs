@@ -1,111 +1,252 @@
-//! The composite rigid body algorithm in the bodies' own frames.
+//! The composite rigid body algorithm in frames on the joints' axes.
 //!
-//! Cheaper than base coordinates where limbs are not long: no body has to be placed, and a joint's wrench is a column of
-//! its composite's inertia; but each wrench has to be carried down to the base step by step. All wrenches from beyond a
-//! body go through the same step, so they are kept by component and carried side by side.
+//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the parent is two screws
+//! about coordinate axes. But each wrench has to be carried down to the base step by step. All wrenches from beyond a body
+//! go through the same steps, so they are carried side by side, in blocks that fill the registers.
 
 use super::Dynamics;
-use crate::algebra::{M3, RigidInertia, S3, Spatial, V3, fused};
-use crate::model::program::{Node, Program};
+use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
+use crate::model::normals::{Arm, Bend, Zero};
+use crate::model::program::Program;
 
-/// Wrenches carried side by side.
-const ABREAST: usize = 4;
+/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that the recursion
+/// has come down to.
+#[derive(Clone, Debug)]
+#[repr(align(32))]
+struct Block([[f64; LANES]; 6]);
 
-/// A body in its parent's frame, with the inertia of all it carries in its own.
+/// Where a body's wrench and those of all it carries are kept.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    /// Of the body.
+    block: usize,
+    lane: usize,
+    /// The block after the last.
+    end: usize,
+}
+
+/// The joints' positions as the steps need them, side by side.
+#[derive(Clone, Debug)]
+#[repr(align(32))]
+struct Posture {
+    sin: [f64; LANES],
+    cos: [f64; LANES],
+    sin2: [f64; LANES],
+    cos2: [f64; LANES],
+    lift: [f64; LANES],
+}
+
+/// Work space.
 #[derive(Clone, Debug)]
 pub(super) struct Hanging {
-    rotation: M3,
-    translation: V3,
-    inertia: RigidInertia,
+    postures: Vec<Posture>,
+    places: Vec<Place>,
+    blocks: Vec<Block>,
+    /// What bodies carry on branches other than the last, by slot.
+    gathered: Vec<RigidInertia>,
 }
 
 impl Hanging {
-    pub(super) const START: Self =
-        Self { rotation: M3::IDENTITY, translation: V3::ZERO, inertia: RigidInertia::ZERO };
+    pub(super) fn new(program: &Program) -> Self {
+        const POSTURE: Posture = Posture {
+            sin: [0.0; LANES],
+            cos: [1.0; LANES],
+            sin2: [0.0; LANES],
+            cos2: [1.0; LANES],
+            lift: [0.0; LANES],
+        };
+        let places = places(program);
+        let blocks = places.iter().map(|place| place.end).max().unwrap_or(0);
+        Self {
+            postures: vec![POSTURE; program.nodes.len().div_ceil(LANES)],
+            blocks: vec![Block([[0.0; LANES]; 6]); blocks],
+            gathered: vec![RigidInertia::ZERO; program.nodes.len() + 1],
+            places,
+        }
+    }
 }
 
-/// One wrench per body, by component: force x, y, z, moment x, y, z. All about the origin of the body that the recursion
-/// has come down to.
-#[derive(Clone, Debug)]
-pub(super) struct Wrenches([Vec<f64>; 6]);
+/// Bodies in their order. A branch that begins beside another starts a block: a step then takes all lanes of its blocks.
+fn places(program: &Program) -> Vec<Place> {
+    let mut places: Vec<Place> = Vec::with_capacity(program.ends.len());
+    let mut next: usize = 0;
+    for (index, node) in program.nodes.iter().enumerate().take(program.ends.len()) {
+        if node.parent != index {
+            next = next.next_multiple_of(LANES);
+        }
+        places.push(Place { block: next / LANES, lane: next % LANES, end: 0 });
+        next += 1;
+    }
+    for (index, &end) in program.ends.iter().enumerate() {
+        places[index].end = places[end - 1].block + 1;
+    }
+    places
+}
 
-impl Wrenches {
-    pub(super) fn new(bodies: usize) -> Self {
-        // Room for a last step that is not full.
-        Self(std::array::from_fn(|_| vec![0.0; bodies + ABREAST]))
+impl Dynamics {
+    /// The mass matrix of a model without mimic joints whose bodies stand depth first, the base's own block apart: the upper
+    /// triangle, and its mirror image if `BOTH`. Leaves the inertia of the whole in the first slot of `composite`.
+    #[inline(always)]
+    pub(super) fn hanging_mass<const FUSED: bool, const BOTH: bool>(
+        &mut self,
+        program: &Program,
+        q: &[f64],
+        out: &mut [f64],
+        n: usize,
+    ) {
+        let Hanging { postures, places, blocks, gathered } = &mut self.hanging;
+        let (q, first_column) = if program.floating { (&q[7..], 6) } else { (q, 0) };
+        let normals = &program.normals;
+        for ((posture, zero), q) in postures.iter_mut().zip(&normals.zeros).zip(q.chunks(LANES)) {
+            posture.take::<FUSED>(zero, q);
+        }
+        gathered[0] = program.base;
+        // What the body above hands down.
+        let mut carried = RigidInertia::ZERO;
+        let bodies = normals.arms.iter().zip(&*places).zip(&program.ends).enumerate();
+        for (index, ((arm, place), &end)) in bodies.rev() {
+            let mut inertia = arm.inertia;
+            inertia += carried;
+            if arm.forks {
+                inertia += std::mem::replace(&mut gathered[index + 1], RigidInertia::ZERO);
+            }
+            let blocks = &mut blocks[place.block..place.end];
+            let Some(own) = blocks.first_mut() else { return };
+            own.set(place.lane, unit_wrench(arm, &inertia));
+            // Without mimic joints columns stand in the order of the bodies.
+            let component = if arm.prismatic { 2 } else { 5 };
+            let column = first_column + index;
+            let mut at = column * n + column;
+            for body in &places[index..end] {
+                out[at] = blocks[body.block - place.block].0[component][body.lane];
+                at += n;
+            }
+            if BOTH {
+                let mirrored = &mut out[column * n + column..][..end - index];
+                for (body, entry) in places[index..end].iter().zip(mirrored) {
+                    *entry = blocks[body.block - place.block].0[component][body.lane];
+                }
+            }
+            if arm.parent == 0 && !program.floating {
+                carried = RigidInertia::ZERO;
+                continue;
+            }
+            let posture = &postures[index / LANES];
+            let (turn, lift) = posture.of(index % LANES);
+            let screwed = inertia.screwed_z::<FUSED>(&turn, lift);
+            let handed = match &arm.bend {
+                Bend::Normal { turn: bend, shift } => {
+                    blocks.iter_mut().for_each(|block| {
+                        block.screw_z::<FUSED>(&turn, lift);
+                        block.screw_x::<FUSED>(bend, *shift);
+                    });
+                    screwed.screwed_x::<FUSED>(bend, *shift)
+                }
+                Bend::Placement { rotation, translation } => {
+                    blocks.iter_mut().for_each(|block| {
+                        block.screw_z::<FUSED>(&turn, lift);
+                        block.place::<FUSED>(rotation, *translation);
+                    });
+                    screwed.moved(rotation, *translation)
+                }
+            };
+            if arm.parent == index && index != 0 {
+                carried = handed;
+            } else {
+                gathered[arm.parent] += handed;
+                carried = RigidInertia::ZERO;
+            }
+        }
+        if program.floating {
+            for (index, place) in places.iter().enumerate() {
+                let column = first_column + index;
+                for (row, component) in blocks[place.block].0.iter().enumerate() {
+                    out[column * n + row] = component[place.lane];
+                    if BOTH {
+                        out[row * n + column] = component[place.lane];
+                    }
+                }
+            }
+        }
+        self.composite[0].inertia = gathered[0];
+    }
+}
+
+impl Posture {
+    /// `q`: as many joints as there are, up to [`LANES`].
+    #[inline(always)]
+    fn take<const FUSED: bool>(&mut self, zero: &Zero, q: &[f64]) {
+        let mut positions = [0.0; LANES];
+        match q.first_chunk() {
+            Some(all) => positions = *all,
+            None => positions.iter_mut().zip(q).for_each(|(position, q)| *position = *q),
+        }
+        let mut angles = positions;
+        angles.iter_mut().zip(&zero.turning).for_each(|(angle, turning)| *angle *= turning);
+        let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
+        sin_cos_abreast::<FUSED>(&angles, &mut sin, &mut cos);
+        for i in 0..LANES {
+            let s = fused::<FUSED>(sin[i], zero.cos[i], cos[i] * zero.sin[i]);
+            let c = fused::<FUSED>(cos[i], zero.cos[i], -(sin[i] * zero.sin[i]));
+            (self.sin[i], self.cos[i]) = (s, c);
+            self.sin2[i] = 2.0 * s * c;
+            self.cos2[i] = fused::<FUSED>(c, c, -(s * s));
+            self.lift[i] = fused::<FUSED>(positions[i], zero.sliding[i], zero.lift[i]);
+        }
     }
 
-    /// Carries those of `first..end` to the parent. Beyond `end` there must be wrenches that no one needs, unless `keep`.
     #[inline(always)]
-    fn carry<const FUSED: bool>(&mut self, first: usize, end: usize, keep: bool, r: &M3, p: V3) {
-        let mut at = first;
-        while at + ABREAST <= end || at < end && !keep {
-            self.step::<FUSED, ABREAST>(at, r, p);
-            at += ABREAST;
+    fn of(&self, lane: usize) -> (Turn, f64) {
+        let turn =
+            Turn { sin: self.sin[lane], cos: self.cos[lane], sin2: self.sin2[lane], cos2: self.cos2[lane] };
+        (turn, self.lift[lane])
+    }
+}
+
+impl Block {
+    /// Puts a wrench into a lane: the whole registers are written, which the steps then read.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, wrench: Spatial) {
+        for (part, entry) in self.0.iter_mut().zip(wrench.array()) {
+            for (k, value) in part.iter_mut().enumerate() {
+                *value = if k == lane { entry } else { *value };
+            }
         }
-        while at < end {
-            self.step::<FUSED, 1>(at, r, p);
-            at += 1;
+    }
+
+    /// A turn about z and a lift along it.
+    #[inline(always)]
+    fn screw_z<const FUSED: bool>(&mut self, turn: &Turn, lift: f64) {
+        let [fx, fy, _, mx, my, _] = &mut self.0;
+        for k in 0..LANES {
+            let (x, y) = turn.across::<FUSED>(fx[k], fy[k]);
+            let (a, b) = turn.across::<FUSED>(mx[k], my[k]);
+            (fx[k], fy[k]) = (x, y);
+            (mx[k], my[k]) = (fused::<FUSED>(-lift, y, a), fused::<FUSED>(lift, x, b));
+        }
+    }
+
+    /// A turn about x and a shift along it.
+    #[inline(always)]
+    fn screw_x<const FUSED: bool>(&mut self, turn: &Turn, shift: f64) {
+        let [_, fy, fz, _, my, mz] = &mut self.0;
+        for k in 0..LANES {
+            let (y, z) = turn.across::<FUSED>(fy[k], fz[k]);
+            let (b, c) = turn.across::<FUSED>(my[k], mz[k]);
+            (fy[k], fz[k]) = (y, z);
+            (my[k], mz[k]) = (fused::<FUSED>(-shift, z, b), fused::<FUSED>(shift, y, c));
         }
     }
 
     #[inline(always)]
-    fn step<const FUSED: bool, const N: usize>(&mut self, at: usize, r: &M3, p: V3) {
-        let mut parts = self.0.each_mut().map(|part| part[at..].first_chunk_mut::<N>());
-        let [Some(fx), Some(fy), Some(fz), Some(mx), Some(my), Some(mz)] = &mut parts else { return };
-        for k in 0..N {
+    fn place<const FUSED: bool>(&mut self, r: &M3, p: V3) {
+        let [fx, fy, fz, mx, my, mz] = &mut self.0;
+        for k in 0..LANES {
             let force = turn::<FUSED>(r, V3::new(fx[k], fy[k], fz[k]), V3::ZERO);
             let moment = turn::<FUSED>(r, V3::new(mx[k], my[k], mz[k]), p.cross(force));
             (fx[k], fy[k], fz[k]) = (force.x, force.y, force.z);
             (mx[k], my[k], mz[k]) = (moment.x, moment.y, moment.z);
         }
-    }
-
-    #[inline(always)]
-    fn set(&mut self, index: usize, wrench: Spatial) {
-        for (part, entry) in self.0.iter_mut().zip(wrench.array()) {
-            part[index] = entry;
-        }
-    }
-}
-
-impl Dynamics {
-    /// Upper triangle of the mass matrix of a model without mimic joints whose bodies stand depth first, the base's own
-    /// block apart. Leaves the inertia of the whole in the first slot of `composite`.
-    #[inline(always)]
-    pub(super) fn mass_in_place<const FUSED: bool>(&mut self, program: &Program, out: &mut [f64], n: usize) {
-        self.hanging[0].inertia = program.base;
-        for ((node, position), body) in
-            program.nodes.iter().zip(self.positions.iter()).zip(&mut self.hanging[1..])
-        {
-            (body.rotation, body.translation) = node.pose(position);
-            body.inertia = node.inertia;
-        }
-        let count = program.nodes.len();
-        for (index, node) in program.nodes.iter().enumerate().rev() {
-            let (outer, inner) = self.hanging.split_at_mut(index + 1);
-            let body = &inner[0];
-            let end = program.ends[index];
-            self.wrenches.set(index, unit_wrench(node, &body.inertia));
-            let along = &self.wrenches.0[if node.prismatic { 2 } else { 5 }][index..end];
-            // Without mimic joints columns stand in the order of the bodies.
-            let columns = out[node.column * n..].chunks_mut(n);
-            for (column, entry) in columns.zip(along) {
-                column[node.column] = *entry;
-            }
-            if node.parent != 0 || program.floating {
-                outer[node.parent].inertia += moved::<FUSED>(&body.inertia, &body.rotation, body.translation);
-                self.wrenches.carry::<FUSED>(index, end, end < count, &body.rotation, body.translation);
-            }
-        }
-        if program.floating {
-            let rows = &self.wrenches.0;
-            for (index, node) in program.nodes.iter().enumerate() {
-                let column = &mut out[node.column * n..][..6];
-                column.iter_mut().zip(rows).for_each(|(entry, row)| *entry = row[index]);
-            }
-        }
-        self.composite[0].inertia = self.hanging[0].inertia;
     }
 }
 
@@ -125,37 +266,11 @@ fn add<const FUSED: bool>(v: V3, scale: f64, sum: V3) -> V3 {
     )
 }
 
-/// [`RigidInertia::moved`]
-#[inline(always)]
-fn moved<const FUSED: bool>(inertia: &RigidInertia, r: &M3, p: V3) -> RigidInertia {
-    let s = &inertia.rotational;
-    let column = |x, y, z| add::<FUSED>(r.z, z, add::<FUSED>(r.y, y, r.x * x));
-    // r s, then the upper triangle of its product with r'
-    let (a, b, c) = (column(s.xx, s.xy, s.xz), column(s.xy, s.yy, s.yz), column(s.xz, s.yz, s.zz));
-    let entry =
-        |a: f64, b: f64, c: f64, x: f64, y: f64, z: f64| fused::<FUSED>(c, z, fused::<FUSED>(b, y, a * x));
-    let moment = column(inertia.moment.x, inertia.moment.y, inertia.moment.z);
-    let half = add::<FUSED>(p, 0.5 * inertia.mass, moment);
-    let rotational = S3 {
-        xx: entry(a.x, b.x, c.x, r.x.x, r.y.x, r.z.x),
-        xy: entry(a.x, b.x, c.x, r.x.y, r.y.y, r.z.y),
-        xz: entry(a.x, b.x, c.x, r.x.z, r.y.z, r.z.z),
-        yy: entry(a.y, b.y, c.y, r.x.y, r.y.y, r.z.y),
-        yz: entry(a.y, b.y, c.y, r.x.z, r.y.z, r.z.z),
-        zz: entry(a.z, b.z, c.z, r.x.z, r.y.z, r.z.z),
-    };
-    RigidInertia {
-        mass: inertia.mass,
-        moment: add::<FUSED>(p, inertia.mass, moment),
-        rotational: rotational + S3::between(p, half),
-    }
-}
-
 /// The wrench that accelerates `inertia` by one unit of the joint's motion: about z, or along it.
 #[inline(always)]
-fn unit_wrench(node: &Node, inertia: &RigidInertia) -> Spatial {
+fn unit_wrench(arm: &Arm, inertia: &RigidInertia) -> Spatial {
     let (h, i) = (inertia.moment, &inertia.rotational);
-    if node.prismatic {
+    if arm.prismatic {
         Spatial::new(V3::new(0.0, 0.0, inertia.mass), V3::new(h.y, -h.x, 0.0))
     } else {
         Spatial::new(V3::new(-h.y, h.x, 0.0), V3::new(i.xz, i.yz, i.zz))

@@ -42,8 +42,7 @@ pub struct Dynamics {
     /// Recursions in base coordinates, likewise.
     composite: Vec<base_sweep::Composite>,
     articulated: Vec<aba::Articulated>,
-    hanging: Vec<crba_local::Hanging>,
-    wrenches: crba_local::Wrenches,
+    hanging: crba_local::Hanging,
     varied: Vec<derivatives::Varied>,
     mass: DMatrix<f64>,
     factor: MassFactor,
@@ -60,8 +59,7 @@ impl Dynamics {
             local: vec![rnea::Local::START; slots],
             composite: vec![base_sweep::Composite::START; slots],
             varied: vec![derivatives::Varied::START; slots],
-            hanging: vec![crba_local::Hanging::START; slots],
-            wrenches: crba_local::Wrenches::new(model.bodies().len()),
+            hanging: crba_local::Hanging::new(model.program()),
             articulated: vec![aba::Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),
@@ -71,9 +69,14 @@ impl Dynamics {
     }
 
     #[inline(always)]
-    fn place(&mut self, model: &Model, q: &[f64]) {
+    fn check(&self, model: &Model, q: &[f64]) {
         assert_eq!(q.len(), model.nq(), "length of q");
         assert_eq!(self.local.len(), model.bodies().len() + 1, "the workspace was made for another model");
+    }
+
+    #[inline(always)]
+    fn place(&mut self, model: &Model, q: &[f64]) {
+        self.check(model, q);
         self.positions.update(&model.program().nodes, q);
     }
 }

@@ -1,13 +1,13 @@
-//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm on the cores, the expanding polytope
-//! where they overlap, both parry's.
+//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the expanding
+//! polytope where they overlap.
 
+use super::depth::Polytope;
 use super::pairs::CollisionModel;
 use super::solid::pose;
 use super::support::{Placed, v3, vector};
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use parry3d_f64::query::epa::EPA;
 use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
 
@@ -17,9 +17,6 @@ const TOUCHING: f64 = 1e-9;
 /// A distance this near to what a separating plane proves is good \[m\], and how often a search may start again for it.
 const SETTLED: f64 = 1e-9;
 const AGAIN: usize = 4;
-
-/// Overlaps searched for their depth at construction, at least.
-const GROWTH: usize = 100;
 
 /// Projections from one core to the other and back, at most.
 const ALTERNATIONS: usize = 30;
@@ -37,10 +34,8 @@ pub struct Proximity {
     pub normal: Unit<Vector3<f64>>,
 }
 
-/// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new) as long as cores (a
-/// shape without the radius of its sphere or capsule) stay apart. Where they overlap the search for the depth keeps its
-/// memory, and adds to it only for a case harder than all before. Pairs with a
-/// [`MeshMode::Surface`](super::MeshMode) may allocate.
+/// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new); pairs with a
+/// [`MeshMode::Surface`](super::MeshMode) may.
 pub struct Collisions {
     rotations: Vec<M3>,
     positions: Vec<V3>,
@@ -50,39 +45,21 @@ pub struct Collisions {
     /// The pair found nearest last.
     last: usize,
     simplex: VoronoiSimplex,
-    polytope: EPA,
+    polytope: Polytope,
 }
 
 impl Collisions {
     /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand where
     /// they were added.
     pub fn new(model: &CollisionModel) -> Self {
-        let mut built = Self {
+        Self {
             rotations: model.solids.iter().map(|solid| solid.rotation).collect(),
             positions: model.solids.iter().map(|solid| solid.position).collect(),
             hints: vec![V3::ZERO; model.pairs.len()],
             near: Vec::with_capacity(model.pairs.len()),
             last: 0,
             simplex: VoronoiSimplex::new(),
-            polytope: EPA::new(),
-        };
-        built.grow(model);
-        built
-    }
-
-    /// Lets the search for depths take its memory: on the robot's own shapes, deep in each other in many ways.
-    fn grow(&mut self, model: &CollisionModel) {
-        let pairs = &model.pairs;
-        for step in 0..if pairs.is_empty() { 0 } else { GROWTH.max(pairs.len()) } {
-            let [first, second] = pairs[step % pairs.len()].map(|solid| &model.solids[solid]);
-            let turn = step as f64 * 0.7;
-            let turn: M3 =
-                nalgebra::Rotation3::from_euler_angles(turn, 1.1 * turn, 1.3 * turn).into_inner().into();
-            let way =
-                V3::new(turn.x.y, turn.y.z, turn.z.x) * (0.4 * turn.x.x * first.reach.min(second.reach));
-            let first = Placed { core: &first.core, rotation: &M3::IDENTITY, position: V3::ZERO };
-            let second = Placed { core: &second.core, rotation: &turn, position: way };
-            search(&mut self.simplex, &mut self.polytope, &[first, second], f64::MAX, V3::ZERO);
+            polytope: Polytope::new(),
         }
     }
 
@@ -267,7 +244,7 @@ enum Search {
 /// Nearest (or deepest) points of two cores.
 fn search(
     simplex: &mut VoronoiSimplex,
-    polytope: &mut EPA,
+    polytope: &mut Polytope,
     pair: &[Placed<'_>; 2],
     range: f64,
     hint: V3,
@@ -289,11 +266,9 @@ fn search(
                 return settle(simplex, pair, (p, q, gap));
             }
             GJKResult::Intersection => {
-                if let Some((p, q, normal)) = polytope.closest_points(&still, first, second, simplex)
-                    && normal.length_squared() > 0.5
-                {
-                    return Search::Found(v3(p), v3(q), v3(normal));
-                }
+                return polytope
+                    .search(pair)
+                    .map_or(Search::Lost, |(p, q, normal)| Search::Found(p, q, normal));
             }
             // It says so when it gives up, too: the gap along the direction proves it.
             GJKResult::NoIntersection(along) => {

@@ -8,6 +8,7 @@
 //! world axes; normals point from the first solid of a pair to the second.
 
 mod capsule;
+mod depth;
 mod distance;
 mod jacobian;
 mod mesh;

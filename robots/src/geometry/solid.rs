@@ -157,11 +157,7 @@ impl Solid {
         mode: MeshMode,
         path: &std::path::Path,
     ) -> Result<Self, SolidProblem> {
-        // A file may hold corners that no triangle uses.
-        let mut used = vec![false; mesh.points.len()];
-        mesh.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
-        let corners: Vec<_> =
-            mesh.points.iter().zip(&used).filter_map(|(point, used)| used.then_some(*point)).collect();
+        let corners: Vec<_> = mesh.used().collect();
         let no_hull = |why: String| SolidProblem::NoHull { path: path.to_owned(), why };
         match mode {
             MeshMode::Capsule => Self::fitted(link, placement, &corners),

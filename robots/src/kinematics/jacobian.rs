@@ -19,7 +19,7 @@ impl Kinematics {
         out: &mut Matrix<f64, R, C, S>,
     ) {
         assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
-        out.fill(0.0);
+        clear(out);
         let program = model.program();
         let mount = &program.mounts[frame.index()];
         if mount.slot == Program::WORLD {
@@ -71,7 +71,7 @@ impl Kinematics {
     ) {
         self.check(model, q);
         assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
-        out.fill(0.0);
+        clear(out);
         let program = model.program();
         let mount = &program.mounts[frame.index()];
         if mount.slot == Program::WORLD {
@@ -206,6 +206,16 @@ impl Kinematics {
 pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     let axis = body.rotation.z;
     if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
+}
+
+/// All six rows to zero, entry after entry: nalgebra's own way of filling goes through an iterator that cannot be widened.
+#[inline(always)]
+fn clear<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(out: &mut Matrix<f64, R, C, S>) {
+    for column in 0..out.ncols() {
+        for row in 0..6 {
+            out[(row, column)] = 0.0;
+        }
+    }
 }
 
 /// Adds to a column, in `axes` if any.

@@ -5,6 +5,7 @@ mod frame;
 mod inertia;
 mod joint;
 mod lock;
+pub(crate) mod normals;
 pub(crate) mod program;
 mod scale;
 mod shape;

@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::normals::Normals;
 use super::{Base, Body, Frame, Inertia, JointKind};
 use crate::algebra::{LANES, M3, RigidInertia, S3, V3, sin_cos};
 
@@ -53,9 +54,10 @@ pub(crate) struct Program {
     pub(crate) geared: bool,
     /// Some joint follows another: columns of `v` belong to several joints.
     pub(crate) coupled: bool,
-    /// Steps from the joints down to the base are so few that composites are cheaper in the bodies' own frames than in
-    /// base coordinates.
-    pub(crate) short_limbs: bool,
+    /// Bodies stand depth first and each has a column of `v` of its own.
+    pub(crate) orderly: bool,
+    /// The same bodies in frames on their axes.
+    pub(crate) normals: Normals,
     /// For every column of `v` the next one towards the base, itself at the root: the sparsity of the mass matrix.
     pub(crate) above: Vec<usize>,
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
@@ -64,9 +66,6 @@ pub(crate) struct Program {
     /// Where what each body carries ends, counted in bodies: with bodies depth first it carries those up to there.
     pub(crate) ends: Vec<usize>,
 }
-
-/// Multiplications and additions for a wrench carried a step down.
-const CARRYING: usize = 42;
 
 impl Program {
     /// The slot of frames that stand still beside a floating base.
@@ -124,13 +123,10 @@ impl Program {
             })
             .collect();
         let coupled = nv - v_start != bodies.len();
-        // Multiplications and additions: carrying a wrench a step down, against placing a body and its joint in base
-        // coordinates, applying its inertia, and the products with the joints below.
-        let steps: usize = starts.windows(2).map(|range| range[1] - range[0] - usize::from(!floating)).sum();
         let ends = ends(&nodes);
-        let short_limbs = ends.is_some() && CARRYING * steps < 126 * nodes.len() + 11 * steps;
         Self {
-            short_limbs,
+            orderly: ends.is_some() && !coupled,
+            normals: Normals::new(&nodes),
             above: columns_above(&nodes, floating, coupled, nv),
             align: align.into_iter().map(M3::from).collect(),
             mounts,

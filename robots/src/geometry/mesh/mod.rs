@@ -1,6 +1,7 @@
 //! Reading triangle meshes: STL, Wavefront OBJ and COLLADA.
 
 mod collada;
+mod hull;
 mod obj;
 mod stl;
 

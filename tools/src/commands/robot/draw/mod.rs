@@ -20,7 +20,7 @@ use pose::PoseArgs;
 
 /// Draw a robot in a pose as an SVG picture: its shapes, shaded, and its frames.
 ///
-/// Shapes are those of the collision geometry; links that have none, or meshes, are sticks.
+/// Shapes are those of the collision geometry, meshes their convex hulls; links that have none are sticks.
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]

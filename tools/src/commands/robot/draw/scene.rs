@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use motorium_robots::{Geometry, Kinematics, Loaded, Shape};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::solid::{Face, Solid};
+use super::solid::{Face, Form, Solid};
 use crate::commands::robot::urdf_text;
 
 /// Of links that state no colour: the base, then links in turn.
 const PLAIN: [[f64; 3]; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
 
-/// Of sticks in place of meshes.
+/// Of sticks in place of links without a shape.
 const STICK: [f64; 3] = [0.45, 0.58, 0.75];
 
 /// Everything solid.
@@ -99,7 +99,7 @@ struct Painter {
 }
 
 impl Painter {
-    /// Shapes that are no meshes, each in the colour of the visual at its place in its link.
+    /// Shapes, each in the colour of the visual at its place in its link; without the meshes that cannot be read.
     fn paint(&mut self, shapes: &[Shape], body: Isometry3<f64>, plain: usize) -> Vec<Solid> {
         let mut solids = Vec::new();
         for shape in shapes {
@@ -107,10 +107,10 @@ impl Painter {
             let stated =
                 self.colours.get(&shape.link).and_then(|colours| colours.get(*place).or(colours.last()));
             *place += 1;
-            if !matches!(shape.geometry, Geometry::Mesh { .. }) {
+            if let Some(form) = Form::of(&shape.geometry) {
                 solids.push(Solid {
                     pose: body * shape.placement,
-                    geometry: shape.geometry.clone(),
+                    form,
                     colour: stated.copied().flatten().unwrap_or(PLAIN[plain]),
                 });
             }
@@ -129,5 +129,6 @@ fn stick(from: &Point3<f64>, to: &Point3<f64>, thick: f64) -> Option<Solid> {
     let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &way)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let pose = Isometry3::from_parts(Translation3::from(nalgebra::center(from, to).coords), rotation);
-    Some(Solid { pose, geometry: Geometry::Capsule { radius: thick / 2.0, length }, colour: STICK })
+    let form = Form::Primitive(Geometry::Capsule { radius: thick / 2.0, length });
+    Some(Solid { pose, form, colour: STICK })
 }

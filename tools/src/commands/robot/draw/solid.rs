@@ -1,20 +1,41 @@
-//! Primitives as convex bodies with flat faces.
+//! Primitives, and the hulls of meshes, as convex bodies with flat faces.
 
 use std::f64::consts::{PI, TAU};
 
-use motorium_robots::Geometry;
+use motorium_robots::{Geometry, TriangleMesh};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Faces around a cylinder or a sphere.
 const ROUND: usize = 20;
 
-/// A primitive in the world.
+/// Corners of a mesh's hull, at most: finer is not to be seen.
+const CORNERS: usize = 100;
+
+/// A convex body in the world.
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
     pub(super) pose: Isometry3<f64>,
-    pub(super) geometry: Geometry,
+    pub(super) form: Form,
     /// Red, green, blue from 0 to 1.
     pub(super) colour: [f64; 3],
+}
+
+/// What a body looks like.
+#[derive(Debug, Clone)]
+pub(super) enum Form {
+    Primitive(Geometry),
+    Hull(TriangleMesh),
+}
+
+impl Form {
+    /// Of a shape; `None` for a mesh that cannot be read or is flat.
+    pub(super) fn of(geometry: &Geometry) -> Option<Self> {
+        let Geometry::Mesh { path, scale, .. } = geometry else {
+            return Some(Self::Primitive(geometry.clone()));
+        };
+        let mesh = TriangleMesh::read(path.as_ref()?).ok()?;
+        Some(Self::Hull(mesh.scaled(scale).hull(CORNERS)?))
+    }
 }
 
 /// A flat convex polygon, counterclockwise seen from outside.
@@ -26,16 +47,11 @@ pub(super) struct Face {
 }
 
 impl Solid {
-    /// Its surface; nothing for a mesh.
+    /// Its surface.
     pub(super) fn faces(&self) -> Vec<Face> {
-        let outlines = match &self.geometry {
-            Geometry::Box { size } => block(size / 2.0),
-            &Geometry::Cylinder { radius, length } => {
-                tower(&[(radius, -length / 2.0), (radius, length / 2.0)])
-            }
-            &Geometry::Sphere { radius } => tower(&rings(radius, 0.0)),
-            &Geometry::Capsule { radius, length } => tower(&rings(radius, length)),
-            Geometry::Mesh { .. } => Vec::new(),
+        let outlines = match &self.form {
+            Form::Primitive(geometry) => primitive(geometry),
+            Form::Hull(hull) => triangles(hull).map(Vec::from).collect(),
         };
         let face = |points: Vec<Point3<f64>>| {
             let points: Vec<_> = points.iter().map(|point| self.pose * point).collect();
@@ -49,7 +65,15 @@ impl Solid {
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
-        match &self.geometry {
+        let geometry = match &self.form {
+            Form::Primitive(geometry) => geometry,
+            Form::Hull(hull) => {
+                return triangles(hull).all(|[a, b, c]| {
+                    (b - a).cross(&(c - a)).try_normalize(0.0).is_none_or(|out| out.dot(&(p - a)) < -margin)
+                });
+            }
+        };
+        match geometry {
             Geometry::Box { size } => (0..3).all(|i| p[i].abs() < size[i] / 2.0 - margin),
             &Geometry::Cylinder { radius, length } => {
                 // The flat faces lie inside the round body.
@@ -64,6 +88,22 @@ impl Solid {
             Geometry::Mesh { .. } => false,
         }
     }
+}
+
+fn primitive(geometry: &Geometry) -> Vec<Vec<Point3<f64>>> {
+    match *geometry {
+        Geometry::Box { size } => block(size / 2.0),
+        Geometry::Cylinder { radius, length } => tower(&[(radius, -length / 2.0), (radius, length / 2.0)]),
+        Geometry::Sphere { radius } => tower(&rings(radius, 0.0)),
+        Geometry::Capsule { radius, length } => tower(&rings(radius, length)),
+        Geometry::Mesh { .. } => Vec::new(),
+    }
+}
+
+/// Of a hull: counterclockwise seen from outside.
+fn triangles(hull: &TriangleMesh) -> impl Iterator<Item = [Point3<f64>; 3]> {
+    let corner = |index: u32| Point3::from(hull.points[index as usize]);
+    hull.triangles.iter().map(move |triangle| triangle.map(corner))
 }
 
 /// Newell's normal; `None` where there is no area.
@@ -153,7 +193,7 @@ mod tests {
 
     fn solid(geometry: Geometry) -> Solid {
         let pose = Isometry3::new(Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.3, 0.7, -1.1));
-        Solid { pose, geometry, colour: [1.0; 3] }
+        Solid { pose, form: Form::Primitive(geometry), colour: [1.0; 3] }
     }
 
     #[test]
@@ -170,7 +210,7 @@ mod tests {
             let mut enclosed = 0.0;
             for face in solid.faces() {
                 let outward = face.normal.dot(&(face.points[0] - centre));
-                assert!(outward > 0.0, "{:?} {outward}", solid.geometry);
+                assert!(outward > 0.0, "{:?} {outward}", solid.form);
                 let area: f64 = face
                     .points
                     .windows(2)
@@ -178,7 +218,7 @@ mod tests {
                     .sum();
                 enclosed += area * outward / 3.0;
             }
-            assert!((0.93..=1.0 + 1e-9).contains(&(enclosed / volume)), "{:?}: {enclosed}", solid.geometry);
+            assert!((0.93..=1.0 + 1e-9).contains(&(enclosed / volume)), "{:?}: {enclosed}", solid.form);
         }
     }
 
@@ -189,5 +229,26 @@ mod tests {
             assert!(solid.contains(&Point3::new(1.0, -2.0, 0.5)));
             assert!(!solid.contains(&Point3::new(1.0, -2.0, 0.9)));
         }
+    }
+    #[test]
+    fn a_mesh_is_drawn_as_its_hull_and_one_that_is_not_there_is_not() {
+        // A tetrahedron with a corner inside of it, twice as high as in the file.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("part.obj");
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0.1 0.1 0.1\nf 1 2 3\nf 1 2 4\nf 2 3 5\nf 3 4 5\n";
+        std::fs::write(&path, text).unwrap();
+        let mesh = |path: Option<std::path::PathBuf>| Geometry::Mesh {
+            uri: "part.obj".to_owned(),
+            path,
+            scale: Vector3::new(1.0, 1.0, 2.0),
+        };
+        assert!(Form::of(&mesh(None)).is_none());
+        let form = Form::of(&mesh(Some(path))).unwrap();
+        let solid = Solid { pose: Isometry3::translation(5.0, 0.0, 0.0), form, colour: [1.0; 3] };
+        let faces = solid.faces();
+        assert_eq!(faces.len(), 4);
+        let middle = Point3::new(5.2, 0.2, 0.4);
+        assert!(faces.iter().all(|face| face.normal.dot(&(face.points[0] - middle)) > 0.0));
+        assert!(solid.contains(&middle) && !solid.contains(&Point3::new(5.0, 0.0, 2.1)));
     }
 }

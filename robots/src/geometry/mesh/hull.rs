@@ -1,0 +1,51 @@
+//! Convex hulls of meshes.
+
+use nalgebra::Vector3;
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::TriangleMesh;
+use crate::algebra::V3;
+use crate::geometry::support::{v3, vector};
+
+/// The angle by which points turn from one height of a sphere to the next so that they stand evenly \[rad\]
+/// (Vogel 1979).
+const GOLDEN: f64 = 2.399_963_229_728_653;
+
+impl TriangleMesh {
+    /// Convex hull of the corners that triangles use, with triangles that look outward. A hull of more than `most_corners`
+    /// is made coarser: it is that of the corners farthest along so many directions, which lies within the full one.
+    ///
+    /// `None` for a flat mesh, which has no hull with an inside.
+    pub fn hull(&self, most_corners: usize) -> Option<Self> {
+        let corners: Vec<_> = self.used().map(|point| vector(V3::from(point))).collect();
+        let (mut points, mut triangles) = try_convex_hull(&corners).ok()?;
+        if points.len() > most_corners {
+            let coarse: Vec<_> = directions(most_corners)
+                .filter_map(|direction| {
+                    let along = |point: &parry3d_f64::math::Vector| v3(*point).dot(direction);
+                    points.iter().copied().max_by(|a, b| along(a).total_cmp(&along(b)))
+                })
+                .collect();
+            (points, triangles) = try_convex_hull(&coarse).ok()?;
+        }
+        let points = points.into_iter().map(|point| Vector3::from(v3(point))).collect();
+        Some(Self { points, triangles })
+    }
+
+    /// Corners of triangles; a file may hold others.
+    pub(in crate::geometry) fn used(&self) -> impl Iterator<Item = Vector3<f64>> {
+        let mut used = vec![false; self.points.len()];
+        self.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
+        self.points.iter().zip(used).filter_map(|(point, used)| used.then_some(*point))
+    }
+}
+
+/// Directions all around, evenly.
+fn directions(count: usize) -> impl Iterator<Item = V3> {
+    (0..count).map(move |index| {
+        let height = (2.0 * index as f64 + 1.0) / count as f64 - 1.0;
+        let radius = (1.0 - height * height).sqrt();
+        let (sin, cos) = (GOLDEN * index as f64).sin_cos();
+        V3::new(radius * cos, radius * sin, height)
+    })
+}
