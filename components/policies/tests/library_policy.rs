@@ -1,12 +1,13 @@
 //! `policy.library` in a running graph.
 
+mod support;
+
 use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
+    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, RobotReference, StepError, Tick,
 };
-use motorium::launcher::{self, Hosting, Options, Report};
+use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
-use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
+use motorium::telemetry::{allocations, counts_allocations};
 use motorium::worker::{Input, Output, Setup};
 use motorium_policies::LibraryPolicy;
 use motorium_policies::component::library::{MovementRequest, Recognition};
@@ -15,13 +16,7 @@ use motorium_policies::library::{
     Superposition, Trajectory, file,
 };
 use nalgebra::DMatrix;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
+use support::Nothing;
 
 /// A robot that is where its setpoint says, and asks for another movement after a while.
 struct Follower {
@@ -115,10 +110,6 @@ fn library() -> MotionLibrary {
 fn run(config: &str, request: bool) -> Report {
     let folder = tempfile::tempdir().unwrap();
     file::write(&library(), &folder.path().join("arm.library")).unwrap();
-    let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()],
-    );
     let wire = if request { ", request = \"arm/request\"" } else { "" };
     let graph = format!(
         r#"
@@ -147,12 +138,8 @@ library = "arm.library"
 {config}
 "#
     );
-    let path = folder.path().join("library.toml");
-    let machine = motorium::graph::Machine::detect();
-    let checked = motorium::graph::check(&path, graph, &[], &registry, &machine)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap()
+    let kinds = [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()];
+    support::run(&folder.path().join("library.toml"), graph, kinds)
 }
 
 #[test]
@@ -169,9 +156,7 @@ fn joints_are_led_through_the_movements_without_a_jump_and_what_they_did_is_reco
         policy["recognised"].as_array().unwrap().iter().map(|seen| seen["label"].as_str().unwrap()).collect();
     assert!(labels.contains(&"here") && labels.contains(&"there"), "{policy}");
     assert!(!robot["seen"].as_array().unwrap().is_empty(), "what was recognised was published");
-    let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-    assert_eq!(policy.allocations, Some(0), "a step allocates");
-    assert_eq!(policy.errors + policy.refused, 0);
+    assert_eq!(support::faults(&report), (Some(0), 0), "a step allocates or fails");
 }
 
 #[test]
@@ -194,10 +179,9 @@ fn fewer_eigenforces_draw_less_exactly_and_the_result_says_so() {
 }
 
 fn refuse(config: serde_json::Value) -> (String, Option<String>) {
-    let robot =
-        RobotReference { name: "panda".into(), urdf: "panda".into(), base: std::env::current_dir().unwrap() };
-    let problem = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap_err();
-    (problem.error.to_string(), problem.error.key)
+    let here = std::env::current_dir().unwrap();
+    let error = support::refusal::<LibraryPolicy>(config, Some("panda"), &here);
+    (error.to_string(), error.key)
 }
 
 #[test]

@@ -45,6 +45,8 @@ pub(super) struct Driven {
     pub(super) model: Model,
     gains: Gains,
     joints: Vec<usize>,
+    /// Joints without a drive.
+    passive: Vec<usize>,
 }
 
 impl Driven {
@@ -106,7 +108,9 @@ impl Driven {
             kp: arrange(&config.kp, "drive.kp", profile.as_ref().map(|gains| &gains.kp))?,
             kd: arrange(&config.kd, "drive.kd", profile.as_ref().map(|gains| &gains.kd))?,
         };
-        Ok(Self { model, gains, joints: found })
+        let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
+        let passive = passive.filter_map(|name| model.joint_index(name)).collect();
+        Ok(Self { model, gains, joints: found, passive })
     }
 
     /// Declares the ports and parameters of the drive.
@@ -232,6 +236,9 @@ impl JointDrive {
             let efforts = model.joints_of_v(&self.gravity).iter().zip(model.effort_limit());
             for (effort, (wanted, limit)) in command.effort_mut().iter_mut().zip(efforts) {
                 *effort = wanted.max(-limit).min(*limit);
+            }
+            for joint in &self.driven.passive {
+                command.effort_mut()[*joint] = 0.0;
             }
         }
         let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
