@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use super::{CpgError, MatsuokaOscillator, MatsuokaSettings};
 
 /// Samples of the cycle, and steps between two of them.
-const SAMPLES: usize = 256;
-const STEPS: usize = 8;
+const SAMPLES: usize = 512;
+const STEPS: usize = 4;
 /// Periods (by harmonic balance) after which the pair is on its cycle.
 const PERIODS: f64 = 60.0;
 
