@@ -110,6 +110,10 @@ fn library() -> MotionLibrary {
 fn run(config: &str, request: bool) -> Report {
     let folder = tempfile::tempdir().unwrap();
     file::write(&library(), &folder.path().join("arm.library")).unwrap();
+    run_in(folder.path(), &format!("library = \"arm.library\"\n{config}"), request)
+}
+
+fn run_in(folder: &std::path::Path, config: &str, request: bool) -> Report {
     let wire = if request { ", request = \"arm/request\"" } else { "" };
     let graph = format!(
         r#"
@@ -134,12 +138,11 @@ subscribe = {{ joint_state = "arm/joint_state"{wire} }}
 publish = {{ setpoint = "arm/setpoint", recognised = "arm/recognised" }}
 
 [component.policy.config]
-library = "arm.library"
 {config}
 "#
     );
     let kinds = [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()];
-    support::run(&folder.path().join("library.toml"), graph, kinds)
+    support::run(&folder.join("library.toml"), graph, kinds)
 }
 
 #[test]
@@ -228,6 +231,34 @@ fn recognition_and_generation_never_allocate() {
     }
     assert_eq!(allocations().own, before);
     assert!(novelty < 1e-6 && nearest.is_some_and(|(k, _)| k == 0));
+}
+
+/// Velocities recorded of the joints, as of a pen: the library is learned from them when the run starts.
+#[test]
+fn movements_are_made_straight_from_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library();
+    let mut lines = String::new();
+    for (k, entry) in library.entries().iter().enumerate() {
+        let path = Superposition::of(&library, k, library.rank()).path(&library);
+        let velocity = |d: usize| {
+            (0..path.nrows()).map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0).collect()
+        };
+        let [a, b, c]: [Vec<f64>; 3] = [velocity(0), velocity(1), velocity(2)];
+        let line = serde_json::json!({ "label": entry.label, "vjoint1": a, "vjoint2": b, "vjoint3": c });
+        lines += &format!("{line}\n");
+    }
+    std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
+    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let report = run_in(folder.path(), config, false);
+    let policy = &report.results["policy"];
+    assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));
+    let error = |n: &str| policy["path_error_by_terms"][n].as_f64().unwrap();
+    assert!(error("1") > 0.01 && error("3") < 1e-3, "{policy}");
+    let q: Vec<f64> = serde_json::from_value(report.results["robot"]["q"].clone()).unwrap();
+    for (found, expected) in q.iter().zip([-0.4, 0.6, 0.1]) {
+        assert!((found - expected).abs() < 0.01, "{q:?}");
+    }
 }
 
 /// The type of the target is that of the other policies.
