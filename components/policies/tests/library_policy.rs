@@ -242,14 +242,17 @@ fn movements_are_made_straight_from_recordings() {
     for (k, entry) in library.entries().iter().enumerate() {
         let path = Superposition::of(&library, k, library.rank()).path(&library);
         let velocity = |d: usize| {
-            (0..path.nrows()).map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0).collect()
+            (0..path.nrows())
+                .map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0)
+                .collect()
         };
         let [a, b, c]: [Vec<f64>; 3] = [velocity(0), velocity(1), velocity(2)];
         let line = serde_json::json!({ "label": entry.label, "vjoint1": a, "vjoint2": b, "vjoint3": c });
         lines += &format!("{line}\n");
     }
     std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
-    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let config =
+        "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
     let report = run_in(folder.path(), config, false);
     let policy = &report.results["policy"];
     assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));

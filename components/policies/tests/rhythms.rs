@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use motorium_policies::ValueError;
 use motorium_policies::cpg::{
     CpgError, Gait, HopfSettings, Kuramoto, MatsuokaSettings, Oscillator, Rhythm, RhythmSettings, Swing,
 };
@@ -174,7 +175,7 @@ fn what_cannot_run_is_refused() {
     let gait = Gait::Walk.phases(2).unwrap();
     let make = |model, swings: &[Swing], settings| Rhythm::new(model, swings, gait, settings);
     let error = make(Oscillator::Kuramoto, &legs(3), settings).unwrap_err();
-    assert_eq!(error, CpgError::Size { name: "the gait", found: 2, expected: 3 });
+    assert_eq!(error, CpgError::Value(ValueError::Size { name: "the gait", found: 2, expected: 3 }));
     let duty = RhythmSettings { duty_factor: 1.0, ..settings };
     assert!(make(Oscillator::Kuramoto, &legs(2), duty).is_err());
     let silent = Oscillator::Matsuoka { settings: MatsuokaSettings::default(), inhibition: 1.0 };

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{CpgError, MatsuokaOscillator, MatsuokaSettings};
+use crate::ValueError;
 
 /// Samples of the cycle, and steps between two of them.
 const SAMPLES: usize = 512;
@@ -31,11 +32,11 @@ impl Cycle {
         let mut pair = MatsuokaOscillator::pair(settings, inhibition)?;
         let guess = settings.pair_frequency(inhibition).filter(|_| settings.pair_oscillates(inhibition));
         let Some(guess) = guess.map(f64::recip) else {
-            return Err(CpgError::OutOfRange {
+            return Err(CpgError::Value(ValueError::OutOfRange {
                 name: "inhibition",
                 value: inhibition,
                 expected: "more than 1 + tau_1 / tau_2 and less than 1 + beta, for the pair to oscillate",
-            });
+            }));
         };
         let dt = guess / (SAMPLES * STEPS) as f64;
         (0..(PERIODS * guess / dt) as usize).for_each(|_| pair.step(dt));
@@ -56,11 +57,11 @@ impl Cycle {
             time += dt;
         }
         let (Some(first), Some(last)) = (peaks.first(), peaks.last()) else {
-            return Err(CpgError::OutOfRange {
+            return Err(CpgError::Value(ValueError::OutOfRange {
                 name: "inhibition",
                 value: inhibition,
                 expected: "a pair that oscillates",
-            });
+            }));
         };
         let period = (last - first) / (peaks.len() - 1).max(1) as f64;
         let mut cycle = Self {

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::{CpgError, finite, positive, size};
+use crate::ValueError;
 
 /// The numbers of a Hopf oscillator; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,7 +140,11 @@ impl HopfNetwork {
         finite("the state", &[x, y])?;
         let found = self.state.len();
         let state = self.state.get_mut(oscillator);
-        *state.ok_or(CpgError::Size { name: "the network", found, expected: oscillator + 1 })? = (x, y);
+        *state.ok_or(CpgError::Value(ValueError::Size {
+            name: "the network",
+            found,
+            expected: oscillator + 1,
+        }))? = (x, y);
         self.write(&[]);
         Ok(())
     }

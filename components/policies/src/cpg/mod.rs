@@ -37,6 +37,7 @@ mod phases;
 mod rhythm;
 mod unit;
 
+use crate::ValueError;
 pub use entrainment::Entrainment;
 pub use gait::{Gait, GaitError};
 pub use hopf::{HopfNetwork, HopfSettings};
@@ -50,26 +51,9 @@ pub use unit::Oscillator;
 /// Why a pattern generator cannot be made or steered. What ran before goes on unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CpgError {
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A vector or matrix of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// A gait for another number of legs.
     #[error(transparent)]
     Gait(#[from] GaitError),
@@ -80,16 +64,22 @@ pub enum CpgError {
 
 fn positive(name: &'static str, value: f64) -> Result<(), CpgError> {
     let holds = value > 0.0 && value.is_finite();
-    if holds { Ok(()) } else { Err(CpgError::OutOfRange { name, value, expected: "a positive number" }) }
+    if holds {
+        Ok(())
+    } else {
+        Err(CpgError::Value(ValueError::OutOfRange { name, value, expected: "a positive number" }))
+    }
 }
 
 fn finite(name: &'static str, values: &[f64]) -> Result<(), CpgError> {
     match values.iter().find(|value| !value.is_finite()) {
-        Some(&value) => Err(CpgError::OutOfRange { name, value, expected: "finite numbers" }),
+        Some(&value) => {
+            Err(CpgError::Value(ValueError::OutOfRange { name, value, expected: "finite numbers" }))
+        }
         None => Ok(()),
     }
 }
 
 fn size(name: &'static str, found: usize, expected: usize) -> Result<(), CpgError> {
-    if found == expected { Ok(()) } else { Err(CpgError::Size { name, found, expected }) }
+    if found == expected { Ok(()) } else { Err(CpgError::Value(ValueError::Size { name, found, expected })) }
 }

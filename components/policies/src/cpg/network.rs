@@ -9,6 +9,7 @@ use super::gait::Gait;
 use super::lags::{Lag, consistent_phases, wrapped};
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, positive, size};
+use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
 /// What one node is to do.
@@ -191,7 +192,11 @@ impl PhaseNetwork {
     pub fn set_swing(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
         finite("amplitude and offset", &[amplitude, offset])?;
         if node >= self.nodes() {
-            return Err(CpgError::Size { name: "the network", found: self.nodes(), expected: node + 1 });
+            return Err(CpgError::Value(ValueError::Size {
+                name: "the network",
+                found: self.nodes(),
+                expected: node + 1,
+            }));
         }
         self.amplitude[node].target = amplitude;
         self.offset[node].target = offset;

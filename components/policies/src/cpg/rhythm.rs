@@ -6,6 +6,7 @@ use super::follower::Follower;
 use super::lags::wrapped;
 use super::unit::{Oscillator, Units};
 use super::{CpgError, Entrainment, finite, positive, size};
+use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
 /// How a joint of a leg swings: `offset + amplitude value(phase of the leg + phase)`.
@@ -95,13 +96,21 @@ impl Rhythm {
         positive("transition", settings.transition)?;
         if !(settings.coupling >= 0.0 && settings.coupling.is_finite()) {
             let (name, value) = ("coupling", settings.coupling);
-            return Err(CpgError::OutOfRange { name, value, expected: "a finite number of at least 0" });
+            return Err(CpgError::Value(ValueError::OutOfRange {
+                name,
+                value,
+                expected: "a finite number of at least 0",
+            }));
         }
         check_duty(settings.duty_factor)?;
         for swing in swings {
             finite("a swing", &[swing.amplitude, swing.offset, swing.phase])?;
             if swing.leg >= gait.len() {
-                return Err(CpgError::Size { name: "the gait", found: gait.len(), expected: swing.leg + 1 });
+                return Err(CpgError::Value(ValueError::Size {
+                    name: "the gait",
+                    found: gait.len(),
+                    expected: swing.leg + 1,
+                }));
             }
         }
         let (places, joints): (Vec<_>, Vec<_>) = if Units::turns(&model) {
@@ -149,7 +158,7 @@ impl Rhythm {
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         if !(frequency >= 0.0 && frequency.is_finite()) {
             let (name, expected) = ("frequency", "a finite number of at least 0");
-            return Err(CpgError::OutOfRange { name, value: frequency, expected });
+            return Err(CpgError::Value(ValueError::OutOfRange { name, value: frequency, expected }));
         }
         self.frequency.target = frequency;
         Ok(())
@@ -172,7 +181,11 @@ impl Rhythm {
     pub fn set_swing(&mut self, joint: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
         finite("amplitude and offset", &[amplitude, offset])?;
         if joint >= self.joints() {
-            return Err(CpgError::Size { name: "the rhythm", found: self.joints(), expected: joint + 1 });
+            return Err(CpgError::Value(ValueError::Size {
+                name: "the rhythm",
+                found: self.joints(),
+                expected: joint + 1,
+            }));
         }
         self.amplitude[joint].target = amplitude;
         self.offset[joint].target = offset;
@@ -307,6 +320,6 @@ fn check_duty(value: f64) -> Result<(), CpgError> {
     if DUTY.contains(&value) {
         Ok(())
     } else {
-        Err(CpgError::OutOfRange { name: "duty_factor", value, expected })
+        Err(CpgError::Value(ValueError::OutOfRange { name: "duty_factor", value, expected }))
     }
 }
