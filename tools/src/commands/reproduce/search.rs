@@ -139,6 +139,26 @@ pub(super) fn searches(
     (points.collect(), all.iter().map(|run| run[SHOWN.len() - 1]).collect())
 }
 
+/// Mean final reward and its standard error, by a number of weights.
+struct Found {
+    n: usize,
+    library: (f64, f64),
+    kernels: (f64, f64),
+    /// What the kernels were explored by.
+    prior: &'static str,
+}
+
+impl Found {
+    fn library_wins(&self) -> bool {
+        self.library.0 - self.kernels.0 > self.library.1.hypot(self.kernels.1)
+    }
+
+    fn words(&self) -> String {
+        let Self { n, library: l, kernels: k, prior } = self;
+        format!("n = {n}: library {:.3} +- {:.3}, {prior} {:.3} +- {:.3}", l.0, l.1, k.0, k.1)
+    }
+}
+
 pub(super) fn figure(
     sheet: &mut Sheet,
     library: &MotionLibrary,
@@ -174,23 +194,16 @@ pub(super) fn figure(
             series.push(Series { name: format!("{name}, n = {n}"), points });
             found.push((name, mean(&last)));
         }
-        let library = found[0].1;
-        let kernels = found[1..].iter().copied().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).unwrap_or(found[0]);
-        finals.push((n, library, kernels));
+        let (prior, kernels) =
+            found[1..].iter().copied().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).unwrap_or(found[0]);
+        finals.push(Found { n, library: found[0].1, kernels, prior });
         sheet.bar.inc(1);
     }
     let title = "Policy search (PoWER) for held-out letters";
     sheet.chart("power-letters", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
-    let wins = |n: &[usize]| {
-        finals.iter().filter(|f| n.contains(&f.0)).all(|(_, l, (_, k))| l.0 - k.0 > l.1.hypot(k.1))
-    };
-    let words = |n: &[usize]| {
-        let rows = finals.iter().filter(|f| n.contains(&f.0));
-        let row = |(n, l, (name, k)): &(usize, (f64, f64), (&str, (f64, f64)))| {
-            format!("n = {n}: library {:.3} +- {:.3}, {name} {:.3} +- {:.3}", l.0, l.1, k.0, k.1)
-        };
-        rows.map(row).collect::<Vec<_>>().join("; ")
-    };
+    let of = |n: &[usize]| finals.iter().filter(|f| n.contains(&f.n)).collect::<Vec<_>>();
+    let wins = |n: &[usize]| of(n).iter().all(|found| found.library_wins());
+    let words = |n: &[usize]| of(n).iter().map(|found| found.words()).collect::<Vec<_>>().join("; ");
     let claim = "with few weights, search in the library finds better movements than in kernels";
     sheet.claim("policy search", claim, wins(&[4, 8, 16]), words(&[4, 8, 16]));
     let claim = "with many weights, search in the library finds better movements than in kernels";
