@@ -1,7 +1,7 @@
 """Times movement_primitives and pydmps: reads a name a line, answers with the nanoseconds of
 processor time of one call.
 
-    pip install numpy movement_primitives pytransform3d pydmps
+    pip install -r benches/peers/primitives.txt
 """
 
 import sys

@@ -16,11 +16,11 @@ const TURN: f64 = 0.001;
 const PEERS: [&str; 2] = ["movement_primitives", "pydmps"];
 
 /// Prints the time of every work on all sides. `MOTORIUM_PEER_PYTHON` names the Python that has the packages
-/// (`pip install movement_primitives pytransform3d pydmps`), by default `python3`.
+/// (`pip install -r benches/peers/primitives.txt`), by default `python3`. A ratio is how many times as long they take.
 pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
     let mut peers = PEERS.map(Peer::start).into_iter().collect::<Result<Vec<_>, _>>()?;
     println!("us of processor time per call, minimum / median of {TURNS} turns, the sides in turn\n");
-    println!("{:<22} {:>19} {:>19} {:>19}", "", "motorium", PEERS[0], PEERS[1]);
+    println!("{:<22} {:>19} {:>19} {:>7} {:>19} {:>7}", "", "motorium", PEERS[0], "ratio", PEERS[1], "ratio");
     for work in works {
         let mut ours = Vec::new();
         let mut theirs = vec![Vec::new(); peers.len()];
@@ -32,14 +32,26 @@ pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
                 }
             }
         }
-        let columns: Vec<String> = std::iter::once(ours).chain(theirs).map(shown).collect();
-        println!("{:<22} {:>19} {:>19} {:>19}", work.name, columns[0], columns[1], columns[2]);
+        let own = median(&mut ours);
+        print!("{:<22} {:>19}", work.name, shown(&ours));
+        for mut times in theirs {
+            // of the medians: how many times as long as ours
+            let ratio = median(&mut times).zip(own).map(|(theirs, own)| format!("{:.1}", theirs / own));
+            print!(" {:>19} {:>7}", shown(&times), ratio.as_deref().unwrap_or("-"));
+        }
+        println!();
     }
     Ok(())
 }
 
-fn shown(mut times: Vec<f64>) -> String {
+/// Sorts, and gives the middle.
+fn median(times: &mut [f64]) -> Option<f64> {
     times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied()
+}
+
+/// Least and middle of sorted times.
+fn shown(times: &[f64]) -> String {
     match times.first() {
         None => "-".to_string(),
         Some(least) => format!("{least:.3} / {:.3}", times[times.len() / 2]),

@@ -50,8 +50,20 @@ pub enum ComposeError {
 #[derive(Clone, Debug)]
 pub struct CommandComposer {
     gravity: Option<Vector3<f64>>,
+    inertia: Option<Inertia>,
     dynamics: Dynamics,
     command: JointCommand,
+}
+
+/// What the compensation of inertia remembers.
+#[derive(Clone, Debug)]
+struct Inertia {
+    /// Time constant of the acceleration, s.
+    smoothing: f64,
+    /// Velocity setpoint of the tick before, once there was one.
+    velocity: DVector<f64>,
+    known: bool,
+    acceleration: DVector<f64>,
 }
 
 impl CommandComposer {
@@ -68,9 +80,41 @@ impl CommandComposer {
             kp: zeros.clone(),
             kd: zeros,
         };
-        let mut composer = Self { gravity, dynamics: Dynamics::new(model), command };
+        let mut composer = Self { gravity, inertia: None, dynamics: Dynamics::new(model), command };
         composer.set_gains(model, gains)?;
         Ok(composer)
+    }
+
+    /// Adds what it takes to accelerate the robot as the setpoint does, and to hold it against centrifugal and Coriolis
+    /// forces: `effort = M(q) a + C(q, v) v + g(q)`, with `v` the velocity setpoint and `a` its rate, smoothed over the
+    /// time constant `smoothing` \[s\] so that the noise of a setpoint found from measurements is not amplified.
+    #[must_use]
+    pub fn with_inertia(mut self, smoothing: f64) -> Self {
+        let zeros = self.command.velocity.map(|_| 0.0);
+        self.inertia =
+            Some(Inertia { smoothing, velocity: zeros.clone(), known: false, acceleration: zeros });
+        self
+    }
+
+    /// Takes over how the setpoint moves, once per tick of `dt` \[s\] and before [`compose`](Self::compose). Without
+    /// [`with_inertia`](Self::with_inertia) it does nothing.
+    pub fn follow(&mut self, setpoint: &JointSetpoint, dt: f64) {
+        let Some(inertia) = &mut self.inertia else { return };
+        let share = if inertia.known { dt / (dt + inertia.smoothing) } else { 0.0 };
+        let moving = inertia.velocity.iter_mut().zip(setpoint.velocity());
+        for (acceleration, (before, now)) in inertia.acceleration.iter_mut().zip(moving) {
+            *acceleration += share * ((now - *before) / dt - *acceleration);
+            *before = *now;
+        }
+        inertia.known = true;
+    }
+
+    /// Forgets how the setpoint moved: it begins anew, at rest.
+    pub fn rest(&mut self) {
+        if let Some(inertia) = &mut self.inertia {
+            inertia.known = false;
+            inertia.acceleration.fill(0.0);
+        }
     }
 
     /// Changes the gains from the next command on.
@@ -93,7 +137,7 @@ impl CommandComposer {
         Ok(())
     }
 
-    /// The command that follows `setpoint` at the measured joint positions `q` \[rad or m\]. Gravity compensation
+    /// The command that follows `setpoint` at the measured joint positions `q` \[rad or m\]. The feed-forward effort
     /// is taken at `q` and kept within the model's effort limits.
     ///
     /// # Panics
@@ -101,11 +145,17 @@ impl CommandComposer {
     pub fn compose(&mut self, model: &Model, q: &[f64], setpoint: &JointSetpoint) -> &JointCommand {
         self.command.position.copy_from_slice(setpoint.position());
         self.command.velocity.copy_from_slice(setpoint.velocity());
-        if let Some(gravity) = self.gravity {
-            self.dynamics.gravity(model, q, gravity, self.command.effort.as_mut_slice());
-            for (effort, limit) in self.command.effort.iter_mut().zip(model.effort_limit()) {
-                *effort = effort.max(-limit).min(*limit);
+        let effort = self.command.effort.as_mut_slice();
+        match (&self.inertia, self.gravity) {
+            (Some(inertia), gravity) => {
+                let (v, a) = (setpoint.velocity(), inertia.acceleration.as_slice());
+                self.dynamics.rnea(model, q, v, a, gravity.unwrap_or_default(), effort);
             }
+            (None, Some(gravity)) => self.dynamics.gravity(model, q, gravity, effort),
+            (None, None) => return &self.command,
+        }
+        for (effort, limit) in self.command.effort.iter_mut().zip(model.effort_limit()) {
+            *effort = effort.max(-limit).min(*limit);
         }
         &self.command
     }

@@ -4,8 +4,8 @@ mod robot;
 
 use approx::assert_abs_diff_eq;
 use motorium_control::{CommandComposer, ComposeError, JointSetpoint};
-use motorium_robots::{Kinematics, Model};
-use nalgebra::{Point3, Vector3};
+use motorium_robots::{Dynamics, Kinematics, Model};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use robot::{Panda, Random};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
@@ -52,6 +52,60 @@ fn feed_forward_stays_within_the_effort_limits() {
     let shoulder = command.effort[1].abs();
     assert_eq!(shoulder, panda.model.effort_limit()[1]);
     assert!(command.effort.iter().zip(panda.model.effort_limit()).all(|(e, limit)| e.abs() <= *limit));
+}
+
+/// The power of the efforts fed forward is what the kinetic energy grows by.
+#[test]
+fn compensation_of_inertia_feeds_forward_what_changes_the_kinetic_energy() {
+    let panda = Panda::new();
+    let model = &panda.model;
+    let mut dynamics = Dynamics::new(model);
+    let mut mass = DMatrix::zeros(model.nv(), model.nv());
+    let mut kinetic = |q: &[f64], v: &DVector<f64>| {
+        dynamics.crba(model, q, &mut mass);
+        // one half may be all that is filled in
+        let full = DMatrix::from_fn(model.nv(), model.nv(), |i, j| mass[(i.min(j), i.max(j))]);
+        0.5 * v.dot(&(full * v))
+    };
+    let mut random = Random(23);
+    let dt = 1e-3;
+    for _ in 0..5 {
+        let q = panda.near_home(0.5, &mut random);
+        let (v, a): (Vec<f64>, Vec<f64>) = (0..model.nv())
+            .map(|joint| ((0.7 * joint as f64).sin(), 0.5 * (1.3 * joint as f64 + 1.0).cos()))
+            .unzip();
+        let mut composer = CommandComposer::new(model, &panda.gains, None).unwrap().with_inertia(0.0);
+        let mut setpoint = JointSetpoint::new(model, &q);
+        for back in [1.0, 0.0] {
+            let velocity: Vec<f64> = v.iter().zip(&a).map(|(v, a)| v - back * a * dt).collect();
+            setpoint.reset(&q);
+            setpoint.integrate(&velocity, 1e-9);
+            composer.follow(&setpoint, dt);
+        }
+        let effort = composer.compose(model, &q, &setpoint).effort.clone();
+        let (v, a) = (DVector::from_vec(v), DVector::from_vec(a));
+        let h = 1e-5;
+        let at = |h: f64| (DVector::from_column_slice(&q) + &v * h, &v + &a * h);
+        let ((ahead, v_ahead), (behind, v_behind)) = (at(h), at(-h));
+        let growth = kinetic(ahead.as_slice(), &v_ahead) - kinetic(behind.as_slice(), &v_behind);
+        assert_abs_diff_eq!(effort.dot(&v), growth / (2.0 * h), epsilon = 1e-5);
+    }
+}
+
+#[test]
+fn a_setpoint_that_begins_anew_has_no_acceleration() {
+    let panda = Panda::new();
+    let mut composer = CommandComposer::new(&panda.model, &panda.gains, None).unwrap().with_inertia(0.004);
+    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    composer.follow(&setpoint, 1e-3);
+    setpoint.integrate(&vec![0.2; panda.model.nv()], 1e-3);
+    composer.follow(&setpoint, 1e-3);
+    let pushed = composer.compose(&panda.model, panda.home.as_slice(), &setpoint).effort.norm();
+    composer.rest();
+    composer.follow(&setpoint, 1e-3);
+    setpoint.hold();
+    let calm = composer.compose(&panda.model, panda.home.as_slice(), &setpoint).effort.norm();
+    assert!(pushed > 1.0 && calm < 1e-9, "{pushed} {calm}");
 }
 
 #[test]

@@ -48,6 +48,8 @@ pub mod reach;
 pub mod recording;
 pub mod regression;
 pub mod rotation;
+mod value;
 
 pub use component::library::LibraryPolicy;
 pub use component::{CpgPolicy, DmpPolicy, ProMpPolicy};
+pub use value::ValueError;

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
 use motorium_policies::cpg::{
-    Gait, HopfNetwork, HopfSettings, Kuramoto, LegSettings, MatsuokaOscillator, MatsuokaSettings,
-    PhaseNetwork,
+    Gait, HopfNetwork, HopfSettings, Kuramoto, LegSettings, MatsuokaOscillator, MatsuokaSettings, Oscillator,
+    PhaseNetwork, Rhythm, RhythmSettings, Swing,
 };
 use motorium_policies::dmp::{
     Coupling, DiscreteDmp, DmpModel, ObstacleAvoidance, OrientationDmp, PhaseStop, RhythmicDmp,
@@ -174,4 +174,28 @@ fn probabilistic_policies_answer_without_allocating() {
         }
     };
     assert_eq!(allocated(work), 0);
+}
+
+#[test]
+fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
+    let matsuoka = Oscillator::Matsuoka { settings: MatsuokaSettings::default(), inhibition: 2.2 };
+    for model in [Oscillator::Kuramoto, Oscillator::Hopf(HopfSettings::default()), matsuoka] {
+        let swings = [0, 0, 1, 2, 3].map(|leg| Swing { leg, amplitude: 0.3, offset: 0.1, phase: 0.5 });
+        let trot = Gait::Trot.phases(4).unwrap();
+        let mut rhythm = Rhythm::new(model, &swings, trot, RhythmSettings::default()).unwrap();
+        let work = || {
+            for k in 0..1000 {
+                let pull = [0, 1, 2, 3, 4].map(|joint| rhythm.pull(joint, 0.2, 0.1, 2.0));
+                rhythm.step_entrained(1e-3, &pull);
+                if k == 500 {
+                    rhythm.set_gait(Gait::Pace.phases(4).unwrap()).unwrap();
+                    rhythm.set_frequency(2.0).unwrap();
+                    rhythm.set_duty_factor(0.7).unwrap();
+                    rhythm.set_swing(3, 0.1, 0.0).unwrap();
+                    assert!(rhythm.set_frequency(f64::NAN).is_err());
+                }
+            }
+        };
+        assert_eq!(allocated(work), 0, "{model:?}");
+    }
 }

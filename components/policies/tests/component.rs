@@ -1,23 +1,17 @@
 //! `policy.dmp` in a running graph.
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
-};
-use motorium::launcher::{self, Hosting, Options, Report};
+mod support;
+
+use std::path::Path;
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
-use motorium::telemetry::CountingAllocator;
 use motorium::worker::{Input, Output, Setup};
 use motorium_policies::DmpPolicy;
 use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
+use support::Nothing;
 
 /// The joint state of a Panda at home, from tick 10 on.
 struct Home {
@@ -112,10 +106,6 @@ fn home() -> (Isometry3<f64>, Vec<f64>) {
 }
 
 fn run(wiring: &str, config: &str) -> (Report, Vec<Seen>) {
-    let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<Home>(), Kind::of::<DmpPolicy>(), Kind::of::<Recorder>()],
-    );
     let graph = format!(
         r#"
 name = "policy"
@@ -145,12 +135,8 @@ rate = "1 kHz"
 subscribe = {{ target = "panda/target" }}
 "#
     );
-    let path = std::path::Path::new("policy.toml");
-    let machine = motorium::graph::Machine::detect();
-    let checked = motorium::graph::check(path, graph, &[], &registry, &machine)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    let report = launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap();
+    let kinds = [Kind::of::<Home>(), Kind::of::<DmpPolicy>(), Kind::of::<Recorder>()];
+    let report = support::run(Path::new("policy.toml"), graph, kinds);
     let seen = serde_json::from_value(report.results["recorder"].clone()).unwrap();
     (report, seen)
 }
@@ -207,7 +193,7 @@ fn the_hand_is_led_from_where_it_is_through_all_goals() {
     let expected = serde_json::json!({ "goals_set_out_for": 3, "goals": 3, "finished": true });
     assert_eq!(report.results["policy"], expected);
     let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-    assert_eq!((policy.steps, policy.allocations, policy.errors), (3000, Some(0), 0));
+    assert_eq!((policy.steps, support::faults(&report)), (3000, (Some(0), 0)));
 }
 
 #[test]
@@ -232,9 +218,8 @@ fn the_speed_is_a_parameter() {
 }
 
 fn refuse(config: serde_json::Value) -> (Option<String>, String) {
-    let robot = RobotReference { name: "arm".into(), urdf: "panda".into(), base: ".".into() };
-    let problem = Kind::of::<DmpPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap_err();
-    (problem.error.key, problem.error.message)
+    let error = support::refusal::<DmpPolicy>(config, Some("panda"), Path::new("."));
+    (error.key, error.message)
 }
 
 #[test]
@@ -271,7 +256,6 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
 #[test]
 fn without_a_robot_or_a_start_it_says_what_it_needs() {
     let config = serde_json::json!({ "goals": [{ "offset": [0, 0, 0], "duration": "1 s" }] });
-    let problem = Kind::of::<DmpPolicy>().declare(ConfigSource::Json(config), None).unwrap_err();
-    let advice = problem.error.advice.unwrap();
+    let advice = support::refusal::<DmpPolicy>(config, None, Path::new(".")).advice.unwrap();
     assert!(advice.contains("robot = \"NAME\"") && advice.contains("`start`"), "{advice}");
 }

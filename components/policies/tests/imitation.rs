@@ -1,25 +1,17 @@
 //! `policy.dmp` that imitates a recording, and that exchanges primitives while it runs.
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
-};
-use motorium::launcher::{self, Hosting, Options, Report};
+mod support;
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::launcher::Report;
 use motorium::state::PoseTarget;
-use motorium::telemetry::CountingAllocator;
 use motorium::worker::{Input, Setup};
 use motorium_policies::DmpPolicy;
 use motorium_policies::dmp::{Demonstration, DmpModel, Regression, Settings};
 use motorium_policies::file::{Primitive, PrimitiveFile};
 use nalgebra::DMatrix;
 use serde_json::json;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
+use support::Nothing;
 
 /// Writes down every target.
 struct Recorder {
@@ -54,10 +46,6 @@ impl Component for Recorder {
 }
 
 fn run(config: &str, wiring: &str) -> (Report, Vec<[f64; 3]>) {
-    let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<DmpPolicy>(), Kind::of::<Recorder>()],
-    );
     let graph = format!(
         r#"
 name = "imitate"
@@ -80,12 +68,8 @@ trigger = "arm/target"
 subscribe = {{ target = "arm/target" }}
 "#
     );
-    let machine = motorium::graph::Machine::detect();
-    let checked =
-        motorium::graph::check(std::path::Path::new("imitate.toml"), graph, &[], &registry, &machine)
-            .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    let report = launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap();
+    let kinds = [Kind::of::<DmpPolicy>(), Kind::of::<Recorder>()];
+    let report = support::run(std::path::Path::new("imitate.toml"), graph, kinds);
     let seen = serde_json::from_value(report.results["recorder"].clone()).unwrap();
     (report, seen)
 }
@@ -137,8 +121,7 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
     assert!(number("path_error_m") < 1e-3 && number("timed_error_m") < 2e-3, "{target}");
     assert!(number("largest_path_error_m") <= worst + 1e-4);
     assert!(result["imitation"]["hand"].is_null(), "no robot is measured");
-    let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-    assert_eq!((policy.allocations, policy.errors), (Some(0), 0));
+    assert_eq!(support::faults(&report), (Some(0), 0));
 }
 
 /// Noise at the ends says nothing of velocity and acceleration there, where one-sided differences are all there is.
@@ -205,8 +188,7 @@ fn the_primitive_that_the_parameter_chooses_shapes_the_way() {
         assert!((seen[500][1] - sway).abs() < 1e-3, "{:?}", seen[500]);
         assert!(seen[1250][1].abs() < 1e-3, "the way back is straight");
         assert_eq!(report.results["policy"]["exchanges"], exchanges);
-        let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-        assert_eq!((policy.allocations, policy.errors), (Some(0), 0));
+        assert_eq!(support::faults(&report), (Some(0), 0));
     }
 }
 
@@ -214,9 +196,8 @@ fn the_primitive_that_the_parameter_chooses_shapes_the_way() {
 fn what_cannot_be_imitated_is_refused_with_its_key() {
     let folder = tempfile::tempdir().unwrap();
     let refuse = |config: serde_json::Value| {
-        let robot = RobotReference { name: "arm".into(), urdf: "panda".into(), base: folder.path().into() };
-        let problem = Kind::of::<DmpPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap_err();
-        (problem.error.key.unwrap(), problem.error.message)
+        let error = support::refusal::<DmpPolicy>(config, Some("panda"), folder.path());
+        (error.key.unwrap(), error.message)
     };
     let shown = |file: &str| json!({ "goals": [{ "shape": { "demonstration": { "file": file } } }] });
     let (key, message) = refuse(shown("none.csv"));

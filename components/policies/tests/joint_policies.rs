@@ -1,22 +1,14 @@
 //! `policy.cpg` and `policy.promp` in a running graph.
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
-};
-use motorium::launcher::{self, Hosting, Options, Report};
+mod support;
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::launcher::Report;
 use motorium::state::{JointCommand, JointState};
-use motorium::telemetry::CountingAllocator;
 use motorium::worker::{Input, Output, Setup};
 use motorium_policies::{CpgPolicy, ProMpPolicy};
 use serde_json::json;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
+use support::Nothing;
 
 /// An arm that follows its position setpoints at once, and writes them down.
 struct Follower {
@@ -81,10 +73,6 @@ impl Component for Follower {
 }
 
 fn run(kind: &str, config: &str, wiring: &str, seconds: f64) -> (Report, Vec<Seen>) {
-    let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<Follower>(), Kind::of::<CpgPolicy>(), Kind::of::<ProMpPolicy>()],
-    );
     let graph = format!(
         r#"
 name = "policy"
@@ -113,19 +101,14 @@ publish = {{ joint_command = "arm/joint_command" }}
 "#,
         (seconds * 1e3).round()
     );
-    let machine = motorium::graph::Machine::detect();
-    let checked =
-        motorium::graph::check(std::path::Path::new("policy.toml"), graph, &[], &registry, &machine)
-            .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    let report = launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap();
+    let kinds = [Kind::of::<Follower>(), Kind::of::<CpgPolicy>(), Kind::of::<ProMpPolicy>()];
+    let report = support::run(std::path::Path::new("policy.toml"), graph, kinds);
     let seen = serde_json::from_value(report.results["arm"].clone()).unwrap();
     (report, seen)
 }
 
 fn assert_steady(report: &Report) {
-    let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-    assert_eq!((policy.allocations, policy.errors), (Some(0), 0), "it neither allocates nor fails");
+    assert_eq!(support::faults(report), (Some(0), 0), "it neither allocates nor fails");
 }
 
 /// Positions never jump, and the velocities are those of the positions.
@@ -250,9 +233,8 @@ fn the_primitive_that_the_parameter_names_is_run_and_movements_repeat() {
 }
 
 fn refuse<C: Component>(config: serde_json::Value) -> (Option<String>, String) {
-    let robot = RobotReference { name: "arm".into(), urdf: "planar-3r".into(), base: ".".into() };
-    let problem = Kind::of::<C>().declare(ConfigSource::Json(config), Some(robot)).unwrap_err();
-    (problem.error.key, problem.error.message)
+    let error = support::refusal::<C>(config, Some("planar-3r"), std::path::Path::new("."));
+    (error.key, error.message)
 }
 
 #[test]

@@ -378,6 +378,27 @@ fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
     assert!(error(16) < 0.5 * error(8) && error(16) < 0.15, "{} {}", error(8), error(16));
 }
 
+/// A few movements unlike all others bend the eigenforces of the mean square towards them, not those of the mean.
+#[test]
+fn balanced_eigenforces_serve_most_movements_better_than_those_of_the_mean_square() {
+    let (seen, held) = letters::letters(12, letters::Variation::default(), 3).hold_out(3);
+    let spring = SampledSpring::new(120, DAMPING).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Position, Keep::All).unwrap();
+    let balanced = library.balanced(12, Keep::All).unwrap();
+    let error = |library: &MotionLibrary, set: &Recordings| {
+        let basis = motorium_policies::library::Basis::eigenforces(library, 12);
+        motorium_policies::library::evaluate(&basis, set, &spring).position
+    };
+    let (plain, even) = (error(&library, &seen), error(&balanced, &seen));
+    assert!(even.mean < plain.mean && even.median < plain.median, "{plain:?} {even:?}");
+    let squares = |e: &motorium_policies::library::PathError| e.mean * e.mean + e.deviation * e.deviation;
+    assert!(squares(&even) > squares(&plain), "nothing has a smaller mean square than the singular vectors");
+    assert!(error(&balanced, &held).mean < 1.05 * error(&library, &held).mean);
+    let gram = balanced.parts().basis.transpose() * &balanced.parts().basis;
+    assert!((gram - DMatrix::<f64>::identity(balanced.rank(), balanced.rank())).norm() < 1e-9);
+    assert_eq!(balanced.entries(), library.entries());
+}
+
 #[test]
 fn the_recorded_letters_give_the_known_spectrum() {
     let path =

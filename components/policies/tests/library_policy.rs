@@ -1,12 +1,13 @@
 //! `policy.library` in a running graph.
 
+mod support;
+
 use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
+    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, RobotReference, StepError, Tick,
 };
-use motorium::launcher::{self, Hosting, Options, Report};
+use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
-use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
+use motorium::telemetry::{allocations, counts_allocations};
 use motorium::worker::{Input, Output, Setup};
 use motorium_policies::LibraryPolicy;
 use motorium_policies::component::library::{MovementRequest, Recognition};
@@ -15,13 +16,7 @@ use motorium_policies::library::{
     Superposition, Trajectory, file,
 };
 use nalgebra::DMatrix;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
+use support::Nothing;
 
 /// A robot that is where its setpoint says, and asks for another movement after a while.
 struct Follower {
@@ -115,10 +110,10 @@ fn library() -> MotionLibrary {
 fn run(config: &str, request: bool) -> Report {
     let folder = tempfile::tempdir().unwrap();
     file::write(&library(), &folder.path().join("arm.library")).unwrap();
-    let registry = Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()],
-    );
+    run_in(folder.path(), &format!("library = \"arm.library\"\n{config}"), request)
+}
+
+fn run_in(folder: &std::path::Path, config: &str, request: bool) -> Report {
     let wire = if request { ", request = \"arm/request\"" } else { "" };
     let graph = format!(
         r#"
@@ -143,16 +138,11 @@ subscribe = {{ joint_state = "arm/joint_state"{wire} }}
 publish = {{ setpoint = "arm/setpoint", recognised = "arm/recognised" }}
 
 [component.policy.config]
-library = "arm.library"
 {config}
 "#
     );
-    let path = folder.path().join("library.toml");
-    let machine = motorium::graph::Machine::detect();
-    let checked = motorium::graph::check(&path, graph, &[], &registry, &machine)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap()
+    let kinds = [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()];
+    support::run(&folder.join("library.toml"), graph, kinds)
 }
 
 #[test]
@@ -169,9 +159,7 @@ fn joints_are_led_through_the_movements_without_a_jump_and_what_they_did_is_reco
         policy["recognised"].as_array().unwrap().iter().map(|seen| seen["label"].as_str().unwrap()).collect();
     assert!(labels.contains(&"here") && labels.contains(&"there"), "{policy}");
     assert!(!robot["seen"].as_array().unwrap().is_empty(), "what was recognised was published");
-    let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
-    assert_eq!(policy.allocations, Some(0), "a step allocates");
-    assert_eq!(policy.errors + policy.refused, 0);
+    assert_eq!(support::faults(&report), (Some(0), 0), "a step allocates or fails");
 }
 
 #[test]
@@ -194,10 +182,9 @@ fn fewer_eigenforces_draw_less_exactly_and_the_result_says_so() {
 }
 
 fn refuse(config: serde_json::Value) -> (String, Option<String>) {
-    let robot =
-        RobotReference { name: "panda".into(), urdf: "panda".into(), base: std::env::current_dir().unwrap() };
-    let problem = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap_err();
-    (problem.error.to_string(), problem.error.key)
+    let here = std::env::current_dir().unwrap();
+    let error = support::refusal::<LibraryPolicy>(config, Some("panda"), &here);
+    (error.to_string(), error.key)
 }
 
 #[test]
@@ -244,6 +231,37 @@ fn recognition_and_generation_never_allocate() {
     }
     assert_eq!(allocations().own, before);
     assert!(novelty < 1e-6 && nearest.is_some_and(|(k, _)| k == 0));
+}
+
+/// Velocities recorded of the joints, as of a pen: the library is learned from them when the run starts.
+#[test]
+fn movements_are_made_straight_from_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library();
+    let mut lines = String::new();
+    for (k, entry) in library.entries().iter().enumerate() {
+        let path = Superposition::of(&library, k, library.rank()).path(&library);
+        let velocity = |d: usize| {
+            (0..path.nrows())
+                .map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0)
+                .collect()
+        };
+        let [a, b, c]: [Vec<f64>; 3] = [velocity(0), velocity(1), velocity(2)];
+        let line = serde_json::json!({ "label": entry.label, "vjoint1": a, "vjoint2": b, "vjoint3": c });
+        lines += &format!("{line}\n");
+    }
+    std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
+    let config =
+        "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let report = run_in(folder.path(), config, false);
+    let policy = &report.results["policy"];
+    assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));
+    let error = |n: &str| policy["path_error_by_terms"][n].as_f64().unwrap();
+    assert!(error("1") > 0.01 && error("3") < 1e-3, "{policy}");
+    let q: Vec<f64> = serde_json::from_value(report.results["robot"]["q"].clone()).unwrap();
+    for (found, expected) in q.iter().zip([-0.4, 0.6, 0.1]) {
+        assert!((found - expected).abs() < 0.01, "{q:?}");
+    }
 }
 
 /// The type of the target is that of the other policies.

@@ -1,5 +1,6 @@
 //! Probabilistic models against scikit-learn, scipy and movement_primitives: see `golden/generate_probabilistic.py`.
 
+use motorium_policies::ValueError;
 use motorium_policies::gmm::{Gmm, GmmError, GmmFit, Gmr};
 use motorium_policies::kmp::{Kmp, KmpError, KmpReference, KmpSettings, ReferencePoint};
 use motorium_policies::promp::{
@@ -207,7 +208,7 @@ fn exact_conditions_on_place_and_velocity_are_met_and_leave_no_variance() {
     assert!((bent.mean_velocity_at(0.5) - rate).amax() < 1e-5);
     assert!(bent.covariance_at(0.5).amax() < 1e-6 * promp.covariance_at(0.5).amax());
     let wrong = promp.conditioned(0.5, &DVector::zeros(3), &exact);
-    assert!(matches!(wrong, Err(ProMpError::Size { found: 3, expected: 2, .. })));
+    assert!(matches!(wrong, Err(ProMpError::Value(ValueError::Size { found: 3, expected: 2, .. }))));
 }
 
 #[test]

@@ -37,6 +37,9 @@ pub(super) struct Posture {
     pub(super) as_found: bool,
 }
 
+/// Time constant of the acceleration that is fed forward, s.
+const ACCELERATION_SMOOTHING: f64 = 0.004;
+
 /// Values a gain may have, 1/s.
 pub(super) const GAINS: core::ops::RangeInclusive<f64> = 0.0..=1000.0;
 /// Values a weight may have.
@@ -205,11 +208,12 @@ fn composer(
         finite("gravity", component, -1000.0..=1000.0)?;
     }
     let gravity = config.gravity_compensation.then(|| Vector3::from(config.gravity));
-    CommandComposer::new(model, &Gains { kp, kd }, gravity).map_err(|error| match error {
+    let composer = CommandComposer::new(model, &Gains { kp, kd }, gravity).map_err(|error| match error {
         ComposeError::Length { what, .. } | ComposeError::Gain { what, .. } => {
             ConfigError::key(what, error.to_string())
         }
-    })
+    })?;
+    Ok(if config.inertia_compensation { composer.with_inertia(ACCELERATION_SMOOTHING) } else { composer })
 }
 
 fn only_end_effector(profile: Option<&Profile>) -> Result<&str, &'static str> {

@@ -34,6 +34,8 @@ pub struct QpControllerConfig {
     pub kd: Option<PerJoint>,
     /// Whether the weight of the robot is compensated by a feed-forward effort.
     pub gravity_compensation: bool,
+    /// Whether the efforts that accelerate the robot as the setpoint does are fed forward.
+    pub inertia_compensation: bool,
     /// Gravity in the world frame, m/s^2.
     pub gravity: [f64; 3],
     /// Which joint positions the tasks are evaluated at.
@@ -62,6 +64,7 @@ impl Default for QpControllerConfig {
             kp: None,
             kd: None,
             gravity_compensation: true,
+            inertia_compensation: false,
             gravity: [0.0, 0.0, -9.81],
             feedback: Feedback::Measured,
             max_lead: 0.1,

@@ -174,7 +174,7 @@ impl Component for QpController {
             reach.judge(&self.model, &self.measured, dt);
         }
         self.memory.save(self.setpoint.position().iter().copied());
-        self.publish()
+        self.publish(dt)
     }
 
     fn result(&self) -> Option<serde_json::Value> {
@@ -228,6 +228,7 @@ impl QpController {
         if let Some(remembered) = &mut self.remembered {
             remembered.fill(f64::NAN);
         }
+        self.composer.rest();
         for reach in &mut self.reaches {
             reach.stay(self.measured.pose(&self.model, reach.task.frame()));
         }
@@ -279,7 +280,8 @@ impl QpController {
         self.setpoint.limit_lead(self.q.as_slice(), self.max_lead);
     }
 
-    fn publish(&mut self) -> Result<(), StepError> {
+    fn publish(&mut self, dt: f64) -> Result<(), StepError> {
+        self.composer.follow(&self.setpoint, dt);
         let composed = self.composer.compose(&self.model, self.q.as_slice(), &self.setpoint);
         let (kp_scale, kd_scale) = (self.kp_scale.get(), self.kd_scale.get());
         let mut command = self.joint_command.loan()?;

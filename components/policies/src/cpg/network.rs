@@ -4,10 +4,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
+use super::follower::Follower;
 use super::gait::Gait;
 use super::lags::{Lag, consistent_phases, wrapped};
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, positive, size};
+use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
 /// What one node is to do.
@@ -51,23 +53,6 @@ pub struct NetworkSettings {
 impl Default for NetworkSettings {
     fn default() -> Self {
         Self { frequency: 1.0, damping: 20.0, transition: 8.0 }
-    }
-}
-
-/// A value on its way to a target.
-#[derive(Clone, Copy, Debug)]
-struct Follower {
-    state: (f64, f64),
-    target: f64,
-}
-
-impl Follower {
-    fn at(value: f64) -> Self {
-        Self { state: (value, 0.0), target: value }
-    }
-
-    fn step(&mut self, stride: &Stride) {
-        self.state = stride.advance(self.state, self.target, self.target);
     }
 }
 
@@ -207,7 +192,11 @@ impl PhaseNetwork {
     pub fn set_swing(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
         finite("amplitude and offset", &[amplitude, offset])?;
         if node >= self.nodes() {
-            return Err(CpgError::Size { name: "the network", found: self.nodes(), expected: node + 1 });
+            return Err(CpgError::Value(ValueError::Size {
+                name: "the network",
+                found: self.nodes(),
+                expected: node + 1,
+            }));
         }
         self.amplitude[node].target = amplitude;
         self.offset[node].target = offset;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::kernels::{Gate, Kernels};
 use super::settings::{ModelError, Settings, Variant};
 use super::spring::CriticalSpring;
+use crate::ValueError;
 
 /// A discrete primitive without its state: constant while it runs.
 ///
@@ -46,9 +47,13 @@ impl DmpModel {
         displacement: DVector<f64>,
     ) -> Result<Self, ModelError> {
         settings.check()?;
-        let size = |name, found, expected| ModelError::Size { name, found, expected };
+        let size = |name, found, expected| ModelError::Value(ValueError::Size { name, found, expected });
         if weights.ncols() == 0 {
-            return Err(ModelError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+            return Err(ModelError::Value(ValueError::OutOfRange {
+                name: "dimensions",
+                value: 0.0,
+                expected: "at least 1",
+            }));
         }
         if weights.nrows() != settings.kernels {
             return Err(size("a column of weights", weights.nrows(), settings.kernels));
@@ -58,7 +63,7 @@ impl DmpModel {
         }
         for (name, values) in [("weights", weights.as_slice()), ("displacement", displacement.as_slice())] {
             if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
-                return Err(ModelError::NotFinite { name, value });
+                return Err(ModelError::Value(ValueError::NotFinite { name, value }));
             }
         }
         let gate = match settings.variant {
@@ -144,11 +149,11 @@ impl TryFrom<StoredModel> for DmpModel {
     fn try_from(stored: StoredModel) -> Result<Self, ModelError> {
         let kernels = stored.settings.kernels;
         if let Some(column) = stored.weights.iter().find(|column| column.len() != kernels) {
-            return Err(ModelError::Size {
+            return Err(ModelError::Value(ValueError::Size {
                 name: "a dimension of weights",
                 found: column.len(),
                 expected: kernels,
-            });
+            }));
         }
         let weights =
             DMatrix::from_iterator(kernels, stored.weights.len(), stored.weights.into_iter().flatten());

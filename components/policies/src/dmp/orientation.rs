@@ -7,6 +7,7 @@ use super::discrete::{DiscreteDmp, MoveError};
 use super::model::DmpModel;
 use super::quintic::Jet;
 use super::settings::ModelError;
+use crate::ValueError;
 use crate::rotation::{self, RotationJet};
 
 /// An orientation on its way to a goal, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
@@ -35,7 +36,11 @@ impl OrientationDmp {
     pub fn new(model: DmpModel) -> Result<Self, ModelError> {
         if model.dimensions() != 3 {
             let found = model.dimensions();
-            return Err(ModelError::Size { name: "an orientation primitive", found, expected: 3 });
+            return Err(ModelError::Value(ValueError::Size {
+                name: "an orientation primitive",
+                found,
+                expected: 3,
+            }));
         }
         Ok(Self {
             dmp: DiscreteDmp::new(model),

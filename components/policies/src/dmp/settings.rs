@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::ValueError;
+
 /// The published form of the primitive; the equations stand in the [module documentation](crate::dmp).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -101,34 +103,9 @@ impl Default for Settings {
 /// Why a model cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The setting.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A matrix or vector of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
-    /// A weight or displacement that is not a number.
-    #[error("{name} holds {value}, expected finite numbers only")]
-    NotFinite {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-    },
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// A goal filter on the variant that plans its goal.
     #[error(
         "goal_rate is set, but the quintic goal plans its own way to a new goal: remove it, or choose another variant"
@@ -162,7 +139,7 @@ impl Settings {
             ("goal_rate", goal_rate, positive(goal_rate), "a positive number"),
         ] {
             if !holds {
-                return Err(ModelError::OutOfRange { name, value, expected });
+                return Err(ModelError::Value(ValueError::OutOfRange { name, value, expected }));
             }
         }
         if self.variant.plans_goal() && self.goal_rate.is_some() {

@@ -5,6 +5,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use super::mixture::{Gmm, GmmError, log_sum};
+use crate::ValueError;
 
 /// How to fit; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +58,11 @@ impl Gmm {
                 best = Some(fitted);
             }
         }
-        best.ok_or(GmmError::OutOfRange { name: "starts", value: 0.0, expected: "at least 1" })
+        best.ok_or(GmmError::Value(ValueError::OutOfRange {
+            name: "starts",
+            value: 0.0,
+            expected: "at least 1",
+        }))
     }
 
     /// Fits every number of components in a range and keeps the one with the smallest [`bic`](Self::bic).
@@ -77,7 +82,11 @@ impl Gmm {
                 best = Some((bic, fitted));
             }
         }
-        let none = GmmError::OutOfRange { name: "components", value: 0.0, expected: "a range with a number" };
+        let none = GmmError::Value(ValueError::OutOfRange {
+            name: "components",
+            value: 0.0,
+            expected: "a range with a number",
+        });
         best.map(|(_, fitted)| fitted).ok_or(none)
     }
 
@@ -137,12 +146,16 @@ fn check(samples: &DMatrix<f64>, components: usize, fit: &GmmFit) -> Result<(), 
         ("iterations", fit.iterations as f64, fit.iterations > 0),
     ] {
         if !holds {
-            return Err(GmmError::OutOfRange { name, value, expected: "at least 1" });
+            return Err(GmmError::Value(ValueError::OutOfRange { name, value, expected: "at least 1" }));
         }
     }
     for (name, value) in [("tolerance", fit.tolerance), ("floor", fit.floor)] {
         if !(value >= 0.0 && value.is_finite()) {
-            return Err(GmmError::OutOfRange { name, value, expected: "a finite number of at least 0" });
+            return Err(GmmError::Value(ValueError::OutOfRange {
+                name,
+                value,
+                expected: "a finite number of at least 0",
+            }));
         }
     }
     if samples.nrows() < components {

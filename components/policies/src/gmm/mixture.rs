@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use crate::ValueError;
+
 /// `p(x) = sum_k pi_k N(x; mu_k, S_k)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gmm {
@@ -15,26 +17,9 @@ pub struct Gmm {
 /// Why there is no mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A vector or matrix of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// Too little to learn from.
     #[error("{samples} samples cannot fill {components} components")]
     TooFew {
@@ -71,11 +56,15 @@ impl Gmm {
     ) -> Result<Self, GmmError> {
         let components = weights.len();
         if components == 0 {
-            return Err(GmmError::OutOfRange { name: "components", value: 0.0, expected: "at least 1" });
+            return Err(GmmError::Value(ValueError::OutOfRange {
+                name: "components",
+                value: 0.0,
+                expected: "at least 1",
+            }));
         }
         for (name, found) in [("means", means.len()), ("covariances", covariances.len())] {
             if found != components {
-                return Err(GmmError::Size { name, found, expected: components });
+                return Err(GmmError::Value(ValueError::Size { name, found, expected: components }));
             }
         }
         let expected = means[0].len();
@@ -86,7 +75,7 @@ impl Gmm {
                 ("a row of a covariance", covariance.ncols()),
             ] {
                 if found != expected {
-                    return Err(GmmError::Size { name, found, expected });
+                    return Err(GmmError::Value(ValueError::Size { name, found, expected }));
                 }
             }
             let finite = mean.iter().chain(covariance.iter()).all(|value| value.is_finite());
@@ -95,7 +84,11 @@ impl Gmm {
             }
         }
         if let Some(&value) = weights.iter().find(|weight| !(**weight > 0.0 && weight.is_finite())) {
-            return Err(GmmError::OutOfRange { name: "a weight", value, expected: "a positive number" });
+            return Err(GmmError::Value(ValueError::OutOfRange {
+                name: "a weight",
+                value,
+                expected: "a positive number",
+            }));
         }
         let sum: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|weight| *weight /= sum);
@@ -151,7 +144,7 @@ impl Gmm {
     pub(super) fn log_joint(&self, samples: &DMatrix<f64>, joint: &mut DMatrix<f64>) -> Result<(), GmmError> {
         if samples.ncols() != self.dimensions() {
             let (found, expected) = (samples.ncols(), self.dimensions());
-            return Err(GmmError::Size { name: "a sample", found, expected });
+            return Err(GmmError::Value(ValueError::Size { name: "a sample", found, expected }));
         }
         let transposed = samples.transpose();
         for component in 0..self.components() {

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::mixture::{Gmm, GmmError};
+use crate::ValueError;
 
 /// Gaussian mixture regression: the distribution of the last coordinates given the first `inputs` ones.
 ///
@@ -45,11 +46,11 @@ impl Gmr {
         let dimensions = gmm.dimensions();
         if inputs == 0 || inputs >= dimensions {
             let (name, value) = ("inputs", inputs as f64);
-            return Err(GmmError::OutOfRange {
+            return Err(GmmError::Value(ValueError::OutOfRange {
                 name,
                 value,
                 expected: "at least 1 and fewer than there are coordinates",
-            });
+            }));
         }
         let outputs = dimensions - inputs;
         let mut components = Vec::new();
@@ -93,7 +94,11 @@ impl Gmr {
     /// An input of another length, or one that is not finite.
     pub fn predict(&mut self, input: &[f64]) -> Result<(&DVector<f64>, &DMatrix<f64>), GmmError> {
         if input.len() != self.inputs {
-            return Err(GmmError::Size { name: "the input", found: input.len(), expected: self.inputs });
+            return Err(GmmError::Value(ValueError::Size {
+                name: "the input",
+                found: input.len(),
+                expected: self.inputs,
+            }));
         }
         if let Some(&value) = input.iter().find(|value| !value.is_finite()) {
             return Err(GmmError::NotFinite { sample: 0, value });

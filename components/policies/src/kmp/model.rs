@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::reference::{KmpError, KmpReference};
+use crate::ValueError;
 
 /// The numbers of a kernelised primitive; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +47,11 @@ impl Kmp {
             ("length", settings.length),
         ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(KmpError::OutOfRange { name, value, expected: "a positive number" });
+                return Err(KmpError::Value(ValueError::OutOfRange {
+                    name,
+                    value,
+                    expected: "a positive number",
+                }));
             }
         }
         let points = reference.points();
@@ -108,12 +113,18 @@ impl Kmp {
     fn check(&self, input: &[f64]) -> Result<(), KmpError> {
         let expected = self.inputs[0].len();
         if input.len() != expected {
-            return Err(KmpError::Size { name: "the input", found: input.len(), expected });
+            return Err(KmpError::Value(ValueError::Size {
+                name: "the input",
+                found: input.len(),
+                expected,
+            }));
         }
         match input.iter().find(|value| !value.is_finite()) {
-            Some(&value) => {
-                Err(KmpError::OutOfRange { name: "the input", value, expected: "finite numbers" })
-            }
+            Some(&value) => Err(KmpError::Value(ValueError::OutOfRange {
+                name: "the input",
+                value,
+                expected: "finite numbers",
+            })),
             None => Ok(()),
         }
     }

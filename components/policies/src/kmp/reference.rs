@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::ValueError;
 use crate::gmm::Gmr;
 
 /// One point of a reference.
@@ -24,29 +25,12 @@ pub struct KmpReference {
 /// Why there is no such primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KmpError {
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// No point at all.
     #[error("a reference without a point, expected at least one")]
     Empty,
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A vector or matrix of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
     /// A matrix that is no covariance, or a number that is none.
     #[error("reference point {point}: the covariance is not positive definite, or a number is not finite")]
     NotPositive {
@@ -133,7 +117,7 @@ impl KmpReference {
             ("a row of the priorities", priorities.ncols(), columns),
         ] {
             if found != expected {
-                return Err(KmpError::Size { name, found, expected });
+                return Err(KmpError::Value(ValueError::Size { name, found, expected }));
             }
         }
         let outputs = first.points[0].mean.len();
@@ -145,7 +129,11 @@ impl KmpReference {
                 let priority = priorities[(l, n)];
                 if !(priority >= 0.0 && priority.is_finite()) {
                     let expected = "a finite number of at least 0";
-                    return Err(KmpError::OutOfRange { name: "a priority", value: priority, expected });
+                    return Err(KmpError::Value(ValueError::OutOfRange {
+                        name: "a priority",
+                        value: priority,
+                        expected,
+                    }));
                 }
                 let point = reference.points.get(n).ok_or(KmpError::Different { point: n })?;
                 if point.input != first.points[n].input || point.mean.len() != outputs {
@@ -172,7 +160,7 @@ fn check(point: &ReferencePoint, index: usize, inputs: usize, outputs: usize) ->
         ("a row of a covariance", point.covariance.ncols(), outputs),
     ] {
         if found != expected {
-            return Err(KmpError::Size { name, found, expected });
+            return Err(KmpError::Value(ValueError::Size { name, found, expected }));
         }
     }
     let mut numbers = point.input.iter().chain(point.mean.iter()).chain(point.covariance.iter());

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::{Basis, Layout, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory};
+use super::{Basis, Keep, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory};
 
 /// Errors of one basis with one number of weights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -106,7 +106,11 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
     right as f64 / labelled.len().max(1) as f64
 }
 
-/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`.
+/// Name of the eigenforces that are [balanced](MotionLibrary::balanced), in [`compare`].
+pub const BALANCED: &str = "eigenforces, balanced";
+
+/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in the metric of
+/// position is there twice, the second time balanced for each number.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,
@@ -119,6 +123,11 @@ pub fn compare(
     for &n in terms {
         for (name, library) in libraries {
             found.push((*name, evaluate(&Basis::eigenforces(library, n), recordings, spring)));
+            if library.metric() == Metric::Position
+                && let Ok(balanced) = library.balanced(n, Keep::Rank(n))
+            {
+                found.push((BALANCED, evaluate(&Basis::eigenforces(&balanced, n), recordings, spring)));
+            }
         }
         if n >= layout.dofs() {
             found.push(("fourier", evaluate(&Basis::fourier(layout, spring, n), recordings, spring)));

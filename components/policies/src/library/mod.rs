@@ -28,6 +28,7 @@
 //! Nothing here knows the runtime.
 
 pub mod algebra;
+mod balance;
 mod basis;
 pub mod data;
 mod evaluate;
@@ -47,7 +48,7 @@ mod spring;
 mod trajectory;
 
 pub use basis::{Basis, kernel_functions};
-pub use evaluate::{Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
+pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
 pub use generate::{GenerateError, Generator, Superposition};
 pub use layout::{Layout, LayoutError, Part};
 pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};

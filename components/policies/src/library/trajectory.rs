@@ -1,6 +1,9 @@
 //! Recorded movements, before they are forces.
 
 use nalgebra::DMatrix;
+use rand::SeedableRng as _;
+use rand::seq::SliceRandom as _;
+use rand_pcg::Pcg64;
 
 /// A recorded movement: evenly spaced positions of every degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +38,44 @@ impl Trajectory {
             let (a, b) = (self.positions[(below, d)], self.positions[((below + 1).min(rows - 1), d)]);
             a + part * (b - a)
         })
+    }
+
+    /// In `samples` evenly spaced samples of the natural cubic spline through its own. Forces are second differences: those
+    /// of straight pieces between samples have a spike at every sample, those of a spline have not. What is in as many
+    /// samples already stays as it is.
+    #[must_use]
+    pub fn splined(&self, samples: usize) -> Self {
+        let (rows, columns) = self.positions.shape();
+        if rows < 3 || rows == samples {
+            return self.clone();
+        }
+        // second derivatives per squared sample, 0 at the ends: m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] + y[k+1])
+        let mut curvature = DMatrix::<f64>::zeros(rows, columns);
+        let mut pivots = vec![0.0; rows];
+        for k in 1..rows - 1 {
+            pivots[k] = 1.0 / (4.0 - if k > 1 { pivots[k - 1] } else { 0.0 });
+            for d in 0..columns {
+                let y = |k: usize| self.positions[(k, d)];
+                let bend = 6.0 * (y(k - 1) - 2.0 * y(k) + y(k + 1));
+                curvature[(k, d)] = (bend - curvature[(k - 1, d)]) * pivots[k];
+            }
+        }
+        for k in (1..rows - 1).rev() {
+            for d in 0..columns {
+                let next = curvature[(k + 1, d)];
+                curvature[(k, d)] -= pivots[k] * next;
+            }
+        }
+        let positions = DMatrix::from_fn(samples, columns, |k, d| {
+            let at = k as f64 * (rows - 1) as f64 / (samples - 1).max(1) as f64;
+            let below = (at as usize).min(rows - 2);
+            let (b, y, m) = (at - below as f64, &self.positions, &curvature);
+            let a = 1.0 - b;
+            a * y[(below, d)]
+                + b * y[(below + 1, d)]
+                + ((a * a * a - a) * m[(below, d)] + (b * b * b - b) * m[(below + 1, d)]) / 6.0
+        });
+        Self { positions, ..self.clone() }
     }
 
     /// Smoothed by a Gaussian of standard deviation `sigma` samples, forwards and backwards alike (no phase shift).
@@ -102,6 +143,20 @@ impl Recordings {
         Self { names: self.names.clone(), trajectories }
     }
 
+    /// Two sets, at random: the part `share` of all movements (at least one, if there are two), and the rest. The same seed
+    /// makes the same sets.
+    pub fn split(&self, share: f64, seed: u64) -> (Self, Self) {
+        let mut order: Vec<&Trajectory> = self.trajectories.iter().collect();
+        order.shuffle(&mut Pcg64::seed_from_u64(seed));
+        let count = (share.clamp(0.0, 1.0) * order.len() as f64).round() as usize;
+        let (first, rest) = order.split_at(count.max(1).min(order.len()));
+        let set = |part: &[&Trajectory]| Self {
+            names: self.names.clone(),
+            trajectories: part.iter().copied().cloned().collect(),
+        };
+        (set(first), set(rest))
+    }
+
     /// Two sets: every `k`-th movement of each label (in their order) is held out into the second.
     pub fn hold_out(&self, every: usize) -> (Self, Self) {
         let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
@@ -131,6 +186,37 @@ mod tests {
         assert!((0..41).all(|k| (resampled[(k, 1)] - 0.5 * k as f64).abs() < 1e-12));
         let smoothed = line(40).smoothed(2.0);
         assert!((&smoothed.positions - line(40).positions).norm() < 1e-10);
+    }
+
+    #[test]
+    fn a_split_at_random_loses_and_doubles_nothing_and_its_seed_repeats_it() {
+        let trajectories = (0..20).map(|k| Trajectory { id: k.to_string(), ..line(4) }).collect();
+        let set = Recordings { names: vec!["a".into(), "b".into()], trajectories };
+        let ids = |set: &Recordings| set.trajectories.iter().map(|t| t.id.clone()).collect::<Vec<_>>();
+        let (few, many) = set.split(0.2, 7);
+        assert_eq!((few.trajectories.len(), many.trajectories.len()), (4, 16));
+        let all: std::collections::BTreeSet<String> = ids(&few).into_iter().chain(ids(&many)).collect();
+        assert_eq!(all.len(), 20);
+        assert_eq!(ids(&set.split(0.2, 7).0), ids(&few));
+        assert_ne!(ids(&set.split(0.2, 8).0), ids(&few));
+    }
+
+    #[test]
+    fn a_spline_passes_through_its_samples_and_near_the_curve_between_them() {
+        let wave = |t: f64| (3.0 * t).sin();
+        let positions = DMatrix::from_fn(31, 1, |k, _| wave(k as f64 * 0.1));
+        let few = Trajectory { id: "wave".into(), label: None, duration: 3.0, positions };
+        let many = few.splined(121);
+        for k in 0..31 {
+            assert!((many.positions[(4 * k, 0)] - few.positions[(k, 0)]).abs() < 1e-12);
+        }
+        // away from the ends, where a natural spline is straight and the wave is not
+        let off = |path: &DMatrix<f64>| {
+            (20..100).map(|k| (path[(k, 0)] - wave(k as f64 * 0.025)).abs()).fold(0.0, f64::max)
+        };
+        assert!(off(&many.positions) < 1e-4, "{}", off(&many.positions));
+        assert!(off(&few.resampled(121)) > 50.0 * off(&many.positions));
+        assert_eq!(few.splined(31), few);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::model::ProMpError;
+use crate::ValueError;
 
 /// Normalised basis functions over the phase, `phi_i(p) = b_i(p) / sum_j b_j(p)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -48,7 +49,8 @@ impl ProMpBasis {
     }
 
     pub(super) fn check(&self) -> Result<(), ProMpError> {
-        let out_of_range = |name, value, expected| Err(ProMpError::OutOfRange { name, value, expected });
+        let out_of_range =
+            |name, value, expected| Err(ProMpError::Value(ValueError::OutOfRange { name, value, expected }));
         match *self {
             Self::Gaussian { count, .. } if count < 2 => {
                 out_of_range("the number of basis functions", count as f64, "at least 2")

@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::basis::ProMpBasis;
 use super::model::{ProMp, ProMpError, symmetrise};
+use crate::ValueError;
 
 /// How the distribution of the weights is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +82,11 @@ impl ProMp {
         let dimensions = check(demonstrations)?;
         if !(fit.jitter >= 0.0 && fit.jitter.is_finite()) {
             let expected = "a finite number of at least 0";
-            return Err(ProMpError::OutOfRange { name: "jitter", value: fit.jitter, expected });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "jitter",
+                value: fit.jitter,
+                expected,
+            }));
         }
         let (grams, shown) = prepare(&basis, demonstrations);
         let size = basis.count() * dimensions;
@@ -190,19 +195,27 @@ fn check(demonstrations: &[DMatrix<f64>]) -> Result<usize, ProMpError> {
     };
     let dimensions = first.ncols();
     if dimensions == 0 {
-        return Err(ProMpError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+        return Err(ProMpError::Value(ValueError::OutOfRange {
+            name: "dimensions",
+            value: 0.0,
+            expected: "at least 1",
+        }));
     }
     for demonstration in demonstrations {
         if demonstration.ncols() != dimensions {
             let (found, expected) = (demonstration.ncols(), dimensions);
-            return Err(ProMpError::Size { name: "a sample of a demonstration", found, expected });
+            return Err(ProMpError::Value(ValueError::Size {
+                name: "a sample of a demonstration",
+                found,
+                expected,
+            }));
         }
         if demonstration.nrows() < 2 {
             let (name, value) = ("the samples of a demonstration", demonstration.nrows() as f64);
-            return Err(ProMpError::OutOfRange { name, value, expected: "at least 2" });
+            return Err(ProMpError::Value(ValueError::OutOfRange { name, value, expected: "at least 2" }));
         }
         if let Some(&value) = demonstration.iter().find(|value| !value.is_finite()) {
-            return Err(ProMpError::NotFinite { name: "a demonstration", value });
+            return Err(ProMpError::Value(ValueError::NotFinite { name: "a demonstration", value }));
         }
     }
     Ok(dimensions)

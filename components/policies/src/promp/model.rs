@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::basis::ProMpBasis;
+use crate::ValueError;
 
 /// A probabilistic primitive; see the [module](super). Serialises as [`StoredProMp`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,34 +49,9 @@ pub enum Observed {
 /// Why there is no such primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A vector or matrix of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
-    /// A number that is none.
-    #[error("{name} holds {value}, expected finite numbers only")]
-    NotFinite {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-    },
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// Too few demonstrations to tell how they vary.
     #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
     TooFew {
@@ -109,7 +85,11 @@ impl ProMp {
     ) -> Result<Self, ProMpError> {
         basis.check()?;
         if dimensions == 0 {
-            return Err(ProMpError::OutOfRange { name: "dimensions", value: 0.0, expected: "at least 1" });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "dimensions",
+                value: 0.0,
+                expected: "at least 1",
+            }));
         }
         let expected = basis.count() * dimensions;
         for (name, found) in [
@@ -118,12 +98,12 @@ impl ProMp {
             ("a row of the covariance", covariance.ncols()),
         ] {
             if found != expected {
-                return Err(ProMpError::Size { name, found, expected });
+                return Err(ProMpError::Value(ValueError::Size { name, found, expected }));
             }
         }
         for (name, values) in [("the mean", mean.as_slice()), ("the covariance", covariance.as_slice())] {
             if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
-                return Err(ProMpError::NotFinite { name, value });
+                return Err(ProMpError::Value(ValueError::NotFinite { name, value }));
             }
         }
         if (&covariance - covariance.transpose()).amax() > 1e-9 * covariance.amax() {
@@ -169,7 +149,11 @@ impl ProMp {
     pub fn set_duration(&mut self, duration: f64) -> Result<(), ProMpError> {
         if !(duration > 0.0 && duration.is_finite()) {
             let expected = "a positive time";
-            return Err(ProMpError::OutOfRange { name: "duration", value: duration, expected });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "duration",
+                value: duration,
+                expected,
+            }));
         }
         self.duration = duration;
         Ok(())
@@ -203,7 +187,7 @@ impl ProMp {
     pub fn sample_weights(&self, normal: &DVector<f64>) -> Result<DVector<f64>, ProMpError> {
         if normal.len() != self.mean.len() {
             let (found, expected) = (normal.len(), self.mean.len());
-            return Err(ProMpError::Size { name: "the normal numbers", found, expected });
+            return Err(ProMpError::Value(ValueError::Size { name: "the normal numbers", found, expected }));
         }
         let mut covariance = self.covariance.clone();
         let jitter = 1e-10 * covariance.trace().abs() / covariance.nrows() as f64;
@@ -245,12 +229,12 @@ impl ProMp {
             ("a row of the noise", noise.ncols()),
         ] {
             if found != expected {
-                return Err(ProMpError::Size { name, found, expected });
+                return Err(ProMpError::Value(ValueError::Size { name, found, expected }));
             }
         }
         let numbers = value.iter().chain(noise.iter()).chain([&phase]);
         if let Some(&bad) = numbers.into_iter().find(|value| !value.is_finite()) {
-            return Err(ProMpError::NotFinite { name: "the condition", value: bad });
+            return Err(ProMpError::Value(ValueError::NotFinite { name: "the condition", value: bad }));
         }
         // Sigma Phi, D N x D, and Phi^T Sigma Phi
         let (carried, mut seen) = self.seen(observed, phase);
@@ -332,7 +316,11 @@ impl TryFrom<StoredProMp> for ProMp {
     fn try_from(stored: StoredProMp) -> Result<Self, ProMpError> {
         let expected = stored.covariance.len();
         if let Some(row) = stored.covariance.iter().find(|row| row.len() != expected) {
-            return Err(ProMpError::Size { name: "a row of the covariance", found: row.len(), expected });
+            return Err(ProMpError::Value(ValueError::Size {
+                name: "a row of the covariance",
+                found: row.len(),
+                expected,
+            }));
         }
         let covariance = DMatrix::from_fn(expected, expected, |i, j| stored.covariance[i][j]);
         let mean = DVector::from_vec(stored.mean);
@@ -340,7 +328,11 @@ impl TryFrom<StoredProMp> for ProMp {
         promp.set_duration(stored.duration)?;
         if !(stored.noise >= 0.0 && stored.noise.is_finite()) {
             let expected = "a variance of at least 0";
-            return Err(ProMpError::OutOfRange { name: "noise", value: stored.noise, expected });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "noise",
+                value: stored.noise,
+                expected,
+            }));
         }
         promp.noise = stored.noise;
         Ok(promp)

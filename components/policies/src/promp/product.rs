@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::model::{ProMp, ProMpError, symmetrise};
+use crate::ValueError;
 
 impl ProMp {
     /// What several primitives agree on: the product of the Gaussians of their weights, each to the power of its
@@ -45,7 +46,11 @@ pub fn blend(primitives: &[(&ProMp, f64)], phase: f64) -> Result<(DVector<f64>, 
         .collect();
     if active.is_empty() {
         let expected = "at least one above zero";
-        return Err(ProMpError::OutOfRange { name: "the activations", value: 0.0, expected });
+        return Err(ProMpError::Value(ValueError::OutOfRange {
+            name: "the activations",
+            value: 0.0,
+            expected,
+        }));
     }
     product_of(active.iter().map(|(mean, covariance, a)| (mean, covariance, *a)))
 }
@@ -57,7 +62,11 @@ fn product_of<'a>(
     for (mean, covariance, activation) in gaussians {
         if !(activation > 0.0 && activation.is_finite()) {
             let expected = "a positive number";
-            return Err(ProMpError::OutOfRange { name: "an activation", value: activation, expected });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "an activation",
+                value: activation,
+                expected,
+            }));
         }
         let precision = inverse(covariance.clone())? * activation;
         let information = &precision * mean;

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::model::{ProMp, ProMpError};
+use crate::ValueError;
 use crate::dmp::Quintic;
 
 /// Follows the mean of a primitive in time. Only [`new`](Self::new) and [`exchange`](Self::exchange) allocate.
@@ -71,15 +72,19 @@ impl ProMpRunner {
         let expected = self.position.len();
         for (name, values) in [("the position", position), ("the velocity", velocity)] {
             if values.len() != expected {
-                return Err(ProMpError::Size { name, found: values.len(), expected });
+                return Err(ProMpError::Value(ValueError::Size { name, found: values.len(), expected }));
             }
             if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
-                return Err(ProMpError::NotFinite { name, value });
+                return Err(ProMpError::Value(ValueError::NotFinite { name, value }));
             }
         }
         if !(duration > 0.0 && duration.is_finite()) {
             let expected = "a positive time";
-            return Err(ProMpError::OutOfRange { name: "duration", value: duration, expected });
+            return Err(ProMpError::Value(ValueError::OutOfRange {
+                name: "duration",
+                value: duration,
+                expected,
+            }));
         }
         (self.duration, self.elapsed) = (duration, 0.0);
         self.correction.fill(Quintic::at_rest(0.0));

@@ -2,6 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use crate::ValueError;
+
 /// `u = W f(x)`, where `f` holds all monomials of `x` up to a total degree, the constant 1 first, in graded
 /// lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`. Degree 1 is the linear policy
 /// `u = W x + b`. Only construction allocates.
@@ -19,34 +21,9 @@ pub struct PolynomialPolicy {
 /// Why there is no such policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegressionError {
-    /// A number is outside the range in which the equations hold.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// A vector or matrix of the wrong size.
-    #[error("{name} has {found} entries, expected {expected}")]
-    Size {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
-    /// A number that is none.
-    #[error("{name} holds {value}, expected finite numbers only")]
-    NotFinite {
-        /// The quantity.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-    },
+    /// A number, vector or matrix that will not do.
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// The samples cannot tell the monomials apart.
     #[error(
         "{samples} samples cannot determine {monomials} monomials: take a lower degree, more samples or lambda > 0"
@@ -70,7 +47,11 @@ impl PolynomialPolicy {
     pub fn new(inputs: usize, outputs: usize, degree: usize) -> Result<Self, RegressionError> {
         for (name, value) in [("inputs", inputs), ("outputs", outputs)] {
             if value == 0 {
-                return Err(RegressionError::OutOfRange { name, value: 0.0, expected: "at least 1" });
+                return Err(RegressionError::Value(ValueError::OutOfRange {
+                    name,
+                    value: 0.0,
+                    expected: "at least 1",
+                }));
             }
         }
         let mut monomials = vec![(0, 0)];
@@ -84,7 +65,11 @@ impl PolynomialPolicy {
                     monomials.push((*place, input));
                     if monomials.len() > MOST_MONOMIALS {
                         let (name, value) = ("the number of monomials", monomials.len() as f64);
-                        return Err(RegressionError::OutOfRange { name, value, expected: "at most 10000" });
+                        return Err(RegressionError::Value(ValueError::OutOfRange {
+                            name,
+                            value,
+                            expected: "at most 10000",
+                        }));
                     }
                 }
             }
@@ -112,16 +97,24 @@ impl PolynomialPolicy {
     ) -> Result<Self, RegressionError> {
         if outputs.nrows() != inputs.nrows() {
             let (found, expected) = (outputs.nrows(), inputs.nrows());
-            return Err(RegressionError::Size { name: "a column of the outputs", found, expected });
+            return Err(RegressionError::Value(ValueError::Size {
+                name: "a column of the outputs",
+                found,
+                expected,
+            }));
         }
         for (name, matrix) in [("the inputs", inputs), ("the outputs", outputs)] {
             if let Some(&value) = matrix.iter().find(|value| !value.is_finite()) {
-                return Err(RegressionError::NotFinite { name, value });
+                return Err(RegressionError::Value(ValueError::NotFinite { name, value }));
             }
         }
         if !(lambda >= 0.0 && lambda.is_finite()) {
             let expected = "a finite number of at least 0";
-            return Err(RegressionError::OutOfRange { name: "lambda", value: lambda, expected });
+            return Err(RegressionError::Value(ValueError::OutOfRange {
+                name: "lambda",
+                value: lambda,
+                expected,
+            }));
         }
         let mut policy = Self::new(inputs.ncols(), outputs.ncols(), degree)?;
         let (samples, monomials) = (inputs.nrows(), policy.monomials.len());
@@ -187,7 +180,7 @@ impl PolynomialPolicy {
             [("the input", input.len(), self.inputs), ("the action", action.len(), self.outputs())]
         {
             if found != expected {
-                return Err(RegressionError::Size { name, found, expected });
+                return Err(RegressionError::Value(ValueError::Size { name, found, expected }));
             }
         }
         self.evaluate(input);

@@ -20,6 +20,9 @@ pub(super) struct Build {
     /// What the eigenforces leave the least of
     #[arg(long, value_enum, default_value = "position")]
     metric: MetricName,
+    /// Leave the least mean error with N eigenforces, instead of the least mean square with any number
+    #[arg(long, value_name = "N")]
+    balance: Option<usize>,
     #[command(flatten)]
     keep: KeepOptions,
     /// Print as JSON
@@ -55,9 +58,14 @@ impl KeepOptions {
 
 impl Build {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let recordings = self.source.read()?;
-        let spring = self.shape.spring()?;
-        let library = MotionLibrary::build(&recordings, spring, self.metric.into(), self.keep.keep())?;
+        let recordings = self.shape.shaped(self.source.read()?);
+        let (spring, metric) = (self.shape.spring()?, self.metric.into());
+        let library = match self.balance {
+            None => MotionLibrary::build(&recordings, spring, metric, self.keep.keep())?,
+            Some(n) => {
+                MotionLibrary::build(&recordings, spring, metric, Keep::All)?.balanced(n, self.keep.keep())?
+            }
+        };
         super::write(&library, &self.output)?;
         super::show(&library, Some(&self.output), self.json)
     }

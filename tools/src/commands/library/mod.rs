@@ -1,7 +1,7 @@
 //! `motorium library`: motion libraries in files.
 
 mod build;
-mod evaluate;
+pub(crate) mod evaluate;
 mod generate;
 mod inspect;
 mod letters;

@@ -73,11 +73,24 @@ pub(super) struct Shape {
     /// Damping D of the spring; its stiffness is D^2 / 4
     #[arg(long, default_value_t = DAMPING)]
     damping: f64,
+    /// Between the samples of a recording, follow a cubic spline instead of straight lines
+    #[arg(long)]
+    spline: bool,
 }
 
 impl Shape {
     pub(super) fn spring(&self) -> anyhow::Result<SampledSpring> {
         Ok(SampledSpring::new(self.samples, self.damping)?)
+    }
+
+    /// Recordings as the forces are made of them.
+    pub(super) fn shaped(&self, mut recordings: Recordings) -> Recordings {
+        if self.spline {
+            for trajectory in &mut recordings.trajectories {
+                *trajectory = trajectory.splined(self.samples);
+            }
+        }
+        recordings
     }
 }
 

@@ -28,6 +28,12 @@ pub(super) struct Chapter3 {
     /// Epochs of the network that sees letters
     #[arg(long, default_value_t = 220)]
     epochs: usize,
+    /// How many such networks are trained, each from a seed of its own
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
+    networks: u64,
+    /// Random splits of the letters that errors of position are averaged over
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    splits: u64,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -38,7 +44,8 @@ impl Chapter3 {
         let file = self.data.join("uci-char-trajectories/train.jsonl");
         let all = data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })?;
         let spring = SampledSpring::new(self.samples, DAMPING)?;
-        let mut sheet = Sheet::new(self.out.clone(), 24 + self.epochs as u64)?;
+        let mut sheet =
+            Sheet::new(self.out.clone(), 24 + self.epochs as u64 * self.networks + 5 * self.splits)?;
         let (seen, held) = all.hold_out(5);
         anyhow::ensure!(
             !held.trajectories.is_empty(),
@@ -46,8 +53,9 @@ impl Chapter3 {
             file.display()
         );
         let force = letters::figures(&mut sheet, &seen, &held, spring)?;
+        letters::splits(&mut sheet, &all, spring, self.splits)?;
         search::figure(&mut sheet, &force, &held, self.searches)?;
-        perception::figure(&mut sheet, &seen, &held, self.epochs)?;
+        perception::figure(&mut sheet, &all, self.epochs, self.networks)?;
         body::figures(&mut sheet, &self.data.join("cmu-mocap"), self.searches)?;
         let claims = serde_json::to_string_pretty(&sheet.claims)?;
         sheet.write("claims.json", &claims)?;

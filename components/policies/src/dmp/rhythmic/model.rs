@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::ValueError;
 use crate::dmp::settings::ModelError;
 use crate::dmp::spring::CriticalSpring;
 
@@ -103,20 +104,20 @@ impl RhythmicModel {
             ("dimensions", weights.ncols() as f64, weights.ncols() > 0, "at least 1"),
         ] {
             if !holds {
-                return Err(ModelError::OutOfRange { name, value, expected });
+                return Err(ModelError::Value(ValueError::OutOfRange { name, value, expected }));
             }
         }
         if weights.nrows() != settings.kernels {
             let (found, expected) = (weights.nrows(), settings.kernels);
-            return Err(ModelError::Size { name: "a column of weights", found, expected });
+            return Err(ModelError::Value(ValueError::Size { name: "a column of weights", found, expected }));
         }
         if baseline.len() != weights.ncols() {
             let (found, expected) = (baseline.len(), weights.ncols());
-            return Err(ModelError::Size { name: "baseline", found, expected });
+            return Err(ModelError::Value(ValueError::Size { name: "baseline", found, expected }));
         }
         for (name, values) in [("weights", weights.as_slice()), ("baseline", baseline.as_slice())] {
             if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
-                return Err(ModelError::NotFinite { name, value });
+                return Err(ModelError::Value(ValueError::NotFinite { name, value }));
             }
         }
         Ok(Self { settings, weights, baseline })
@@ -137,7 +138,12 @@ impl RhythmicModel {
     ) -> Result<Self, PeriodError> {
         if !(lambda.is_finite() && lambda >= 0.0) {
             let expected = "a finite number of at least 0";
-            return Err(ModelError::OutOfRange { name: "lambda", value: lambda, expected }.into());
+            return Err(ModelError::Value(ValueError::OutOfRange {
+                name: "lambda",
+                value: lambda,
+                expected,
+            })
+            .into());
         }
         let mut model = Self::unlearned(settings, periods)?;
         let kernels = model.settings.kernels;
@@ -296,7 +302,11 @@ impl TryFrom<StoredRhythmicModel> for RhythmicModel {
     fn try_from(stored: StoredRhythmicModel) -> Result<Self, ModelError> {
         let expected = stored.settings.kernels;
         if let Some(column) = stored.weights.iter().find(|column| column.len() != expected) {
-            return Err(ModelError::Size { name: "a dimension of weights", found: column.len(), expected });
+            return Err(ModelError::Value(ValueError::Size {
+                name: "a dimension of weights",
+                found: column.len(),
+                expected,
+            }));
         }
         let weights =
             DMatrix::from_iterator(expected, stored.weights.len(), stored.weights.into_iter().flatten());

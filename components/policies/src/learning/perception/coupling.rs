@@ -16,7 +16,7 @@ use crate::library::{
 /// How a coupling is trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Training {
-    /// Weights of the library. Default 24.
+    /// Weights of the library. Default 16.
     pub terms: usize,
     /// Times that every letter is seen, each time a little changed. Default 220.
     pub epochs: usize,
@@ -34,7 +34,7 @@ pub struct Training {
 
 impl Default for Training {
     fn default() -> Self {
-        Self { terms: 24, epochs: 220, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.08, seed: 1 }
+        Self { terms: 16, epochs: 220, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.08, seed: 1 }
     }
 }
 

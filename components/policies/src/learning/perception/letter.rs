@@ -16,6 +16,15 @@ pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
+/// Moved so that it begins at 0: where a letter is on the paper is not in its picture.
+pub fn begun_at_zero(path: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = path.clone();
+    for (d, mut column) in out.column_iter_mut().enumerate() {
+        column.add_scalar_mut(-path[(0, d)]);
+    }
+    out
+}
+
 /// The same curve in `samples` steps of the same length.
 pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     let mut lengths = vec![0.0];
@@ -73,4 +82,25 @@ pub fn chamfer(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
         (0..a.nrows()).map(nearest).sum::<f64>() / a.nrows() as f64
     };
     0.5 * (one_way(a, b) + one_way(b, a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_of_two_parallel_lines_is_that_between_them_and_none_once_they_begin_together() {
+        let line = |y: f64| DMatrix::from_fn(50, 2, |k, d| if d == 0 { k as f64 / 49.0 } else { y });
+        assert!((chamfer(&line(0.0), &line(0.04)) - 0.04).abs() < 1e-12);
+        assert!(chamfer(&begun_at_zero(&line(0.0)), &begun_at_zero(&line(0.04))) < 1e-12);
+    }
+
+    #[test]
+    fn the_distance_is_the_mean_of_both_ways() {
+        let point = DMatrix::from_row_slice(1, 2, &[0.0, 0.0]);
+        let pair = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 1.0, 0.0]);
+        assert!(
+            (chamfer(&point, &pair) - 0.25).abs() < 1e-12 && (chamfer(&pair, &point) - 0.25).abs() < 1e-12
+        );
+    }
 }

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | convolution 5 x 5, ReLU, maximum of 2 x 2 | 8 x 12 x 12 |
 //! | convolution 5 x 5, ReLU, maximum of 2 x 2 | 16 x 4 x 4 |
-//! | dense, ReLU | 128 |
+//! | dense, ReLU | 256 |
 //! | dense | weights + 3 for each degree of freedom |
 //!
 //! **Loss.** The path is linear in the outputs, `y = A o`. With `A^T A = L L^T` the squared error of position is
@@ -30,6 +30,6 @@ mod network;
 mod picture;
 
 pub use coupling::{Coupling, Training};
-pub use letter::{augmented, chamfer, even_speed, unit_extent};
+pub use letter::{augmented, begun_at_zero, chamfer, even_speed, unit_extent};
 pub use network::Network;
 pub use picture::{PIXELS, Picture};
