@@ -8,7 +8,7 @@ mod simulate;
 mod surroundings;
 
 use motorium_robots::{Dynamics, Kinematics, Model};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Point3, Vector3};
 
 use crate::articulated::{Articulated, JointProperties};
 use crate::{BuildError, BuildWarning, JointCommand, Options, Simulator, World};
@@ -171,5 +171,19 @@ impl Floating {
     /// world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.surroundings.force_on_robot(self.h)
+    }
+
+    /// Shows each contact force on a link of the robot \[N\], friction included, with the point where it acts, both in world
+    /// axes, of the last integration step. Forces between its own links appear twice, once for each.
+    pub fn visit_forces(&self, visit: &mut dyn FnMut(&str, &Point3<f64>, &Vector3<f64>)) {
+        for (index, touch, first, second) in self.surroundings.touches() {
+            let force = self.surroundings.impulses.vector(index) / self.h;
+            if touch.owners.0.is_robot() {
+                visit(&first.name, &touch.point, &force);
+            }
+            if touch.owners.1.is_robot() {
+                visit(&second.name, &touch.point, &-force);
+            }
+        }
     }
 }

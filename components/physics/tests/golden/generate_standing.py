@@ -30,10 +30,10 @@ def load(name):
     root = text.split('<link name="', 1)[1].split('"', 1)[0]
     extra = (
         '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="false"/></mujoco>'
-        '<link name="the_world"/><joint name="the_root" type="floating"><parent link="the_world"/>'
-        f'<child link="{root}"/></joint></robot>'
+        "</robot>"
     )
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", extra))
+    spec.body(root).add_freejoint(name="the_root")
     for geom in spec.geoms:
         geom.contype, geom.conaffinity = 1, 2
         geom.friction[0] = 0.8
