@@ -25,7 +25,8 @@ pub struct DriveConfig {
     #[serde(deserialize_with = "super::config::time")]
     #[schemars(with = "TimeSpan")]
     pub ease: Duration,
-    /// Whether the torque that gravity calls for is added. Default true.
+    /// Whether the torque that gravity calls for is added: that of the limbs, with a floating base taken for upright and
+    /// held. Default true.
     pub gravity_compensation: bool,
 }
 
@@ -86,9 +87,9 @@ impl Driven {
         };
         let arrange = |given: &Option<Vec<f64>>, key: &str, usual: Option<&DVector<f64>>| match (given, usual)
         {
-            (Some(values), _) if values.len() != model.nv() => {
+            (Some(values), _) if values.len() != model.joint_count() => {
                 let message =
-                    format!("{} numbers, expected {}: one for each joint", values.len(), model.nv());
+                    format!("{} numbers, expected {}: one for each joint", values.len(), model.joint_count());
                 Err(ConfigError::key(key, message))
             }
             (Some(values), _) => match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
@@ -99,7 +100,7 @@ impl Driven {
                 None => Ok(DVector::from_column_slice(values)),
             },
             (None, Some(usual)) => Ok(usual.clone()),
-            (None, None) => Ok(DVector::zeros(model.nv())),
+            (None, None) => Ok(DVector::zeros(model.joint_count())),
         };
         let gains = Gains {
             kp: arrange(&config.kp, "drive.kp", profile.as_ref().map(|gains| &gains.kp))?,
@@ -140,6 +141,9 @@ pub(super) struct JointDrive {
     velocity: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
+    /// Of the model: the pose of a floating base (upright) before the joints.
+    configuration: Vec<f64>,
+    gravity: Vec<f64>,
 }
 
 impl JointDrive {
@@ -148,8 +152,10 @@ impl JointDrive {
         config: &DriveConfig,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
-        let zeros = vec![0.0; driven.model.nv()];
+        let zeros = vec![0.0; driven.model.joint_count()];
         Ok(Self {
+            configuration: driven.model.neutral(),
+            gravity: vec![0.0; driven.model.nv()],
             state: setup.input("joint_state")?,
             command: setup.output("joint_command")?,
             kp_scale: setup.parameter("kp_scale")?,
@@ -219,10 +225,13 @@ impl JointDrive {
         command.velocity_mut().copy_from_slice(&self.velocity);
         command.effort_mut().fill(0.0);
         if let Some(dynamics) = &mut self.dynamics {
-            let effort = command.effort_mut();
-            dynamics.gravity(model, &self.q, Vector3::new(0.0, 0.0, -GRAVITY), effort);
-            for (effort, limit) in effort.iter_mut().zip(model.effort_limit()) {
-                *effort = effort.max(-limit).min(*limit);
+            let base = self.configuration.len() - self.q.len();
+            self.configuration[base..].copy_from_slice(&self.q);
+            let down = Vector3::new(0.0, 0.0, -GRAVITY);
+            dynamics.gravity(model, &self.configuration, down, &mut self.gravity);
+            let efforts = model.joints_of_v(&self.gravity).iter().zip(model.effort_limit());
+            for (effort, (wanted, limit)) in command.effort_mut().iter_mut().zip(efforts) {
+                *effort = wanted.max(-limit).min(*limit);
             }
         }
         let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {

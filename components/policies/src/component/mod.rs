@@ -10,7 +10,7 @@ mod origin;
 mod promp;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
-pub use cpg::{CpgPolicy, CpgPolicyConfig, LegConfig, SwingConfig};
+pub use cpg::{CpgModel, CpgPolicy, CpgPolicyConfig, HopfConfig, LegConfig, MatsuokaConfig, SwingConfig};
 pub use drive::DriveConfig;
 pub use imitation::DemonstrationConfig;
 pub use promp::{ProMpPolicy, ProMpPolicyConfig, ProMpSource, ViaConfig};

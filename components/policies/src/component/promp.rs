@@ -228,7 +228,7 @@ fn named(
 }
 
 fn driven_count(config: &ProMpPolicyConfig, driven: &Driven) -> usize {
-    config.joints.as_ref().map_or(driven.model.nv(), Vec::len)
+    config.joints.as_ref().map_or(driven.model.joint_count(), Vec::len)
 }
 
 /// Reads, checks and conditions the primitives.

@@ -57,6 +57,7 @@ pub struct HopfNetwork {
     stages: [Vec<(f64, f64)>; 4],
     output: Vec<f64>,
     velocity: Vec<f64>,
+    rates: Vec<(f64, f64)>,
 }
 
 impl HopfNetwork {
@@ -88,6 +89,7 @@ impl HopfNetwork {
             stages: std::array::from_fn(|_| zeros.clone()),
             output: vec![0.0; n],
             velocity: vec![0.0; n],
+            rates: zeros.clone(),
             state: zeros,
         };
         network.set_pattern(phases)?;
@@ -185,6 +187,11 @@ impl HopfNetwork {
         &self.state
     }
 
+    /// The derivatives `(x', y')`, per second.
+    pub fn rates(&self) -> &[(f64, f64)] {
+        &self.rates
+    }
+
     /// Whether a leg stands: `y > 0`.
     pub fn is_stance(&self, oscillator: usize) -> bool {
         self.state.get(oscillator).is_some_and(|state| state.1 > 0.0)
@@ -215,7 +222,8 @@ impl HopfNetwork {
     fn write(&mut self, feedback: &[f64]) {
         for i in 0..self.state.len() {
             self.output[i] = self.state[i].0;
-            self.velocity[i] = self.rate(&self.state, i, feedback).0;
+            self.rates[i] = self.rate(&self.state, i, feedback);
+            self.velocity[i] = self.rates[i].0;
         }
     }
 }

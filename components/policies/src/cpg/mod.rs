@@ -7,6 +7,8 @@
 //! | [`MatsuokaOscillator`] | membrane potential, fatigue | `tau_1 u' = -u - beta v - W y + c + s`, `tau_2 v' = -v + y`, `y = max(0, u)` (Matsuoka 1985) |
 //! | [`Kuramoto`] | phase | `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)` (Kuramoto 1975) |
 //!
+//! [`Rhythm`] makes a gait of any of the last three: an oscillator for each leg, coupled alike whatever the model.
+//!
 //! `phi_ij` is by how much `j` is ahead of `i`. A pattern is consistent when `phi_ij = -phi_ji` and the lags round every
 //! loop add up to whole turns; then and only then they are differences of one phase for each unit, `phi_ij = theta_j -
 //! theta_i` ([`consistent_phases`] finds it or names the loop at fault). The networks hold `theta`, so that what runs is
@@ -22,7 +24,9 @@
 //! Biological Cybernetics 52, 1985, and *Mechanisms of frequency and pattern control in the neural rhythm generators*, 56,
 //! 1987. Adler, *A study of locking phenomena in oscillators*, Proc. IRE 34, 1946.
 
+mod cycle;
 mod entrainment;
+mod follower;
 mod gait;
 mod hopf;
 mod kuramoto;
@@ -30,6 +34,8 @@ mod lags;
 mod matsuoka;
 mod network;
 mod phases;
+mod rhythm;
+mod unit;
 
 pub use entrainment::Entrainment;
 pub use gait::{Gait, GaitError};
@@ -38,6 +44,8 @@ pub use kuramoto::Kuramoto;
 pub use lags::{Lag, LagError, consistent_phases};
 pub use matsuoka::{MatsuokaOscillator, MatsuokaSettings};
 pub use network::{LegSettings, NetworkSettings, Node, PhaseNetwork};
+pub use rhythm::{Rhythm, RhythmSettings, Swing};
+pub use unit::Oscillator;
 
 /// Why a pattern generator cannot be made or steered. What ran before goes on unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
+use super::follower::Follower;
 use super::gait::Gait;
 use super::lags::{Lag, consistent_phases, wrapped};
 use super::phases::{CoupledPhases, Influence};
@@ -51,23 +52,6 @@ pub struct NetworkSettings {
 impl Default for NetworkSettings {
     fn default() -> Self {
         Self { frequency: 1.0, damping: 20.0, transition: 8.0 }
-    }
-}
-
-/// A value on its way to a target.
-#[derive(Clone, Copy, Debug)]
-struct Follower {
-    state: (f64, f64),
-    target: f64,
-}
-
-impl Follower {
-    fn at(value: f64) -> Self {
-        Self { state: (value, 0.0), target: value }
-    }
-
-    fn step(&mut self, stride: &Stride) {
-        self.state = stride.advance(self.state, self.target, self.target);
     }
 }
 

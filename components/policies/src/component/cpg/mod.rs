@@ -1,0 +1,188 @@
+//! `policy.cpg`: legs (or any joints) that swing in a gait.
+
+mod config;
+mod generator;
+
+pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, LegConfig, MatsuokaConfig, SwingConfig};
+
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::worker::{Parameter, Setup};
+
+use super::drive::{Driven, JointDrive};
+use crate::cpg::Gait;
+use config::{DUTY_FACTOR, FREQUENCY};
+use generator::Generator;
+
+/// Swings the joints of legs by a phase-amplitude network ([`PhaseNetwork`](crate::cpg::PhaseNetwork)) or by Hopf's,
+/// Matsuoka's or Kuramoto's oscillators ([`Rhythm`](crate::cpg::Rhythm)).
+///
+/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency and amplitude
+/// (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With `entrainment`, the measured
+/// joints draw the rhythm along.
+#[derive(Debug)]
+pub struct CpgPolicy {
+    drive: JointDrive,
+    generator: Generator,
+    pull: Vec<f64>,
+    frequency: Parameter<f64>,
+    amplitude: Parameter<f64>,
+    gait: Parameter<i64>,
+    entrainment: Parameter<f64>,
+    duty_factor: Option<Parameter<f64>>,
+    number_of_legs: usize,
+    model: CpgModel,
+    walking: Option<Gait>,
+    scale: f64,
+    gait_changes: u64,
+    strides: f64,
+}
+
+impl Component for CpgPolicy {
+    const KIND: &'static str = "policy.cpg";
+    const SUMMARY: &'static str = "swings joints in a gait by a central pattern generator";
+    type Config = CpgPolicyConfig;
+
+    fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let default = gait_number(config)?;
+        generator(config)?;
+        Driven::new(&config.drive, declare.robot(), joints(config))?;
+        let gaits = Gait::of(config.legs.len());
+        Driven::declare(declare);
+        declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
+        declare.float("amplitude", 1.0, 0.0..=2.0, "", "factor of all amplitudes; 0 stands still");
+        let names: Vec<String> =
+            gaits.iter().enumerate().map(|(i, gait)| format!("{i} {}", name(*gait))).collect();
+        let last = gaits.len() as i64 - 1;
+        declare.integer("gait", default, 0..=last, &format!("the gait: {}", names.join(", ")));
+        declare.float(
+            "entrainment",
+            0.0,
+            0.0..=20.0,
+            "rad/s",
+            "how strongly the measured joints draw the phases along",
+        );
+        if config.model == CpgModel::Hopf {
+            let default = config.duty_factor();
+            declare.float("duty_factor", default, DUTY_FACTOR, "", "the part of a stride that is stance");
+        }
+        Ok(())
+    }
+
+    fn configure(config: CpgPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let generator = generator(&config)?;
+        let driven = Driven::new(&config.drive, Some(setup.robot()?), joints(&config))?;
+        let duty_factor = (config.model == CpgModel::Hopf).then(|| setup.parameter("duty_factor"));
+        Ok(Self {
+            drive: JointDrive::new(driven, &config.drive, setup)?,
+            pull: vec![0.0; generator.joints()],
+            frequency: setup.parameter("frequency")?,
+            amplitude: setup.parameter("amplitude")?,
+            gait: setup.parameter("gait")?,
+            entrainment: setup.parameter("entrainment")?,
+            duty_factor: duty_factor.transpose()?,
+            number_of_legs: config.legs.len(),
+            model: config.model,
+            walking: None,
+            scale: f64::NAN,
+            gait_changes: 0,
+            strides: 0.0,
+            generator,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if !self.drive.read()? {
+            return Ok(());
+        }
+        self.obey()?;
+        let dt = tick.dt();
+        let gain = self.entrainment.get();
+        // before the robot has gone over to the movement, what it does says nothing about it
+        if gain > 0.0 && self.drive.is_eased_in() {
+            for (joint, pull) in self.pull.iter_mut().enumerate() {
+                let (q, v) = (self.drive.position(joint), self.drive.speed(joint));
+                *pull = self.generator.pull(joint, q, v, gain);
+            }
+        } else {
+            self.pull.fill(0.0);
+        }
+        self.generator.step(dt, &self.pull);
+        self.strides += self.frequency.get() * dt;
+        self.drive.command(dt, self.generator.output(), self.generator.velocity())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({
+            "model": self.model.name(),
+            "gait": self.walking.map(name),
+            "gait_changes": self.gait_changes,
+            "strides": self.strides,
+            "pattern_error_rad": self.generator.gait_error(),
+        }))
+    }
+}
+
+impl CpgPolicy {
+    /// Takes over the parameters.
+    fn obey(&mut self) -> Result<(), StepError> {
+        let refused = |_| StepError::failed("the pattern generator refused its parameters");
+        self.generator.set_frequency(self.frequency.get()).map_err(refused)?;
+        if let Some(duty_factor) = &self.duty_factor {
+            self.generator.set_duty_factor(duty_factor.get()).map_err(refused)?;
+        }
+        let scale = self.amplitude.get();
+        if scale != self.scale {
+            self.generator.set_scale(scale).map_err(refused)?;
+            self.scale = scale;
+        }
+        let gait = usize::try_from(self.gait.get()).ok();
+        let gait = gait.and_then(|number| Gait::of(self.number_of_legs).get(number)).copied();
+        if gait != self.walking
+            && let Some(gait) = gait
+        {
+            let phases = gait
+                .phases(self.number_of_legs)
+                .map_err(|_| StepError::failed("a gait for another number of legs"))?;
+            self.generator.set_gait(phases).map_err(refused)?;
+            self.gait_changes += u64::from(self.walking.is_some());
+            self.walking = Some(gait);
+        }
+        Ok(())
+    }
+}
+
+fn name(gait: Gait) -> &'static str {
+    match gait {
+        Gait::Walk => "walk",
+        Gait::Trot => "trot",
+        Gait::Pace => "pace",
+        Gait::Bound => "bound",
+        Gait::Tripod => "tripod",
+    }
+}
+
+fn joints(config: &CpgPolicyConfig) -> impl Iterator<Item = (&str, String)> {
+    config.legs.iter().enumerate().flat_map(|(l, leg)| {
+        let named = move |(j, swing): (usize, _)| {
+            let swing: &SwingConfig = swing;
+            (swing.joint.as_str(), format!("legs[{l}].joints[{j}].joint"))
+        };
+        leg.joints.iter().enumerate().map(named)
+    })
+}
+
+fn gait_number(config: &CpgPolicyConfig) -> Result<i64, ConfigError> {
+    let legs = config.legs.len();
+    let number = Gait::of(legs).iter().position(|gait| *gait == config.gait);
+    match (number, config.gait.phases(legs)) {
+        (Some(number), _) => Ok(number as i64),
+        (None, Err(error)) => Err(ConfigError::key("gait", error.to_string())),
+        (None, Ok(_)) => Err(ConfigError::key("gait", "this number of legs does not have it")),
+    }
+}
+
+fn generator(config: &CpgPolicyConfig) -> Result<Generator, ConfigError> {
+    config.check()?;
+    let phases = config.gait.phases(config.legs.len());
+    Generator::new(config, phases.map_err(|error| ConfigError::key("gait", error.to_string()))?)
+}
