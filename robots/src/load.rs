@@ -170,7 +170,11 @@ fn is_mjcf(text: &str) -> bool {
         let end = match rest.strip_prefix("!--") {
             Some(comment) => comment.find("-->").map(|end| end + 6),
             None if rest.starts_with(['?', '!']) => rest.find('>').map(|end| end + 1),
-            None => return rest.strip_prefix("mujoco").is_some_and(|rest| !rest.starts_with(char::is_alphanumeric)),
+            None => {
+                return rest
+                    .strip_prefix("mujoco")
+                    .is_some_and(|rest| !rest.starts_with(char::is_alphanumeric));
+            }
         };
         let Some(end) = end else { return false };
         rest = &rest[end..];
@@ -217,7 +221,9 @@ fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|found| found == extension))
             // Packages have a package.xml, launch files and the like.
-            .filter(|path| extension == "urdf" || std::fs::read_to_string(path).is_ok_and(|text| is_mjcf(&text)))
+            .filter(|path| {
+                extension == "urdf" || std::fs::read_to_string(path).is_ok_and(|text| is_mjcf(&text))
+            })
             .collect();
         found.sort();
         let namesake = found.iter().find(|path| path.file_stem() == folder.file_name());
@@ -253,10 +259,14 @@ mod tests {
 
     #[test]
     fn the_root_element_tells_the_format() {
-        for text in ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"] {
+        for text in
+            ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"]
+        {
             assert!(is_mjcf(text), "{text}");
         }
-        for text in ["<robot name=\"mujoco\"/>", "<!-- <mujoco> --><robot/>", "<mujocoinclude/>", "", "<!-- <mujoco>"] {
+        for text in
+            ["<robot name=\"mujoco\"/>", "<!-- <mujoco> --><robot/>", "<mujocoinclude/>", "", "<!-- <mujoco>"]
+        {
             assert!(!is_mjcf(text), "{text}");
         }
     }

@@ -41,7 +41,8 @@ impl Posture {
         let folders = [file.parent().map(Path::to_owned), {
             file.parent().and_then(Path::parent).map(|folder| folder.join("srdf"))
         }];
-        let places = folders.iter().flatten().flat_map(|folder| names.iter().flatten().map(|name| folder.join(name)));
+        let places =
+            folders.iter().flatten().flat_map(|folder| names.iter().flatten().map(|name| folder.join(name)));
         let text = places.map(std::fs::read_to_string).find_map(Result::ok);
         text.map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
@@ -79,7 +80,8 @@ impl Posture {
             // Pinocchio writes a continuous joint as its cosine and sine.
             (Some(index), [cosine, sine]) => self.joints[index] = sine.atan2(*cosine),
             (None, [x, y, z, qx, qy, qz, qw]) if model.base().floating => {
-                let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(*qw, *qx, *qy, *qz), 1e-9) else {
+                let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(*qw, *qx, *qy, *qz), 1e-9)
+                else {
                     return false;
                 };
                 self.base = Some(Isometry3::from_parts(Translation3::new(*x, *y, *z), rotation));

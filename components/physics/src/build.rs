@@ -116,23 +116,26 @@ impl BuildWarning {
 impl Options {
     /// Checks every value.
     pub(crate) fn check(&self) -> Result<(), BuildError> {
-
-    let count = |name, value: usize| {
-        let good = (1..=100).contains(&value);
-        let value = value as f64;
-        if good {
-            Ok(())
-        } else {
-            Err(BuildError::Option { name, value, expected: "a whole number from 1 to 100" })
-        }
-    };
-    let amount = |name, value: f64| {
-        let good = value.is_finite() && value >= 0.0;
-        if good { Ok(()) } else { Err(BuildError::Option { name, value, expected: "a number from 0 up" }) }
-    };
-    count("substeps", self.substeps)?;
-    count("contact_iterations", self.contact_iterations)?;
-    amount("armature", self.armature)?;
-    amount("friction", self.friction)
-}
+        let count = |name, value: usize| {
+            let good = (1..=100).contains(&value);
+            let value = value as f64;
+            if good {
+                Ok(())
+            } else {
+                Err(BuildError::Option { name, value, expected: "a whole number from 1 to 100" })
+            }
+        };
+        let amount = |name, value: f64| {
+            let good = value.is_finite() && value >= 0.0;
+            if good {
+                Ok(())
+            } else {
+                Err(BuildError::Option { name, value, expected: "a number from 0 up" })
+            }
+        };
+        count("substeps", self.substeps)?;
+        count("contact_iterations", self.contact_iterations)?;
+        amount("armature", self.armature)?;
+        amount("friction", self.friction)
+    }
 }

@@ -26,7 +26,8 @@ fn at(z: f64) -> Vec<f64> {
 
 #[test]
 fn a_body_in_the_air_falls_as_galilei_says() {
-    let mut simulation = Floating::new(body(BOX), vec![], World::default(), &at(10.0), Options::default()).unwrap();
+    let mut simulation =
+        Floating::new(body(BOX), vec![], World::default(), &at(10.0), Options::default()).unwrap();
     run(&mut simulation, 1.0);
     // Semi-implicit: g t (t + dt) / 2.
     let fallen = 10.0 - simulation.base_pose().translation.z;
@@ -84,8 +85,7 @@ fn friction_points_against_the_slip_whatever_its_direction() {
     for degrees in (0..360).step_by(25) {
         let heading = f64::from(degrees).to_radians();
         let options = Options { friction: 0.3, ..Options::default() };
-        let mut simulation =
-            Floating::new(body(BOX), vec![], slope(0.0, 0.3), &at(0.05), options).unwrap();
+        let mut simulation = Floating::new(body(BOX), vec![], slope(0.0, 0.3), &at(0.05), options).unwrap();
         let mut v = [0.0; 6];
         (v[0], v[1]) = (heading.cos(), heading.sin());
         simulation.reset(&at(0.05), &v).unwrap();
@@ -194,9 +194,14 @@ fn a_quadrotor_hovers_on_its_weight_and_turns_by_the_drag_of_its_rotors() {
     let q = profile.configuration(&robot.model, "hovering").unwrap();
     let weight = robot.model.mass() * 9.81;
     let names: Vec<_> = rotors.iter().map(|rotor| rotor.name.clone()).collect();
-    let mut simulation =
-        Floating::new(robot.model.clone(), rotors.clone(), World::default(), q.as_slice(), Options::default())
-            .unwrap();
+    let mut simulation = Floating::new(
+        robot.model.clone(),
+        rotors.clone(),
+        World::default(),
+        q.as_slice(),
+        Options::default(),
+    )
+    .unwrap();
     assert_eq!(simulation.joint_names(), names);
     simulation.commands_mut().fill(JointCommand::effort(0.25 * weight));
     run(&mut simulation, 1.0);

@@ -23,7 +23,16 @@ fn every_robot_with_a_floating_base_is_held_on_the_ground_by_its_default_gains()
     let names = floating();
     assert_eq!(
         names,
-        ["ackermann", "biped", "centaur", "differential-drive", "hexapod", "humanoid", "quadrotor", "quadruped"]
+        [
+            "ackermann",
+            "biped",
+            "centaur",
+            "differential-drive",
+            "hexapod",
+            "humanoid",
+            "quadrotor",
+            "quadruped"
+        ]
     );
     for name in names.into_iter().filter(|name| *name != "quadrotor") {
         let mut simulation = held(name);
@@ -35,7 +44,10 @@ fn every_robot_with_a_floating_base_is_held_on_the_ground_by_its_default_gains()
         let tilt = (now.rotation * nalgebra::Vector3::z()).z.acos();
         let moved = (now.translation.vector - start.translation.vector).xy().norm();
         let force = simulation.contact_force();
-        println!("{name}: sunk {sunk:.4} m, tilt {tilt:.4} rad, moved {moved:.4} m, force {:.4} of its weight", force.z / weight);
+        println!(
+            "{name}: sunk {sunk:.4} m, tilt {tilt:.4} rad, moved {moved:.4} m, force {:.4} of its weight",
+            force.z / weight
+        );
         for warning in simulation.warnings() {
             println!("  {warning}");
         }

@@ -36,13 +36,17 @@ fn robots_come_to_stand_as_in_mujoco() {
             // A hundredth of a second of the fall, and of what the stiffest contacts of MuJoCo give.
             assert!(apart < 1.5e-3 && turned < 2e-3, "{name} at {until} ms: {apart} m, {turned} rad");
         }
-        let names: Vec<_> = robot["joints"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+        let names: Vec<_> =
+            robot["joints"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
         let efforts = numbers(&robot["efforts"]);
         let largest = efforts.iter().fold(0.0_f64, |most, effort| most.max(effort.abs()));
         for (joint, effort) in names.iter().zip(&efforts) {
             let index = simulation.model().joint_index(joint).unwrap();
             let ours = simulation.efforts()[index];
-            assert!((ours - effort).abs() < 0.03 * largest, "{name}: {joint} at {ours} N m, MuJoCo has {effort}");
+            assert!(
+                (ours - effort).abs() < 0.03 * largest,
+                "{name}: {joint} at {ours} N m, MuJoCo has {effort}"
+            );
         }
     }
 }

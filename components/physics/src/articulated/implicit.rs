@@ -347,8 +347,7 @@ impl ImplicitSolver {
             let mut change = 0.0_f64;
             for (i, laws) in self.laws.iter().enumerate() {
                 let inertia = start.mass[(i, i)];
-                let rest =
-                    inertial(start, x, i) - inertia * x[i] + start.h * start.bias[i] - self.impulse[i];
+                let rest = inertial(start, x, i) - inertia * x[i] + start.h * start.bias[i] - self.impulse[i];
                 let next = laws.solve_alone(inertia, rest, start.h);
                 change = change.max((next - x[i]).abs());
                 x[i] = next;

@@ -1,7 +1,7 @@
 //! The `config` table of `physics.rapier`.
 
 use motorium::component::ConfigError;
-use motorium_robots::{BaseMode, BasePose, Loaded, Model};
+use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -12,7 +12,7 @@ use crate::{BuildError, Options, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RapierConfig {
-    /// Named pose of the robot's profile to start in. Without it and `position`: the home pose, or, for a robot without
+    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or, for a robot without
     /// a profile, all joints at zero (at the middle of their range where zero is outside).
     pub pose: Option<String>,
     /// Joint positions to start at, in the order of the robot's joints (rad or m). Instead of `pose`.
@@ -68,7 +68,11 @@ impl RapierConfig {
             (None, Some(_)) => None,
         };
         let named = profile.and_then(|profile| profile.base_poses.get(&pose(&profile)?));
-        Ok(named.map(BasePose::isometry))
+        let of_srdf = || match (profile, &self.pose) {
+            (None, Some(pose)) => posture(robot, pose)?.base,
+            _ => None,
+        };
+        Ok(named.map(BasePose::isometry).or_else(of_srdf))
     }
 
     /// Where the joints start.
@@ -82,15 +86,18 @@ impl RapierConfig {
             }
             (None, Some(position), _) if position.len() != model.joint_count() => {
                 let names = model.joint_names().join(", ");
-                let message = format!("{} positions, expected {}: {names}", position.len(), model.joint_count());
+                let message =
+                    format!("{} positions, expected {}: {names}", position.len(), model.joint_count());
                 Err(ConfigError::key("position", message))
             }
             (None, Some(position), _) => Ok(position.clone()),
-            (Some(pose), None, None) => {
-                let message = format!("pose \"{pose}\" of a robot without a profile");
-                Err(ConfigError::key("pose", message)
-                    .advise("write its `position` instead, or a profile (.toml) beside its URDF"))
-            }
+            (Some(pose), None, None) => match posture(robot, pose) {
+                Some(posture) => Ok(posture.joints.as_slice().to_vec()),
+                None => {
+                    let message = format!("pose \"{pose}\" of a robot without a profile");
+                    Err(ConfigError::key("pose", message).advise(advice(robot)))
+                }
+            },
             (Some(pose), None, Some(profile)) => {
                 Ok(profile.pose(model, pose).map_err(named)?.as_slice().to_vec())
             }
@@ -102,6 +109,21 @@ impl RapierConfig {
                 .map(|(low, high)| rest_position(*low, *high))
                 .collect()),
         }
+    }
+}
+
+/// The key pose of the robot's SRDF.
+fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
+    robot.postures.iter().find(|posture| posture.name == name)
+}
+
+/// What to write instead of a pose that is not there.
+fn advice(robot: &Loaded) -> String {
+    let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
+    if names.is_empty() {
+        "write its `position` instead, or a profile (.toml) beside its URDF".to_owned()
+    } else {
+        format!("its SRDF has {}", names.join(", "))
     }
 }
 

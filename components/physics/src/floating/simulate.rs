@@ -26,12 +26,8 @@ impl Floating {
         self.kinematics.update_with_velocity(&self.model, &state.q_next, &state.v_next);
         self.surroundings.place(&self.kinematics, &state.q_next);
         let margin = FORESIGHT + 1.5 * h * self.surroundings.fastest(&self.model, &self.kinematics);
-        let touches = self.surroundings.meet(
-            &self.model,
-            &self.kinematics,
-            &state.v_next,
-            (&self.gravity, h, margin),
-        );
+        let touches =
+            self.surroundings.meet(&self.model, &self.kinematics, &state.v_next, (&self.gravity, h, margin));
         let (commands, rotor_commands) = self.commands.split_at(joints);
         let (tau, thrusts) = state.tau_next.split_at_mut(joints);
         self.outside.fill(0.0);

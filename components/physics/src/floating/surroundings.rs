@@ -42,7 +42,8 @@ impl Surroundings {
             name.and_then(|name| model.frame(name).ok())
         };
         let bodies = model.bodies().len();
-        let frames: Vec<_> = std::iter::once(on(None)).chain((0..bodies).map(|body| on(Some(body)))).collect();
+        let frames: Vec<_> =
+            std::iter::once(on(None)).chain((0..bodies).map(|body| on(Some(body)))).collect();
         let jacobian = (false, DMatrix::zeros(6, model.nv()), Vector3::zeros());
         Self {
             impulses: Impulses::new(model.nv(), detector.capacity()),
@@ -149,7 +150,8 @@ impl Surroundings {
 
     /// Speed of the fastest body or object \[m/s\], at the origin of its frame.
     pub(super) fn fastest(&self, model: &Model, kinematics: &Kinematics) -> f64 {
-        let bodies = self.frames.iter().flatten().map(|frame| kinematics.velocity(model, *frame).linear.norm());
+        let bodies =
+            self.frames.iter().flatten().map(|frame| kinematics.velocity(model, *frame).linear.norm());
         let objects = self.objects.next.iter().map(|object| object.linear.norm());
         bodies.chain(objects).fold(0.0, f64::max)
     }
@@ -201,9 +203,11 @@ impl Surroundings {
 
     /// Touches of the last step, with their impulses \[Ns\].
     pub(super) fn touches(&self) -> impl Iterator<Item = (usize, &Touch, &Piece, &Piece)> {
-        self.detector.touches().iter().enumerate().map(|(index, touch)| {
-            (index, touch, &self.pieces[touch.pieces.0], &self.pieces[touch.pieces.1])
-        })
+        self.detector
+            .touches()
+            .iter()
+            .enumerate()
+            .map(|(index, touch)| (index, touch, &self.pieces[touch.pieces.0], &self.pieces[touch.pieces.1]))
     }
 
     /// Sum of the forces on the robot in a step of `h` \[s\].

@@ -51,7 +51,12 @@ impl Rapier {
         };
         simulation.reset(q, &vec![0.0; n])?;
         simulation.settle_pairs();
-        BuildWarning::of_joints(&simulation.model, simulation.articulated.joints(), q, &mut simulation.warnings);
+        BuildWarning::of_joints(
+            &simulation.model,
+            simulation.articulated.joints(),
+            q,
+            &mut simulation.warnings,
+        );
         Ok(simulation)
     }
 
