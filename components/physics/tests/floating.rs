@@ -315,3 +315,16 @@ fn a_reset_takes_the_whole_state_and_refuses_what_is_none() {
     let error = simulation.reset(&bent, &[0.0; 18]).unwrap_err().to_string();
     assert!(error.contains("a unit quaternion"), "{error}");
 }
+
+#[test]
+fn a_robot_is_set_down_on_the_ground_from_wherever_it_is() {
+    for name in ["quadruped", "hexapod", "humanoid"] {
+        let mut simulation = standing(name, grounded(vec![]));
+        let standing = simulation.configuration()[2];
+        let mut q = simulation.configuration().to_vec();
+        q[2] = 1e3;
+        simulation.reset(&q, &vec![0.0; simulation.velocity().len()]).unwrap();
+        simulation.set_down();
+        assert!((simulation.configuration()[2] - standing).abs() < 1e-6, "{name}");
+    }
+}

@@ -78,6 +78,21 @@ fn a_robot_without_drives_collapses_and_comes_to_rest_on_the_ground() {
 }
 
 #[test]
+fn steps_in_the_air_allocate_nothing() {
+    for name in ["quadruped", "humanoid", "quadrotor"] {
+        let mut simulation = standing(name, grounded(vec![]));
+        let mut q = simulation.configuration().to_vec();
+        q[2] += 5.0;
+        let v: Vec<f64> = (0..simulation.velocity().len()).map(|i| 0.1 * (i as f64).sin()).collect();
+        simulation.reset(&q, &v).unwrap();
+        let before = allocations().own;
+        run(&mut simulation, 0.2);
+        assert_eq!(allocations().own - before, 0, "{name}");
+        assert!(simulation.base_pose().translation.z < q[2]);
+    }
+}
+
+#[test]
 fn steps_in_contact_allocate_nothing() {
     assert!(counts_allocations());
     for name in floating() {

@@ -158,7 +158,8 @@ impl Component for RapierPhysics {
             result["base_rpy"] = json!([roll, pitch, yaw]);
             result["base_height_lowest_m"] = json!(totals.lowest);
             result["base_height_highest_m"] = json!(totals.highest);
-            result["base_travel_m"] = json!([dx, dy]);
+            result["base_travel_x_m"] = json!(dx);
+            result["base_travel_y_m"] = json!(dy);
         }
         Some(result)
     }

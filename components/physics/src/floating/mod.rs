@@ -142,7 +142,9 @@ impl Floating {
             warnings,
         };
         simulation.reset(q, &vec![0.0; n])?;
-        simulation.surroundings.settle(&simulation.model, &mut simulation.warnings);
+        while simulation.surroundings.settle(&simulation.model, &mut simulation.warnings) {
+            simulation.surroundings.place(&simulation.kinematics, q);
+        }
         let joints = simulation.articulated.joints();
         let q = simulation.model.joints_of_q(&simulation.state.q);
         BuildWarning::of_joints(&simulation.model, joints, q, &mut simulation.warnings);

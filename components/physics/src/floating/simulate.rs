@@ -71,7 +71,10 @@ impl Floating {
         missing.fixed_rows_mut::<3>(0).copy_from(&linear);
         missing.fixed_rows_mut::<3>(3).copy_from(&angular);
         for (column, v) in self.momentum_map.column_iter().zip(&state.v_next) {
-            missing -= column * *v;
+            // Entry by entry: a scaled column of this matrix would be a new one on the heap.
+            for (missing, entry) in missing.iter_mut().zip(column.iter()) {
+                *missing -= entry * v;
+            }
         }
         let base: Matrix6<f64> = self.momentum_map.fixed_view::<6, 6>(0, 0).into_owned();
         if let Some(correction) = base.lu().solve(&missing) {

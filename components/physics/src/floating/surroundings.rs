@@ -16,6 +16,8 @@ pub(super) struct Surroundings {
     pub(super) impulses: Impulses,
     pub(super) objects: Objects,
     self_collision: bool,
+    /// Pairs of pieces that never touch, the lower index first.
+    never: Vec<(usize, usize)>,
     /// Index of the piece of the first object.
     first_object: usize,
     /// A frame on the base, and on each body.
@@ -49,6 +51,7 @@ impl Surroundings {
             impulses: Impulses::new(model.nv(), detector.capacity()),
             jacobians: vec![jacobian; frames.len()],
             self_collision: options.self_collision,
+            never: Vec::new(),
             first_object: pieces.len() - world.objects.len() - usize::from(world.ground.is_some()),
             frames,
             pieces,
@@ -58,9 +61,10 @@ impl Surroundings {
     }
 
     /// Takes links that are close to one another out of the self-collision, and warns of links inside things. To be called
-    /// once everything is placed.
-    pub(super) fn settle(&mut self, model: &Model, warnings: &mut Vec<BuildWarning>) {
-        let mut off: Vec<(usize, usize)> = Vec::new();
+    /// when everything is placed; when it says that it took some, place everything and ask again: there may be more.
+    pub(super) fn settle(&mut self, model: &Model, warnings: &mut Vec<BuildWarning>) -> bool {
+        let before = self.never.len();
+        let mut off = std::mem::take(&mut self.never);
         for touch in self.detector.detect(&self.pieces, TOO_CLOSE) {
             let (a, b) = (touch.pieces.0.min(touch.pieces.1), touch.pieces.0.max(touch.pieces.1));
             let (first, second) = (&self.pieces[a], &self.pieces[b]);
@@ -69,7 +73,14 @@ impl Surroundings {
                     off.push((a, b));
                     let (first, second) = (first.name.clone(), second.name.clone());
                     let distance = touch.distance.max(0.0);
-                    warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+                    // Links of several pieces are named once.
+                    let named = |warning: &BuildWarning| {
+                        matches!(warning, BuildWarning::SelfCollisionOff { first: a, second: b, .. }
+                            if (a, b) == (&first, &second))
+                    };
+                    if !warnings.iter().any(named) {
+                        warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+                    }
                 }
             } else if first.owner.is_robot() && touch.distance < -1e-3 {
                 let warning =
@@ -79,12 +90,14 @@ impl Surroundings {
                 }
             }
         }
-        if !off.is_empty() {
+        if off.len() > before {
             let owner = |index: usize| self.pieces[index].owner;
             self.detector = Detector::new(&self.pieces, |a, b| {
                 may_touch(model, owner(a), owner(b), self.self_collision) && !off.contains(&(a, b))
             });
         }
+        self.never = off;
+        self.never.len() > before
     }
 
     /// Takes note of where the robot and the objects of the next state are.
