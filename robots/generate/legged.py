@@ -16,9 +16,10 @@ def quadruped():
         """
 A torque-controlled quadruped of the size and mass of Solo12: twelve joints, ball feet, 2.5 kg.
 
-Lengths, places of the joints and masses: F. Grimminger and others, "An Open Torque-Controlled Modular Robot Architecture
-  for Legged Locomotion Research", IEEE Robotics and Automation Letters 5(2), 2020, and the description published with it.
-Torque: the same, 2.7 N m at 12 A.
+Lengths, places of the joints and masses: those of solo12.urdf, the robot's description in the PyPI package
+  example-robot-data 6.0.0, a foot's with its shank.
+Torque: F. Grimminger and others, "An Open Torque-Controlled Modular Robot Architecture for Legged Locomotion Research",
+  IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are ours.
 Bodies of even density. All joints at zero: legs straight down. Roll about x, pitch about y.
 """,
     )
@@ -59,7 +60,9 @@ Bodies of even density. All joints at zero: legs straight down. Roll about x, pi
         title="Quadruped of the Solo12 class",
         sources=[
             "Grimminger and others: An Open Torque-Controlled Modular Robot Architecture for Legged Locomotion Research, "
-            "IEEE RA-L 5(2), 2020, and the robot's published description",
+            "IEEE RA-L 5(2), 2020 (torque)",
+            "example-robot-data 6.0.0: solo12.urdf (lengths, places of joints, masses)",
+            "own figures: ranges, speeds",
         ],
         home="standing",
         poses={"standing": standing, "crouched": crouched},
@@ -132,9 +135,11 @@ A centaur of the class of IIT's CENTAURO: four legs of five joints and a wheel e
 joints and a gripper, a head; 44 joints, 93 kg. Roll about x, pitch about y, yaw about z. All joints at zero: legs and
 arms straight down.
 
-Mass, arrangement of the joints, sizes and torques: N. Kashiri and others, "CENTAURO: A Hybrid Locomotion and High Power
-  Resilient Manipulation Platform", IEEE Robotics and Automation Letters 4(2), 2019. Arms of seven joints, the torso's
-  pitch and the grippers complete it to 44 joints; how the mass spreads over the links is an estimate.
+Mass and arrangement: N. Kashiri and others, "CENTAURO: A Hybrid Locomotion and High Power Resilient Manipulation Platform",
+  IEEE Robotics and Automation Letters 4(2), 2019. Places, torques and speeds of the legs' joints, rounded, and torques of
+  torso and arms: the description centauro.urdf that the PyPI package example-robot-data 6.0.0 carries.
+Ours: the seventh joint of each arm, the torso's pitch, the grippers and the head, which complete it to 44 joints; arms'
+  lengths, ranges and speeds; how the mass spreads over the links.
 Bodies of even density.
 """,
     )
@@ -167,12 +172,12 @@ Bodies of even density.
                 parent = parent if parent == "base" else f"{leg}_{parent}"
                 robot.joint(
                     f"{leg}_{part}", "revolute", parent, f"{leg}_{child}", at=at, axis=axis, lower=-reach, upper=reach,
-                    velocity=8.8 if effort == 304 else 10.0, effort=effort,
+                    velocity={304: 8.8, 147: 8.1, 35: 20.0}[effort], effort=effort,
                 )
                 robot.link(f"{leg}_{child}", *solids)
             robot.joint(
                 f"{leg}_wheel", "continuous", f"{leg}_fork", f"{leg}_wheel_link", at=(0, 0, -ankle), axis=(0, 1, 0),
-                velocity=18, effort=35,
+                velocity=20, effort=35,
             )
             robot.link(f"{leg}_wheel_link", cylinder(radius, 0.06, rpy=ALONG_Y, mass=1.3, colour="black"))
             wheels.append(f"{leg}_wheel")
@@ -229,7 +234,9 @@ Bodies of even density.
         title="Centaur of the CENTAURO class: four wheeled legs, two arms",
         sources=[
             "Kashiri and others: CENTAURO: A Hybrid Locomotion and High Power Resilient Manipulation Platform, "
-            "IEEE RA-L 4(2), 2019 (mass, arrangement, sizes, torques)",
+            "IEEE RA-L 4(2), 2019 (mass, arrangement)",
+            "example-robot-data 6.0.0: centauro.urdf (legs: places of joints, torques, speeds; torques of torso and arms)",
+            "own figures: arms, torso's pitch, grippers, head, how the mass spreads",
         ],
         home="standing",
         poses=poses,

@@ -194,8 +194,9 @@ def humanoid():
 A humanoid of the size and mass of COMAN: legs of six joints, a waist of three, arms of seven, a neck of two; 31 joints.
 Roll about x, pitch about y, yaw about z. All joints at zero: legs straight, arms straight down.
 
-Height, mass, torques: N. G. Tsagarakis and others, "COMpliant huMANoid COMAN: Optimal Joint Stiffness Tuning for Modal
-  Frequency Control", IEEE ICRA 2013 (945 mm, 31 kg, up to 55 N m).
+Height, mass, largest torque: N. G. Tsagarakis and others, "COMpliant huMANoid COMAN: Optimal Joint Stiffness Tuning for
+  Modal Frequency Control", IEEE ICRA 2013 (945 mm, 31 kg, 55 N m).
+Ours: ranges, speeds and the torques of the weaker joints; three joints more in each arm than COMAN has, and a neck.
 Lengths and masses of the segments in proportion: {WINTER}.
 Bodies of even density.
 """,
@@ -247,7 +248,8 @@ Bodies of even density.
         title="Humanoid of the COMAN class with two arms of seven joints",
         sources=[
             "Tsagarakis and others: COMpliant huMANoid COMAN: Optimal Joint Stiffness Tuning for Modal Frequency Control, "
-            "IEEE ICRA 2013 (height, mass, torques)",
+            "IEEE ICRA 2013 (height, mass, largest torque)",
+            "own figures: ranges, speeds, weaker torques",
             WINTER,
         ],
         home="standing",

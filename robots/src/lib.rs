@@ -1,6 +1,6 @@
 //! Robot models for motorium: URDF, kinematics and dynamics, without any runtime.
 //!
-//! [`load`] turns a catalogue name, a folder or a URDF file into a [`Model`]. [`Kinematics`], [`Dynamics`], [`ConstrainedDynamics`]
+//! [`load`] turns a catalogue name, a folder, a URDF or an MJCF file into a [`Model`]. [`Kinematics`], [`Dynamics`], [`ConstrainedDynamics`]
 //! and [`InverseKinematics`] are preallocated workspaces over it: after `new` they never allocate.
 //!
 //! # Conventions
@@ -44,6 +44,7 @@ mod load;
 mod mjcf;
 mod model;
 mod nearest;
+mod postures;
 mod profile;
 mod spatial;
 mod urdf;
@@ -66,6 +67,7 @@ pub use model::{
     AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
     JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,
 };
+pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
 };

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    BaseKind, Entry, MimicMode, Model, ModelWarning, PackagePath, Profile, ProfileError, UrdfError,
-    UrdfRobot, catalogue, parse_urdf_with,
+    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Posture, Profile, ProfileError,
+    Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
 };
 
 /// A robot ready to use.
@@ -17,11 +17,15 @@ pub struct Loaded {
     pub model: Model,
     /// Defects of its file, each naming the link or joint. Show them to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Poses, end effectors and gains: the catalogue's, or those of the `.toml` of the same name beside the URDF.
+    /// Poses, end effectors and gains: the catalogue's, or those of the `.toml` of the same name beside the file.
     pub profile: Option<Profile>,
+    /// Key poses that the SRDF of the file names, beside it or in the `srdf` folder beside its folder.
+    pub postures: Vec<Posture>,
+    /// Pairs of bodies that an MJCF file excludes from collision.
+    pub exclusions: Srdf,
     /// The catalogue entry, when it came from there.
     pub entry: Option<&'static Entry>,
-    /// The URDF file, when it came from one.
+    /// The URDF or MJCF file, when it came from one.
     pub path: Option<PathBuf>,
 }
 
@@ -65,11 +69,11 @@ pub enum LoadError {
         /// The robot of the catalogue or the installed one most likely meant.
         nearest: Option<String>,
     },
-    /// A folder without a URDF file.
-    #[error("no .urdf file in {} or its urdf/ folder", .0.display())]
+    /// A folder without a robot.
+    #[error("no .urdf file in {} or its urdf/ folder, and no MJCF (.xml) file", .0.display())]
     NoUrdf(PathBuf),
-    /// A folder with more than one URDF file.
-    #[error("several .urdf files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
+    /// A folder with more than one robot.
+    #[error("several robot files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
     SeveralUrdf {
         /// The folder.
         folder: PathBuf,
@@ -87,6 +91,9 @@ pub enum LoadError {
     /// A URDF with a fault.
     #[error(transparent)]
     Urdf(#[from] UrdfError),
+    /// An MJCF file with a fault.
+    #[error(transparent)]
+    Mjcf(#[from] MjcfError),
     /// A profile with a fault.
     #[error("{}: {source}", .path.display())]
     Profile {
@@ -97,8 +104,8 @@ pub enum LoadError {
     },
 }
 
-/// Loads a robot: a catalogue name (`panda`), a folder or URDF file relative to `base`, or the name of an
-/// [installed](crate::installed) robot.
+/// Loads a robot: a catalogue name (`panda`), a folder or file relative to `base`, or the name of an
+/// [installed](crate::installed) robot. A file is URDF, or MJCF when its root element is `<mujoco>`.
 ///
 /// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an installed robot.
 ///
@@ -124,19 +131,55 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
         let profile = Some(entry.profile.clone());
         let options = based(options, profile.as_ref());
         let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
-        return Ok(Loaded { model, warnings, profile, entry: Some(entry), path: None });
+        let (postures, exclusions) = (Vec::new(), Srdf::default());
+        return Ok(Loaded { model, warnings, profile, postures, exclusions, entry: Some(entry), path: None });
     }
     let path = file(reference, base)?;
     let profile = profile_beside(&path)?;
     let options = based(options, profile.as_ref());
-    let UrdfRobot { model, warnings } = parse_urdf_with(&read(&path)?, Some(&path), &options)?;
+    let (model, warnings, exclusions) = parse(&read(&path)?, &path, &options)?;
     // Mimic joints made independent are joints no profile knows.
     if let (Some(profile), MimicMode::Follow) = (&profile, options.mimic) {
         profile
             .check(&model)
             .map_err(|source| LoadError::Profile { path: path.with_extension("toml"), source })?;
     }
-    Ok(Loaded { model, warnings, profile, entry: None, path: Some(path) })
+    let postures = Posture::beside(&path, &model);
+    Ok(Loaded { model, warnings, profile, postures, exclusions, entry: None, path: Some(path) })
+}
+
+/// A file's text in its format: MJCF when the root element says so.
+fn parse(
+    text: &str,
+    path: &Path,
+    options: &LoadOptions,
+) -> Result<(Model, Vec<ModelWarning>, Srdf), LoadError> {
+    if is_mjcf(text) {
+        let robot = parse_mjcf(text, Some(path), options)?;
+        return Ok((robot.model, robot.warnings, robot.exclusions));
+    }
+    let UrdfRobot { model, warnings } = parse_urdf_with(text, Some(path), options)?;
+    Ok((model, warnings, Srdf::default()))
+}
+
+/// Whether the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
+fn is_mjcf(text: &str) -> bool {
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start + 1..];
+        let end = match rest.strip_prefix("!--") {
+            Some(comment) => comment.find("-->").map(|end| end + 6),
+            None if rest.starts_with(['?', '!']) => rest.find('>').map(|end| end + 1),
+            None => {
+                return rest
+                    .strip_prefix("mujoco")
+                    .is_some_and(|rest| !rest.starts_with(char::is_alphanumeric));
+            }
+        };
+        let Some(end) = end else { return false };
+        rest = &rest[end..];
+    }
+    false
 }
 
 /// The options with the base the profile wants, unless they want one themselves.
@@ -147,11 +190,11 @@ fn based(options: LoadOptions, profile: Option<&Profile>) -> LoadOptions {
     }
 }
 
-/// The URDF file that `reference` means.
+/// The file that `reference` means.
 fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
     let path = base.join(reference);
     if path.exists() {
-        return if path.is_dir() { urdf_in(&path) } else { Ok(path) };
+        return if path.is_dir() { robot_in(&path) } else { Ok(path) };
     }
     let installed = installed();
     if let Some(robot) = find(&installed, reference) {
@@ -167,13 +210,20 @@ fn read(path: &Path) -> Result<String, LoadError> {
     std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
 }
 
-/// The URDF of a folder: its only one, the one named like the folder, or that of its `urdf` folder.
-fn urdf_in(folder: &Path) -> Result<PathBuf, LoadError> {
-    for place in [folder.to_owned(), folder.join("urdf")] {
+/// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF file,
+/// likewise.
+fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
+    for (place, extension) in
+        [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")]
+    {
         let Ok(entries) = std::fs::read_dir(&place) else { continue };
         let mut found: Vec<_> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
-            .filter(|path| path.extension().is_some_and(|extension| extension == "urdf"))
+            .filter(|path| path.extension().is_some_and(|found| found == extension))
+            // Packages have a package.xml, launch files and the like.
+            .filter(|path| {
+                extension == "urdf" || std::fs::read_to_string(path).is_ok_and(|text| is_mjcf(&text))
+            })
             .collect();
         found.sort();
         let namesake = found.iter().find(|path| path.file_stem() == folder.file_name());
@@ -193,7 +243,7 @@ fn urdf_in(folder: &Path) -> Result<PathBuf, LoadError> {
     Err(LoadError::NoUrdf(folder.to_owned()))
 }
 
-/// The profile of the same name beside a URDF file, if there is one.
+/// The profile of the same name beside a robot's file, if there is one.
 fn profile_beside(urdf: &Path) -> Result<Option<Profile>, LoadError> {
     let path = urdf.with_extension("toml");
     if !path.is_file() {
@@ -201,4 +251,23 @@ fn profile_beside(urdf: &Path) -> Result<Option<Profile>, LoadError> {
     }
     let profile = Profile::parse(&read(&path)?);
     profile.map(Some).map_err(|source| LoadError::Profile { path, source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_root_element_tells_the_format() {
+        for text in
+            ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"]
+        {
+            assert!(is_mjcf(text), "{text}");
+        }
+        for text in
+            ["<robot name=\"mujoco\"/>", "<!-- <mujoco> --><robot/>", "<mujocoinclude/>", "", "<!-- <mujoco>"]
+        {
+            assert!(!is_mjcf(text), "{text}");
+        }
+    }
 }

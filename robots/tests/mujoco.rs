@@ -95,13 +95,31 @@ fn both_formats_agree_with_mujoco() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");
     let document: Value = serde_json::from_str(include_str!("mujoco/vectors.json")).unwrap();
     let robots = document["robots"].as_array().unwrap();
-    assert_eq!(robots.len(), 4);
+    assert_eq!(robots.len(), 5);
     for robot in robots {
         let file = robot["file"].as_str().unwrap();
         let places = ["", "../fixtures", "../../catalogue/panda"];
         let path = places.map(|place| folder.join(place).join(file)).into_iter().find(|path| path.is_file());
         let worst = compare(&read(&path.unwrap()), robot);
         println!("{file}: {worst:.1e}");
+    }
+}
+
+#[test]
+fn the_total_mass_a_file_sets_is_that_of_its_bodies() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco/runner.xml");
+    let model = read(&path);
+    assert_relative_eq!(model.mass(), 14.0, epsilon = 1e-12);
+    // What they weigh beside one another stays: as 1000 kg/m3 would have them.
+    let plain = std::fs::read_to_string(&path).unwrap().replace(" settotalmass=\"14\"", "");
+    let plain = parse_mjcf(&plain, None, &LoadOptions::default()).unwrap().model;
+    for (set, own) in model.bodies().iter().zip(plain.bodies()) {
+        assert_relative_eq!(set.inertia.mass / 14.0, own.inertia.mass / plain.mass(), epsilon = 1e-12);
+        assert_relative_eq!(
+            set.inertia.rotational * (plain.mass() / 14.0),
+            own.inertia.rotational,
+            epsilon = 1e-12
+        );
     }
 }
 

@@ -1,7 +1,9 @@
 //! What every physics engine of motorium offers, whatever it is built on.
 
-use motorium_robots::FrameId;
+use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
+
+use crate::BuildWarning;
 
 /// What one joint is told to do until it is told something else.
 ///
@@ -133,6 +135,18 @@ pub enum StepError {
         /// The bound that was broken.
         bound: f64,
     },
+    /// The base left the range in which the simulation means anything.
+    #[error(
+        "the base would move at {linear} m/s and {angular} rad/s, expected less than {} and {}: \
+         the simulation diverges; use a shorter step, or check efforts, gains and the initial pose",
+        BASE_BOUND.0, BASE_BOUND.1
+    )]
+    BaseDiverged {
+        /// Speed of its origin the step led to \[m/s\]; may be infinite or NaN.
+        linear: f64,
+        /// Its rate of turn \[rad/s\].
+        angular: f64,
+    },
     /// The pose or velocity of an object is not a number any more.
     #[error(
         "object \"{object}\" has no finite pose after the step: \
@@ -144,18 +158,79 @@ pub enum StepError {
     },
 }
 
+/// Speed \[m/s\] and rate of turn \[rad/s\] of a base beyond which the simulation no longer means anything.
+pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
+
+impl StepError {
+    /// Entry `index` of the velocity moves nothing with inertia.
+    pub(crate) fn singular(model: &Model, index: usize) -> Self {
+        let joint = index.saturating_sub(model.nv() - model.joint_count());
+        let name = model.joint_names().get(joint).map_or("the base", String::as_str).to_owned();
+        Self::SingularMassMatrix { joint, name }
+    }
+
+    /// The first command that cannot be followed.
+    pub(crate) fn of_commands(commands: &[JointCommand], names: &[String]) -> Result<(), Self> {
+        match commands.iter().position(|command| !command.is_valid()) {
+            None => Ok(()),
+            Some(joint) => {
+                let (name, command) = (names[joint].clone(), commands[joint]);
+                Err(Self::InvalidCommand { joint, name, command })
+            }
+        }
+    }
+}
+
+impl ResetError {
+    /// Checks length and numbers of a state.
+    pub(crate) fn of_state(model: &Model, q: &[f64], v: &[f64]) -> Result<(), Self> {
+        let (positions, velocities) = (model.nq(), model.nv());
+        if q.len() != positions || v.len() != velocities {
+            let expected = (positions, velocities);
+            return Err(Self::Length { positions: q.len(), velocities: v.len(), expected });
+        }
+        let (offset, base) = (positions - model.joint_count(), velocities - model.joint_count());
+        if q[..offset].iter().chain(&v[..base]).any(|x| !x.is_finite())
+            || offset > 0 && (q[3..7].iter().map(|x| x * x).sum::<f64>() - 1.0).abs() > 1e-6
+        {
+            return Err(Self::Base { pose: q[..offset].to_vec(), velocity: v[..base].to_vec() });
+        }
+        for (joint, name) in model.joint_names().iter().enumerate() {
+            let (position, velocity) = (q[offset + joint], v[base + joint]);
+            if !(position.is_finite() && velocity.is_finite()) {
+                return Err(Self::NotFinite { joint, name: name.clone(), position, velocity });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Why a state was refused by [`Simulator::reset`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ResetError {
     /// The vectors have the wrong length.
-    #[error("the state has {positions} positions and {velocities} velocities, expected {joints} of each")]
+    #[error(
+        "the state has {positions} positions and {velocities} velocities, expected {} and {}",
+        expected.0, expected.1
+    )]
     Length {
         /// Positions given.
         positions: usize,
         /// Velocities given.
         velocities: usize,
-        /// Independent joints of the robot.
-        joints: usize,
+        /// Of each for this robot.
+        expected: (usize, usize),
+    },
+    /// A floating base that is nowhere.
+    #[error(
+        "the base would start at {pose:?} with velocity {velocity:?}: expected finite numbers, and a unit quaternion x y z w \
+         after the position"
+    )]
+    Base {
+        /// Position and quaternion given.
+        pose: Vec<f64>,
+        /// Velocity given.
+        velocity: Vec<f64>,
     },
     /// A value is not finite.
     #[error("joint {joint} (\"{name}\") would start at position {position}, velocity {velocity}: not finite")]
@@ -173,11 +248,24 @@ pub enum ResetError {
 
 /// A robot in a world that moves when told to.
 ///
-/// Vectors have one entry per independent joint of the robot, in the order of [`motorium_robots::Model::joint_names`];
-/// poses are in the world, which is the robot's base frame. After construction and the first step nothing here
-/// allocates on the way, unless an engine says so.
+/// Vectors have one entry per drive: the independent joints of the robot, in the order of
+/// [`motorium_robots::Model::joint_names`], then its rotors, if it has any. Poses are in the world, which is the base
+/// frame of a robot with a fixed base. After construction and the first step nothing here allocates on the way, unless an
+/// engine says so.
 pub trait Simulator {
-    /// Names of the independent joints.
+    /// The robot.
+    fn model(&self) -> &Model;
+
+    /// What was doubtful about the model or the world. Nothing is printed anywhere.
+    fn warnings(&self) -> &[BuildWarning];
+
+    /// The whole configuration (nq): a floating base first, as in [`motorium_robots`].
+    fn configuration(&self) -> &[f64];
+
+    /// The whole velocity (nv).
+    fn velocity(&self) -> &[f64];
+
+    /// Names of the drives.
     fn joint_names(&self) -> &[String];
 
     /// Positions q \[rad or m\].
@@ -200,7 +288,7 @@ pub trait Simulator {
     /// [`StepError`]; the robot's state is then that before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Puts the robot at `q` with velocity `v`, the objects at the poses of the world description, at rest. Commands
+    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses of the world description, at rest. Commands
     /// become zero efforts.
     ///
     /// # Errors
@@ -213,6 +301,11 @@ pub trait Simulator {
 
     /// Sets the acceleration of free fall \[m/s2\].
     fn set_gravity(&mut self, gravity: Vector3<f64>);
+
+    /// Pose of the robot's base in the world.
+    fn base_pose(&self) -> Isometry3<f64> {
+        Isometry3::identity()
+    }
 
     /// Pose of a robot link in the world.
     fn frame_pose(&self, frame: FrameId) -> Isometry3<f64>;

@@ -7,7 +7,7 @@ use motorium::component::{
 };
 use motorium::graph;
 use motorium::launcher::{Exit, Hosting, Options, Report, run};
-use motorium::state::{JointCommand, JointState};
+use motorium::state::{BaseState, JointCommand, JointState};
 use motorium::telemetry::CountingAllocator;
 use motorium::worker::{Input, Output, Setup};
 use motorium_physics::RapierPhysics;
@@ -73,13 +73,57 @@ impl Component for Driver {
     }
 }
 
+/// Keeps the base states it sees.
+#[derive(Default, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct WatcherConfig {}
+
+struct Watcher {
+    base: Input<BaseState>,
+    seen: u64,
+    last: BaseState,
+}
+
+impl Component for Watcher {
+    const KIND: &'static str = "test.watcher";
+    const SUMMARY: &'static str = "watches a base";
+    type Config = WatcherConfig;
+
+    fn declare(_: &WatcherConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<BaseState>("base_state", "where the base is");
+        Ok(())
+    }
+
+    fn configure(_: WatcherConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self { base: setup.input("base_state")?, seen: 0, last: BaseState::default() })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        if let Some(base) = self.base.latest() {
+            self.last = *base;
+            self.seen += 1;
+        }
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let BaseState { position, orientation, linear_velocity, .. } = self.last;
+        Some(serde_json::json!({
+            "seen": self.seen, "position": position, "orientation": orientation, "velocity": linear_velocity,
+        }))
+    }
+}
+
 fn registry() -> Registry {
     let check = |urdf: &str, base: &Path| {
         motorium_robots::load(urdf, base)
             .map(|_| Vec::new())
             .map_err(|error| ConfigError::new(error.to_string()))
     };
-    Registry::new(RobotSource { check }, [Kind::of::<RapierPhysics>(), Kind::of::<Driver>()])
+    Registry::new(
+        RobotSource { check },
+        [Kind::of::<RapierPhysics>(), Kind::of::<Driver>(), Kind::of::<Watcher>()],
+    )
 }
 
 fn graph_text(driver: &str, physics: &str) -> String {
@@ -187,4 +231,80 @@ fn mistakes_in_the_configuration_are_found_before_anything_runs() {
         let error = check(graph_text(driver, config)).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(expected), "{config}: {error}");
     }
+}
+
+fn legged_text(robot: &str, physics: &str, output: &str) -> String {
+    format!(
+        r#"
+name = "legged-test"
+clock = "lockstep"
+seed = 1
+
+[robot.walker]
+urdf = "{robot}"
+
+[component.physics]
+kind = "physics.rapier"
+robot = "walker"
+rate = "1 kHz"
+publish = {{ joint_state = "walker/joint_state"{output} }}
+subscribe = {{ joint_command = "walker/joint_command" }}
+config = {{ world = {{ ground = {{}} }}, {physics} }}
+
+[component.driver]
+kind = "test.driver"
+trigger = "walker/joint_state"
+subscribe = {{ state = "walker/joint_state" }}
+publish = {{ command = "walker/joint_command" }}
+config = {{ offset = 0.0, until = 1, stiffness = 1.0 }}
+
+[component.watcher]
+kind = "test.watcher"
+rate = "1 kHz"
+subscribe = {{ base_state = "walker/base_state" }}
+
+[safety]
+stale_after = "5 ms"
+safe_state = "hold"
+"#
+    )
+}
+
+const BASE: &str = ", base_state = \"walker/base_state\"";
+
+#[test]
+fn a_robot_with_a_floating_base_stands_by_its_safe_state_and_publishes_where_its_base_is() {
+    for (physics, height) in [("", 0.2294), ("base = { position = [0.3, 0.0, 0.26] }", 0.2294)] {
+        let mut plan =
+            check(legged_text("quadruped", physics, BASE)).unwrap_or_else(|error| panic!("{error}")).plan;
+        plan.duration_ns = Some(2_000_000_000);
+        let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+        let report = run(plan, &registry(), &options, &mut |_| ()).unwrap();
+        assert_eq!(report.exit, Exit::Finished, "{report:?}");
+        let (watcher, physics) = (&report.results["watcher"], &report.results["physics"]);
+        assert!(watcher["seen"].as_u64().unwrap() > 1900, "{watcher}");
+        let position = numbers(&watcher["position"]);
+        assert!((position[2] - height).abs() < 3e-3, "{watcher}");
+        assert!(numbers(&watcher["velocity"]).iter().all(|v| v.abs() < 1e-3), "{watcher}");
+        assert!((numbers(&watcher["orientation"])[3] - 1.0).abs() < 1e-4, "{watcher}");
+        assert!((numbers(&physics["base_position"])[2] - position[2]).abs() < 1e-4, "{physics}");
+        let component = report.components.iter().find(|component| component.name == "physics").unwrap();
+        assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    }
+}
+
+#[test]
+fn where_a_base_starts_is_checked_against_whether_it_floats() {
+    for (robot, physics, expected) in [
+        ("panda", "base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
+        ("quadruped", "floating = false, base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
+        ("quadruped", "base = { position = [0.0, 0.0] }", "base"),
+        ("quadruped", "pose = \"standin\"", "standing"),
+    ] {
+        let error = check(legged_text(robot, physics, "")).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{physics}: {error}");
+    }
+    // A robot with a fixed base has no base state to publish.
+    let error = check(legged_text("panda", "", BASE)).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("base_state"), "{error}");
 }

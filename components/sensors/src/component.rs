@@ -118,7 +118,9 @@ impl Component for JointEncoder {
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     let loaded = motorium_robots::load(&robot.urdf, &robot.base)
         .map_err(|error| ConfigError::new(error.to_string()))?;
-    let joints = loaded.model.nq();
+    // What a joint state has: no pose of a floating base, but the rotors that fly it.
+    let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());
+    let joints = loaded.model.joint_count() + rotors;
     if joints > motorium::state::MAX_JOINTS {
         let most = motorium::state::MAX_JOINTS;
         return Err(ConfigError::new(format!(

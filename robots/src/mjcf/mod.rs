@@ -17,6 +17,7 @@ mod error;
 mod geoms;
 mod joints;
 mod pose;
+mod sections;
 
 use std::path::Path;
 

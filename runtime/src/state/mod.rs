@@ -15,7 +15,7 @@ mod stamp;
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
-pub use motion::{ImuSample, Phase, PoseTarget, Wrench};
+pub use motion::{BaseState, ImuSample, Phase, PoseTarget, Wrench};
 pub use stamp::Stamp;
 
 #[doc(hidden)]

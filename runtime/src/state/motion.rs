@@ -19,6 +19,23 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
+    /// Where the base of a robot is and how it moves: with the joints' state, the whole state of a robot whose base moves
+    /// freely.
+    ///
+    /// Position, orientation, then both velocities are the base's part of the `q` and `v` of `motorium-robots`.
+    pub struct BaseState as "motorium.BaseState" {
+        /// Position of the base frame's origin in the world, m.
+        pub position: [f64; 3],
+        /// Orientation of the base in the world as a unit quaternion, x y z w.
+        pub orientation: [f64; 4],
+        /// Velocity of the base frame's origin, in the axes of the base, m/s.
+        pub linear_velocity: [f64; 3],
+        /// Angular velocity, in the axes of the base, rad/s.
+        pub angular_velocity: [f64; 3],
+    }
+}
+
+crate::state_buffer! {
     /// A force and a torque on a body, at the origin and in the axes of the measuring frame.
     pub struct Wrench as "motorium.Wrench" {
         /// Force, N.

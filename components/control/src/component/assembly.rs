@@ -55,6 +55,15 @@ impl Assembly {
         let Loaded { model, profile, .. } =
             load(&robot.urdf, &robot.base).map_err(|error| ConfigError::key("robot", error.to_string()))?;
         let profile = profile.as_ref();
+        if model.base().floating {
+            let message = format!(
+                "robot `{}` has a floating base, and this controller moves robots whose base is fixed",
+                robot.name
+            );
+            let advice =
+                "drive its joints with a policy such as policy.cpg, or fix the base in its URDF or profile";
+            return Err(ConfigError::key("robot", message).advise(advice));
+        }
         if model.nv() > MAX_JOINTS {
             let joints = model.nv();
             return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));

@@ -1,24 +1,41 @@
 //! The end velocity of a step: drives, friction and stops that all depend on it, solved together.
 
+use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
 
-use super::cholesky;
 use super::{JointEvents, JointProperties};
 use crate::JointCommand;
 
-/// The joint of this index moves nothing that has inertia.
+/// What this entry of `v` moves has no inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Singular(pub usize);
 
 /// Where the step starts.
 pub(super) struct Start<'a> {
+    /// Positions of the joints.
     pub(super) q: &'a [f64],
+    /// The whole velocity, that of a floating base first.
     pub(super) v: &'a [f64],
     /// Length of the step \[s\].
     pub(super) h: f64,
     pub(super) mass: &'a DMatrix<f64>,
-    /// C(q, v) v + g(q).
+    /// C(q, v) v + g(q), less what pushes from outside.
     pub(super) bias: &'a [f64],
+}
+
+/// What else acts on the end velocity: contacts.
+pub(crate) trait Coupling {
+    /// Answers the end velocity `x` (nv) that drives, friction and stops lead to: adds the impulse of the surroundings
+    /// (nv) to `impulse`, which is zero, and what it does to `x`. `factor` is that of the matrix which takes impulses to
+    /// velocities; entries that are `held` do not give way.
+    fn respond(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]);
+}
+
+/// Nothing around.
+pub(crate) struct Alone;
+
+impl Coupling for Alone {
+    fn respond(&mut self, _: &MassFactor, _: &[bool], _: &mut [f64], _: &mut [f64]) {}
 }
 
 /// Which branch of its laws a joint is on.
@@ -71,6 +88,17 @@ struct Laws {
 const RECOVERY_RATE: f64 = 20.0;
 
 impl Laws {
+    /// A velocity of a floating base: nothing acts on it.
+    const FREE: Self = Self {
+        drive_0: 0.0,
+        drive_slope: 0.0,
+        limit: f64::INFINITY,
+        damping: 0.0,
+        friction: 0.0,
+        slowest: f64::NEG_INFINITY,
+        fastest: f64::INFINITY,
+    };
+
     fn new(joint: &JointProperties, command: &JointCommand, q: f64, h: f64) -> Self {
         // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
         let reach =
@@ -189,6 +217,11 @@ pub(super) struct ImplicitSolver {
     modes: Vec<Mode>,
     laws: Vec<Laws>,
     system: DMatrix<f64>,
+    factor: MassFactor,
+    /// Entries whose velocity a mode fixes.
+    held: Vec<bool>,
+    /// Generalized impulse of the surroundings.
+    impulse: Vec<f64>,
 }
 
 const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
@@ -196,28 +229,42 @@ const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop:
 /// Sweeps of the relaxation that takes over when the active set runs in a circle.
 const SWEEPS: usize = 200;
 
+/// Guesses of the modes before the relaxation takes over. Nearly always the first explains itself.
+const GUESSES: usize = 24;
+
 impl ImplicitSolver {
-    pub(super) fn new(n: usize) -> Self {
-        Self { modes: vec![START; n], laws: Vec::with_capacity(n), system: DMatrix::zeros(n, n) }
+    pub(super) fn new(model: &Model) -> Self {
+        let n = model.nv();
+        Self {
+            modes: vec![START; n],
+            laws: Vec::with_capacity(n),
+            system: DMatrix::zeros(n, n),
+            factor: MassFactor::new(model),
+            held: vec![false; n],
+            impulse: vec![0.0; n],
+        }
     }
 
     pub(super) fn forget(&mut self) {
         self.modes.fill(START);
     }
 
-    /// The end velocity into `x`, the drive efforts into `tau`.
+    /// The end velocity into `x` (nv), the drive efforts into `tau` (one per joint).
     pub(super) fn solve(
         &mut self,
         joints: &[JointProperties],
         commands: &[JointCommand],
         start: &Start<'_>,
+        coupling: &mut impl Coupling,
         x: &mut [f64],
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
+        let offset = start.v.len() - joints.len();
         self.laws.clear();
+        self.laws.resize(offset, Laws::FREE);
         for (i, (joint, command)) in joints.iter().zip(commands).enumerate() {
             self.laws.push(Laws::new(joint, command, start.q[i], start.h));
-            let mode = &mut self.modes[i];
+            let mode = &mut self.modes[offset + i];
             match (joint.friction > 0.0, mode.friction) {
                 (true, Friction::None) => mode.friction = Friction::Stick,
                 (false, _) => mode.friction = Friction::None,
@@ -225,12 +272,13 @@ impl ImplicitSolver {
             }
         }
         let mut settled = false;
-        for _ in 0..4 * joints.len() + 8 {
-            self.solve_modes(start, x)?;
+        for _ in 0..GUESSES {
+            self.solve_modes(start, coupling, x)?;
             settled = true;
             for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
                 let (constant, slope) = laws.force(mode);
-                let missing = inertial(start, x, i) / start.h + start.bias[i] - (constant - slope * x[i]);
+                let outside = start.bias[i] - self.impulse[i] / start.h;
+                let missing = inertial(start, x, i) / start.h + outside - (constant - slope * x[i]);
                 let explained = laws.explain(mode, x[i], missing);
                 settled &= explained == *mode;
                 *mode = explained;
@@ -243,7 +291,7 @@ impl ImplicitSolver {
             self.relax(start, x);
         }
         let mut events = JointEvents::default();
-        for ((laws, x), tau) in self.laws.iter().zip(x.iter()).zip(tau) {
+        for ((laws, x), tau) in self.laws.iter().zip(x.iter()).skip(offset).zip(tau) {
             *tau = laws.drive(*x);
             events.saturated += usize::from(laws.drive_mode(*x) != Drive::Linear);
             events.at_limit += usize::from(*x == laws.slowest || *x == laws.fastest);
@@ -252,7 +300,12 @@ impl ImplicitSolver {
     }
 
     /// The linear system of the current modes: joints with a fixed velocity leave it.
-    fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
+    fn solve_modes(
+        &mut self,
+        start: &Start<'_>,
+        coupling: &mut impl Coupling,
+        x: &mut [f64],
+    ) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
@@ -263,7 +316,9 @@ impl ImplicitSolver {
             }
         }
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
-            let Some(velocity) = laws.fixed(mode) else { continue };
+            let fixed = laws.fixed(mode);
+            self.held[i] = fixed.is_some();
+            let Some(velocity) = fixed else { continue };
             for (j, x) in x.iter_mut().enumerate() {
                 *x -= self.system[(j, i)] * velocity;
                 self.system[(i, j)] = 0.0;
@@ -272,8 +327,10 @@ impl ImplicitSolver {
             self.system[(i, i)] = 1.0;
             x[i] = velocity;
         }
-        cholesky::factor(&mut self.system).map_err(Singular)?;
-        cholesky::solve(&self.system, x);
+        self.factor.factor(&self.system).map_err(|singular| Singular(singular.index))?;
+        self.factor.solve(x);
+        self.impulse.fill(0.0);
+        coupling.respond(&self.factor, &self.held, x, &mut self.impulse);
         // What a mode fixes stays exact, whatever the rounding.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x) {
             if let Some(velocity) = laws.fixed(mode) {
@@ -284,13 +341,13 @@ impl ImplicitSolver {
     }
 
     /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges because the
-    /// problem is convex. The next step starts its guess afresh.
+    /// problem is convex. The surroundings push as they last did. The next step starts its guess afresh.
     fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;
             for (i, laws) in self.laws.iter().enumerate() {
                 let inertia = start.mass[(i, i)];
-                let rest = inertial(start, x, i) - inertia * x[i] + start.h * start.bias[i];
+                let rest = inertial(start, x, i) - inertia * x[i] + start.h * start.bias[i] - self.impulse[i];
                 let next = laws.solve_alone(inertia, rest, start.h);
                 change = change.max((next - x[i]).abs());
                 x[i] = next;

@@ -27,7 +27,7 @@ impl JointProperties {
     /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
     /// follows, and narrows its range to where its own limits hold.
     pub fn of(model: &Model, armature: f64) -> Vec<Self> {
-        let mut joints: Vec<Self> = (0..model.nv())
+        let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
                 lower: model.lower()[index],
                 upper: model.upper()[index],

@@ -1,13 +1,13 @@
 //! The robot alone, touching nothing: joint-space dynamics with drives, friction and limit stops, all implicit.
 
-mod cholesky;
 mod implicit;
 mod joint;
 
 use motorium_robots::{Dynamics, Model};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 
 pub use implicit::Singular;
+pub(crate) use implicit::{Alone, Coupling};
 use implicit::{ImplicitSolver, Start};
 pub use joint::JointProperties;
 
@@ -15,13 +15,17 @@ use crate::JointCommand;
 
 /// The motion of a robot that touches nothing, one step at a time.
 ///
-/// Semi-implicit Euler in the independent coordinates (mimic joints are exact: they have no coordinate of their own).
+/// Semi-implicit Euler in the independent coordinates (mimic joints are exact: they have no coordinate of their own), after
+/// those of the base where it floats.
 /// The end velocity `v+` solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
 /// q+ = q + h v+
 /// ```
+///
+/// A floating base moves on a straight line and turns about a fixed axis for the step; its velocity is taken in axes that
+/// stand still meanwhile, so that turning by itself changes no velocity.
 ///
 /// with the drive law of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic limit
 /// stops. Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and
@@ -52,7 +56,7 @@ pub struct JointEvents {
 impl Articulated {
     /// A workspace for `model` with the passive properties `joints`, one per independent joint.
     pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
-        assert_eq!(joints.len(), model.nv(), "one set of properties per independent joint");
+        assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();
         Self {
             joints,
@@ -60,7 +64,7 @@ impl Articulated {
             mass: DMatrix::zeros(n, n),
             bias: DVector::zeros(n),
             v_next: DVector::zeros(n),
-            solver: ImplicitSolver::new(n),
+            solver: ImplicitSolver::new(model),
         }
     }
 
@@ -74,11 +78,12 @@ impl Articulated {
         self.solver.forget();
     }
 
-    /// Moves `q` and `v` on by `h` \[s\] and gives the efforts `tau` the drives apply on the way. All vectors are nv long.
+    /// Moves `q` (nq) and `v` (nv) on by `h` \[s\] and gives the efforts `tau` the drives apply on the way; commands and
+    /// efforts are one per independent joint.
     ///
     /// # Errors
     ///
-    /// [`Singular`] when some joint moves nothing that has inertia; `q` and `v` are then as before, `tau` unspecified.
+    /// [`Singular`] when something that moves has no inertia; `q` and `v` are then as before, `tau` unspecified.
     #[expect(
         clippy::too_many_arguments,
         reason = "a step maps (q, v, command) to (q, v, tau); bundling hides that"
@@ -93,17 +98,64 @@ impl Articulated {
         h: f64,
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
+        self.advance_among(model, (q, v), commands, (gravity, &[]), h, &mut Alone, tau)
+    }
+
+    /// [`advance`](Self::advance) among things that push: `outside` is a generalized force besides gravity (nv, or
+    /// empty), `coupling` answers the motion.
+    #[expect(clippy::too_many_arguments, reason = "as advance")]
+    pub(crate) fn advance_among(
+        &mut self,
+        model: &Model,
+        (q, v): (&mut [f64], &mut [f64]),
+        commands: &[JointCommand],
+        (gravity, outside): (Vector3<f64>, &[f64]),
+        h: f64,
+        coupling: &mut impl Coupling,
+        tau: &mut [f64],
+    ) -> Result<JointEvents, Singular> {
         self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
+        for (bias, outside) in self.bias.iter_mut().zip(outside) {
+            *bias -= outside;
+        }
         self.dynamics.crba(model, q, &mut self.mass);
+        let offset = model.nv() - self.joints.len();
         for (index, joint) in self.joints.iter().enumerate() {
-            self.mass[(index, index)] += joint.armature;
+            self.mass[(offset + index, offset + index)] += joint.armature;
         }
-        let start = Start { q, v, h, mass: &self.mass, bias: self.bias.as_slice() };
-        let events = self.solver.solve(&self.joints, commands, &start, self.v_next.as_mut_slice(), tau)?;
-        v.copy_from_slice(self.v_next.as_slice());
-        for (q, v) in q.iter_mut().zip(v.iter()) {
-            *q += h * v;
+        if model.base().floating {
+            // In axes that stand still the base's velocity does not turn with it: what the body's axes add goes.
+            let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
+            for (row, bias) in self.bias.iter_mut().enumerate() {
+                *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
+            }
         }
+        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        let x = self.v_next.as_mut_slice();
+        let events = self.solver.solve(&self.joints, commands, &start, coupling, x, tau)?;
+        move_on(model, q, x, h);
+        v.copy_from_slice(x);
         Ok(events)
     }
+}
+
+/// `q` after moving with the end velocity `x` for `h`; `x`, given in the base's axes of the start, comes out in those of the
+/// end.
+fn move_on(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
+    let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
+    for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {
+        *q += h * x;
+    }
+    if !model.base().floating {
+        return;
+    }
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
+    let linear = Vector3::from_column_slice(&x[..3]);
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(&x[3..6]) * h);
+    for (q, moved) in q.iter_mut().zip((rotation * linear).iter()) {
+        *q += h * moved;
+    }
+    let rotation = UnitQuaternion::new_normalize((rotation * turn).into_inner());
+    q[3..7].copy_from_slice(rotation.coords.as_slice());
+    x[..3].copy_from_slice((turn.inverse() * linear).as_slice());
 }

@@ -1,7 +1,8 @@
 //! The `config` table of `physics.rapier`.
 
 use motorium::component::ConfigError;
-use motorium_robots::Loaded;
+use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -11,19 +12,70 @@ use crate::{BuildError, Options, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RapierConfig {
-    /// Named pose of the robot's profile to start in. Without it and `position`: the home pose, or, for a robot without
+    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or, for a robot without
     /// a profile, all joints at zero (at the middle of their range where zero is outside).
     pub pose: Option<String>,
     /// Joint positions to start at, in the order of the robot's joints (rad or m). Instead of `pose`.
     pub position: Option<Vec<f64>>,
+    /// Whether the root link moves freely. Without it: as the robot's profile and URDF say.
+    pub floating: Option<bool>,
+    /// Where a floating base starts. Without it: where the profile has it in the pose, or standing on the ground.
+    pub base: Option<BaseStart>,
     /// What surrounds the robot.
     pub world: World,
     /// Settings of the engine.
     pub solver: Options,
 }
 
+/// Where a floating base starts.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BaseStart {
+    /// Position of the base frame in the world (m).
+    pub position: [f64; 3],
+    /// Its roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    #[serde(default)]
+    pub rpy: [f64; 3],
+}
+
 impl RapierConfig {
-    /// Where the robot starts.
+    /// What becomes of the root link.
+    pub(super) fn base_mode(&self) -> BaseMode {
+        match self.floating {
+            None => BaseMode::AsFile,
+            Some(true) => BaseMode::Floating,
+            Some(false) => BaseMode::Fixed,
+        }
+    }
+
+    /// Where a floating base starts, if it is said somewhere.
+    pub(super) fn base_start(&self, robot: &Loaded) -> Result<Option<Isometry3<f64>>, ConfigError> {
+        if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
+            if !robot.model.base().floating {
+                return Err(ConfigError::key("base", "a place for a base that is fixed to the world")
+                    .advise("leave it out, or set `floating = true`"));
+            }
+            if ![x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) {
+                return Err(ConfigError::key("base", "expected finite numbers"));
+            }
+            let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            return Ok(Some(Isometry3::from_parts(Translation3::new(x, y, z), rotation)));
+        }
+        let profile = robot.profile.as_ref();
+        let pose = |profile: &&motorium_robots::Profile| match (&self.pose, &self.position) {
+            (Some(pose), _) => Some(pose.clone()),
+            (None, None) => Some(profile.home.clone()),
+            (None, Some(_)) => None,
+        };
+        let named = profile.and_then(|profile| profile.base_poses.get(&pose(&profile)?));
+        let of_srdf = || match (profile, &self.pose) {
+            (None, Some(pose)) => posture(robot, pose)?.base,
+            _ => None,
+        };
+        Ok(named.map(BasePose::isometry).or_else(of_srdf))
+    }
+
+    /// Where the joints start.
     pub(super) fn start(&self, robot: &Loaded) -> Result<Vec<f64>, ConfigError> {
         let model = &robot.model;
         let named = |error: motorium_robots::ProfileError| ConfigError::key("pose", error.to_string());
@@ -32,17 +84,20 @@ impl RapierConfig {
                 Err(ConfigError::new("both `pose` and `position` say where the robot starts")
                     .advise("keep one of them"))
             }
-            (None, Some(position), _) if position.len() != model.nv() => {
+            (None, Some(position), _) if position.len() != model.joint_count() => {
                 let names = model.joint_names().join(", ");
-                let message = format!("{} positions, expected {}: {names}", position.len(), model.nv());
+                let message =
+                    format!("{} positions, expected {}: {names}", position.len(), model.joint_count());
                 Err(ConfigError::key("position", message))
             }
             (None, Some(position), _) => Ok(position.clone()),
-            (Some(pose), None, None) => {
-                let message = format!("pose \"{pose}\" of a robot without a profile");
-                Err(ConfigError::key("pose", message)
-                    .advise("write its `position` instead, or a profile (.toml) beside its URDF"))
-            }
+            (Some(pose), None, None) => match posture(robot, pose) {
+                Some(posture) => Ok(posture.joints.as_slice().to_vec()),
+                None => {
+                    let message = format!("pose \"{pose}\" of a robot without a profile");
+                    Err(ConfigError::key("pose", message).advise(advice(robot)))
+                }
+            },
             (Some(pose), None, Some(profile)) => {
                 Ok(profile.pose(model, pose).map_err(named)?.as_slice().to_vec())
             }
@@ -55,6 +110,33 @@ impl RapierConfig {
                 .collect()),
         }
     }
+}
+
+/// The key pose of the robot's SRDF.
+fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
+    robot.postures.iter().find(|posture| posture.name == name)
+}
+
+/// What to write instead of a pose that is not there.
+fn advice(robot: &Loaded) -> String {
+    let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
+    if names.is_empty() {
+        "write its `position` instead, or a profile (.toml) beside its URDF".to_owned()
+    } else {
+        format!("its SRDF has {}", names.join(", "))
+    }
+}
+
+/// The whole configuration: the base at `base`, the joints at `joints`.
+pub(super) fn configuration(model: &Model, base: &Isometry3<f64>, joints: &[f64]) -> Vec<f64> {
+    let mut q = model.neutral();
+    let offset = model.nq() - joints.len();
+    q[offset..].copy_from_slice(joints);
+    if model.base().floating {
+        q[..3].copy_from_slice(base.translation.vector.as_slice());
+        q[3..7].copy_from_slice(base.rotation.coords.as_slice());
+    }
+    q
 }
 
 /// Zero, or where the range excludes it, its middle (its end, if it is open).
@@ -74,5 +156,6 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::World(_) => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
+        BuildError::FloatingBase { .. } => ConfigError::new(message),
     }
 }

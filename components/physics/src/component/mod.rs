@@ -1,17 +1,19 @@
 //! `physics.rapier`: the rapier simulation as a component of a graph.
 
 mod config;
+mod engine;
 mod safe;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, RobotReference, StepError, Tick};
+use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
 use motorium::safety::{CommandGuard, Judgement};
-use motorium::state::{JointCommand as CommandBuffer, JointState as StateBuffer, MAX_JOINTS};
-use motorium::telemetry::set_apart;
+use motorium::state::{BaseState, JointCommand as CommandBuffer, JointState as StateBuffer};
 use motorium::worker::{Checkpoint, Input, Output, Setup};
-use motorium_robots::{Dynamics, Loaded, load};
+use motorium_robots::Dynamics;
+use serde_json::json;
 
-use crate::{JointCommand, Rapier, Simulator, StepReport};
+use crate::{JointCommand, StepReport};
 pub use config::RapierConfig;
+use engine::{Engine, build};
 use safe::SafeStates;
 
 /// A simulated robot that publishes its joint state and obeys joint commands.
@@ -21,23 +23,29 @@ use safe::SafeStates;
 /// state is, as it is before the first command. When steps were skipped the simulation makes up for up to four of them,
 /// so that the robot does not stand still while its clock goes on.
 ///
+/// A robot with a fixed base is moved by [`Rapier`](crate::Rapier), one whose base floats by
+/// [`Floating`](crate::Floating); the latter's base state is published, too.
+///
 /// After a crash the robot goes on from where it was, the objects from the start.
 ///
 /// Heap allocations inside rapier (see [`Contacts`](crate::Contacts)) are counted apart.
 pub struct RapierPhysics {
     command: Input<CommandBuffer>,
     state: Output<StateBuffer>,
+    base_state: Option<Output<BaseState>>,
     guard: CommandGuard,
-    simulation: Rapier,
+    simulation: Engine,
     dynamics: Dynamics,
     safe: SafeStates,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
+    /// Where the base started \[m\].
+    start: [f64; 3],
     totals: Totals,
 }
 
 /// What the whole run saw.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Totals {
     steps: u64,
     saturated: u64,
@@ -46,6 +54,9 @@ struct Totals {
     near_contact: u64,
     refused: u64,
     safe: u64,
+    /// Height of the base \[m\].
+    lowest: f64,
+    highest: f64,
 }
 
 /// Skipped steps made up for at once.
@@ -65,29 +76,35 @@ impl Component for RapierPhysics {
                 .advise("add `robot = \"NAME\"`")
         })?;
         // Everything that could be refused later is refused now.
-        build(config, robot).map(|_| ())
+        let (_, robot) = build(config, robot)?;
+        if robot.model.base().floating {
+            declare.output::<BaseState>("base_state", "where the base is after the step, and how it moves");
+        }
+        Ok(())
     }
 
     fn configure(config: RapierConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let (mut simulation, robot) = build(&config, &robot)?;
-        simulation.enclose_rapier(|call| set_apart(call));
-        let joints = simulation.model().nv();
-        let mut checkpoint = setup.checkpoint(2 * joints)?;
+        let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
+        let mut checkpoint = setup.checkpoint(nq + nv)?;
         if let Some(state) = checkpoint.resume() {
-            let (q, v) = state.split_at(joints);
+            let (q, v) = state.split_at(nq);
             simulation.reset(q, v).map_err(ConfigureError::failed)?;
         }
+        let floating = simulation.model().base().floating;
         Ok(Self {
             command: setup.input("joint_command")?,
             state: setup.output("joint_state")?,
+            base_state: if floating { Some(setup.output("base_state")?) } else { None },
             guard: setup.command_guard(),
             dynamics: Dynamics::new(simulation.model()),
-            safe: SafeStates::new(simulation.model(), robot.profile.as_ref()),
+            safe: SafeStates::new(&*simulation, robot.profile.as_ref()),
+            start: simulation.base_pose().translation.vector.into(),
             simulation,
             checkpoint,
             last_ns: None,
-            totals: Totals::default(),
+            totals: Totals::NONE,
         })
     }
 
@@ -97,14 +114,23 @@ impl Component for RapierPhysics {
         for _ in 0..steps {
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
-            self.totals.add(&report);
+            self.totals.add(&report, self.simulation.base_pose().translation.z);
         }
-        let (q, v) = (self.simulation.positions(), self.simulation.velocities());
+        let (q, v) = (self.simulation.configuration(), self.simulation.velocity());
         self.checkpoint.save(q.iter().chain(v).copied());
+        if let Some(output) = &mut self.base_state {
+            let mut base = output.loan()?;
+            base.position.copy_from_slice(&q[..3]);
+            base.orientation.copy_from_slice(&q[3..7]);
+            base.linear_velocity.copy_from_slice(&v[..3]);
+            base.angular_velocity.copy_from_slice(&v[3..6]);
+            base.publish()?;
+        }
         let mut state = self.state.loan()?;
-        state.set_count(q.len());
-        state.position_mut().copy_from_slice(q);
-        state.velocity_mut().copy_from_slice(v);
+        let positions = self.simulation.positions();
+        state.set_count(positions.len());
+        state.position_mut().copy_from_slice(positions);
+        state.velocity_mut().copy_from_slice(self.simulation.velocities());
         state.effort_mut().copy_from_slice(self.simulation.efforts());
         state.publish()?;
         Ok(())
@@ -112,7 +138,7 @@ impl Component for RapierPhysics {
 
     fn result(&self) -> Option<serde_json::Value> {
         let totals = &self.totals;
-        Some(serde_json::json!({
+        let mut result = json!({
             "steps": totals.steps,
             "steps_in_safe_state": totals.safe,
             "commands_refused": totals.refused,
@@ -122,7 +148,20 @@ impl Component for RapierPhysics {
             "steps_near_contact": totals.near_contact,
             "joint_position": self.simulation.positions(),
             "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
-        }))
+        });
+        if self.base_state.is_some() {
+            let pose = self.simulation.base_pose();
+            let place = pose.translation.vector;
+            let (roll, pitch, yaw) = pose.rotation.euler_angles();
+            let (dx, dy) = (place.x - self.start[0], place.y - self.start[1]);
+            result["base_position"] = json!([place.x, place.y, place.z]);
+            result["base_rpy"] = json!([roll, pitch, yaw]);
+            result["base_height_lowest_m"] = json!(totals.lowest);
+            result["base_height_highest_m"] = json!(totals.highest);
+            result["base_travel_x_m"] = json!(dx);
+            result["base_travel_y_m"] = json!(dy);
+        }
+        Some(result)
     }
 }
 
@@ -142,7 +181,7 @@ impl RapierPhysics {
             Judgement::Safe { state, .. } => Some(state),
         };
         self.totals.safe += 1;
-        self.safe.apply(state, &mut self.simulation, &mut self.dynamics);
+        self.safe.apply(state, &mut *self.simulation, &mut self.dynamics);
     }
 
     /// How many periods have passed since the last step.
@@ -156,7 +195,21 @@ impl RapierPhysics {
 }
 
 impl Totals {
-    fn add(&mut self, report: &StepReport) {
+    const NONE: Self = Self {
+        steps: 0,
+        saturated: 0,
+        at_limit: 0,
+        overspeed: 0,
+        near_contact: 0,
+        refused: 0,
+        safe: 0,
+        lowest: f64::INFINITY,
+        highest: f64::NEG_INFINITY,
+    };
+
+    fn add(&mut self, report: &StepReport, height: f64) {
+        self.lowest = self.lowest.min(height);
+        self.highest = self.highest.max(height);
         self.steps += 1;
         self.saturated += u64::from(report.saturated > 0);
         self.at_limit += u64::from(report.at_limit > 0);
@@ -181,23 +234,4 @@ fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
         };
     }
     true
-}
-
-/// Loads the robot and sets up the simulation.
-fn build(config: &RapierConfig, robot: &RobotReference) -> Result<(Rapier, Loaded), ConfigError> {
-    let loaded = load(&robot.urdf, &robot.base).map_err(|error| ConfigError::new(error.to_string()))?;
-    if loaded.model.base().floating {
-        let message =
-            format!("robot `{}` has a floating base, and this engine needs a fixed one", robot.name);
-        return Err(ConfigError::new(message).advise("fix its base to the world in its URDF"));
-    }
-    let joints = loaded.model.nv();
-    if joints == 0 || joints > MAX_JOINTS {
-        let message = format!("robot `{}` has {joints} joints, expected 1 to {MAX_JOINTS}", robot.name);
-        return Err(ConfigError::new(message).advise("make joints that need not move fixed in its URDF"));
-    }
-    let start = config.start(&loaded)?;
-    let simulation = Rapier::new(loaded.model.clone(), config.world.clone(), &start, config.solver)
-        .map_err(config::refused)?;
-    Ok((simulation, loaded))
 }

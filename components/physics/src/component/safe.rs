@@ -3,7 +3,7 @@
 use motorium::plan::SafeState;
 use motorium_robots::{Dynamics, Model, Profile};
 
-use crate::{JointCommand, Rapier, Simulator};
+use crate::{JointCommand, Simulator};
 
 /// Damping of the brake \[Nms/rad or Ns/m\]: whatever the speed, the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
@@ -20,23 +20,32 @@ pub(super) struct SafeStates {
 }
 
 impl SafeStates {
-    pub(super) fn new(model: &Model, profile: Option<&Profile>) -> Self {
-        let gains = match profile.and_then(|profile| profile.gains(model).ok()) {
+    pub(super) fn new(simulation: &dyn Simulator, profile: Option<&Profile>) -> Self {
+        let model: &Model = simulation.model();
+        let mut gains: Vec<_> = match profile.and_then(|profile| profile.gains(model).ok()) {
             Some(gains) => gains.kp.iter().copied().zip(gains.kd.iter().copied()).collect(),
             None => model.effort_limit().iter().map(|limit| default_gains(*limit)).collect(),
         };
+        // Rotors hold nothing in place.
+        gains.resize(simulation.joint_names().len(), (0.0, 0.0));
         Self { gains, in_force: None, gravity: vec![0.0; model.nv()] }
     }
 
     /// Of a braked robot, holds each joint where it has come to stand.
-    fn hold_what_stands(&self, simulation: &mut Rapier) {
+    fn hold_what_stands(&self, simulation: &mut dyn Simulator) {
         for (i, (kp, kd)) in self.gains.iter().copied().enumerate() {
             let (position, velocity) = (simulation.positions()[i], simulation.velocities()[i]);
+            let effort = self.effort(simulation.model(), i);
             let command = &mut simulation.commands_mut()[i];
             if command.kp == 0.0 && velocity.abs() < STANDS {
-                *command = JointCommand { effort: self.gravity[i], ..JointCommand::hold(position, kp, kd) };
+                *command = JointCommand { effort, ..JointCommand::hold(position, kp, kd) };
             }
         }
+    }
+
+    /// What carries drive `i` against gravity; nothing for a rotor.
+    fn effort(&self, model: &Model, i: usize) -> f64 {
+        model.joints_of_v(&self.gravity).get(i).copied().unwrap_or(0.0)
     }
 
     /// A command was applied.
@@ -49,7 +58,7 @@ impl SafeStates {
     pub(super) fn apply(
         &mut self,
         state: Option<SafeState>,
-        simulation: &mut Rapier,
+        simulation: &mut dyn Simulator,
         dynamics: &mut Dynamics,
     ) {
         // A command that cannot be followed leaves a safe state as it is.
@@ -62,10 +71,10 @@ impl SafeStates {
         }
         self.in_force = Some(state);
         let g = simulation.gravity();
-        dynamics.gravity(simulation.model(), simulation.positions(), g, &mut self.gravity);
+        dynamics.gravity(simulation.model(), simulation.configuration(), g, &mut self.gravity);
         for (i, (kp, kd)) in self.gains.iter().copied().enumerate() {
             let position = simulation.positions()[i];
-            let effort = self.gravity[i];
+            let effort = self.effort(simulation.model(), i);
             let command = &mut simulation.commands_mut()[i];
             *command = match state {
                 // Gravity is carried as well, or the arm would sag by as much as the gains are soft.

@@ -7,88 +7,9 @@ use super::arm::Arm;
 use super::proximity::{ENTER, Proximity};
 use super::scene::{Enclose, Scene};
 use super::surfaces::{self, Owner, PairTable, Surface};
-use super::{Options, Rapier, State};
+use super::{Rapier, State};
 use crate::articulated::{Articulated, JointProperties};
-use crate::{JointCommand, ResetError, Simulator, World, WorldError};
-
-/// Why a simulation could not be set up.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum BuildError {
-    /// The world description has a mistake.
-    #[error(transparent)]
-    World(#[from] WorldError),
-    /// The initial state has a mistake.
-    #[error("initial state: {0}")]
-    State(#[from] ResetError),
-    /// A setting is out of its range.
-    #[error("`{name}` is {value}, expected {expected}")]
-    Option {
-        /// The setting.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What was expected.
-        expected: &'static str,
-    },
-}
-
-/// What is doubtful about a simulation that nevertheless runs.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum BuildWarning {
-    /// A mesh is not part of the collision geometry.
-    #[error(
-        "the collision mesh of link \"{link}\" is ignored; give the link a box, cylinder, sphere or capsule"
-    )]
-    MeshIgnored {
-        /// The link.
-        link: String,
-    },
-    /// Two links are too close at the start to ever count as touching.
-    #[error(
-        "links \"{first}\" and \"{second}\" start {distance} m apart and will never collide with one another; \
-         start farther apart than a centimetre if they should"
-    )]
-    SelfCollisionOff {
-        /// A link.
-        first: String,
-        /// Another link.
-        second: String,
-        /// Their distance at the start \[m\].
-        distance: f64,
-    },
-    /// A link starts inside something.
-    #[error(
-        "link \"{link}\" starts inside \"{other}\" and will be pushed out; start elsewhere or move \"{other}\""
-    )]
-    StartsInside {
-        /// The link.
-        link: String,
-        /// The object or `ground`.
-        other: String,
-    },
-    /// A joint starts beyond its limits.
-    #[error(
-        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be drawn back in"
-    )]
-    StartsBeyondLimit {
-        /// The joint.
-        joint: String,
-        /// Where it starts \[rad or m\].
-        position: f64,
-        /// Its lower limit.
-        lower: f64,
-        /// Its upper limit.
-        upper: f64,
-    },
-    /// A drive that can do nothing.
-    #[error(
-        "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
-    )]
-    NoEffort {
-        /// The joint.
-        joint: String,
-    },
-}
+use crate::{BuildError, BuildWarning, JointCommand, Options, Simulator, World};
 
 impl Rapier {
     /// A simulation of `model` in `world`, at rest at `q` (nq \[rad or m\]).
@@ -97,7 +18,10 @@ impl Rapier {
     ///
     /// [`BuildError`]. What is merely doubtful is in [`warnings`](Rapier::warnings).
     pub fn new(model: Model, world: World, q: &[f64], options: Options) -> Result<Self, BuildError> {
-        check(&options)?;
+        options.check()?;
+        if model.base().floating {
+            return Err(BuildError::FloatingBase { robot: model.name().to_owned() });
+        }
         world.check(model.frames().iter().map(|frame| frame.name.as_str()))?;
         let n = model.nv();
         let mut warnings = Vec::new();
@@ -127,7 +51,12 @@ impl Rapier {
         };
         simulation.reset(q, &vec![0.0; n])?;
         simulation.settle_pairs();
-        simulation.check_joints();
+        BuildWarning::of_joints(
+            &simulation.model,
+            simulation.articulated.joints(),
+            q,
+            &mut simulation.warnings,
+        );
         Ok(simulation)
     }
 
@@ -166,21 +95,6 @@ impl Rapier {
             Owner::Object(index) => scene.object_pose(index),
         });
     }
-
-    fn check_joints(&mut self) {
-        for (i, joint) in self.articulated.joints().iter().enumerate() {
-            let name = self.model.joint_names()[i].clone();
-            let position = self.state.q[i];
-            if position < joint.lower || position > joint.upper {
-                let (lower, upper) = (joint.lower, joint.upper);
-                let joint = name.clone();
-                self.warnings.push(BuildWarning::StartsBeyondLimit { joint, position, lower, upper });
-            }
-            if joint.effort_limit == 0.0 {
-                self.warnings.push(BuildWarning::NoEffort { joint: name });
-            }
-        }
-    }
 }
 
 /// Rapier's sets with the objects at their start and the robot switched off.
@@ -203,24 +117,4 @@ pub(super) fn populate(
         scene.attach(index, surface, body);
     }
     (scene, arm)
-}
-
-fn check(options: &Options) -> Result<(), BuildError> {
-    let count = |name, value: usize| {
-        let good = (1..=100).contains(&value);
-        let value = value as f64;
-        if good {
-            Ok(())
-        } else {
-            Err(BuildError::Option { name, value, expected: "a whole number from 1 to 100" })
-        }
-    };
-    let amount = |name, value: f64| {
-        let good = value.is_finite() && value >= 0.0;
-        if good { Ok(()) } else { Err(BuildError::Option { name, value, expected: "a number from 0 up" }) }
-    };
-    count("substeps", options.substeps)?;
-    count("contact_iterations", options.contact_iterations)?;
-    amount("armature", options.armature)?;
-    amount("friction", options.friction)
 }

@@ -16,7 +16,6 @@ mod arm;
 mod build;
 mod convert;
 mod inertia;
-mod options;
 mod proximity;
 mod scene;
 mod shapes;
@@ -26,10 +25,11 @@ use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::articulated::{Articulated, Singular};
-use crate::{Contact, JointCommand, ObjectId, ResetError, Simulator, StepError, StepReport, World};
+use crate::{
+    BuildWarning, Contact, Contacts, JointCommand, ObjectId, Options, ResetError, Simulator, StepError,
+    StepReport, World,
+};
 use arm::{Arm, DriveAction};
-pub use build::{BuildError, BuildWarning};
-pub use options::{Contacts, Options};
 use proximity::{ENTER, LEAVE, Proximity};
 pub use scene::Enclose;
 use scene::Scene;
@@ -90,16 +90,6 @@ impl State {
 }
 
 impl Rapier {
-    /// The robot.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
-    /// What was doubtful about the model or the world. Nothing is printed anywhere.
-    pub fn warnings(&self) -> &[BuildWarning] {
-        &self.warnings
-    }
-
     /// The settings.
     pub fn options(&self) -> &Options {
         &self.options
@@ -117,10 +107,7 @@ impl Rapier {
         for _ in 0..self.options.substeps {
             let State { q_next: q, v_next: v, tau_next: tau, .. } = &mut self.state;
             let events = self.articulated.advance(&self.model, q, v, &self.commands, self.gravity, h, tau);
-            let events = events.map_err(|Singular(joint)| StepError::SingularMassMatrix {
-                joint,
-                name: self.model.joint_names()[joint].clone(),
-            })?;
+            let events = events.map_err(|Singular(joint)| StepError::singular(&self.model, joint))?;
             report.saturated = report.saturated.max(events.saturated);
             report.at_limit = events.at_limit;
         }
@@ -172,10 +159,7 @@ impl Rapier {
         v_next.copy_from_slice(v);
         let free =
             self.articulated.advance(&self.model, q_next, v_next, &self.commands, self.gravity, h, tau_next);
-        free.map_err(|Singular(joint)| StepError::SingularMassMatrix {
-            joint,
-            name: self.model.joint_names()[joint].clone(),
-        })?;
+        free.map_err(|Singular(joint)| StepError::singular(&self.model, joint))?;
         for (i, joint) in self.articulated.joints().iter().enumerate() {
             let c = self.commands[i];
             let limit = joint.effort_limit;
@@ -217,20 +201,25 @@ impl Rapier {
         }
         Ok(())
     }
-
-    fn check_commands(&self) -> Result<(), StepError> {
-        match self.commands.iter().position(|command| !command.is_valid()) {
-            None => Ok(()),
-            Some(joint) => Err(StepError::InvalidCommand {
-                joint,
-                name: self.model.joint_names()[joint].clone(),
-                command: self.commands[joint],
-            }),
-        }
-    }
 }
 
 impl Simulator for Rapier {
+    fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn warnings(&self) -> &[BuildWarning] {
+        &self.warnings
+    }
+
+    fn configuration(&self) -> &[f64] {
+        &self.state.q
+    }
+
+    fn velocity(&self) -> &[f64] {
+        &self.state.v
+    }
+
     fn joint_names(&self) -> &[String] {
         self.model.joint_names()
     }
@@ -255,7 +244,7 @@ impl Simulator for Rapier {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(StepError::InvalidStep(dt));
         }
-        self.check_commands()?;
+        StepError::of_commands(&self.commands, self.model.joint_names())?;
         self.look();
         self.state.begin();
         self.dt = dt;
@@ -285,18 +274,7 @@ impl Simulator for Rapier {
     }
 
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        let joints = self.model.nv();
-        if q.len() != joints || v.len() != joints {
-            return Err(ResetError::Length { positions: q.len(), velocities: v.len(), joints });
-        }
-        if let Some(joint) = (0..joints).find(|&i| !(q[i].is_finite() && v[i].is_finite())) {
-            return Err(ResetError::NotFinite {
-                joint,
-                name: self.model.joint_names()[joint].clone(),
-                position: q[joint],
-                velocity: v[joint],
-            });
-        }
+        ResetError::of_state(&self.model, q, v)?;
         self.state.q.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.tau.fill(0.0);

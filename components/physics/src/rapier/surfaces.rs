@@ -7,8 +7,8 @@ use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::{PairFilterContext, PhysicsHooks};
 use rapier3d_f64::prelude::SolverFlags;
 
-use super::{BuildWarning, shapes};
-use crate::World;
+use super::shapes;
+use crate::{BuildWarning, World};
 
 /// What a surface is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

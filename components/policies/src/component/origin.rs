@@ -101,6 +101,13 @@ impl Origin {
 pub(super) fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
     let loaded = motorium_robots::load(&robot.urdf, &robot.base)
         .map_err(|error| ConfigError::new(error.to_string()))?;
+    if loaded.model.base().floating {
+        let message =
+            format!("robot `{}` has a floating base: where its hand is, its joints do not say", robot.name);
+        return Err(
+            ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
+        );
+    }
     let (name, key) = match frame {
         Some(name) => (name, "frame"),
         None => {

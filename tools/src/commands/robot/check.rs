@@ -5,11 +5,11 @@ use std::process::ExitCode;
 use motorium_robots::{Loaded, MimicMode, Model};
 use serde_json::json;
 
-use super::source::{RobotArgs, code, explain};
+use super::source::{RobotArgs, code, explain, place};
 use super::{facts, facts::short};
 use crate::{exit, style};
 
-/// Check a robot's URDF: every defect, named with its link or joint.
+/// Check a robot's URDF or MJCF: every defect, named with its link or joint.
 ///
 /// A fault that keeps the robot from loading comes with its line and column, and the exit code is 3. Defects that real
 /// robots' files have are warnings; with --strict they make the exit code 3, too.
@@ -58,10 +58,7 @@ fn report(loaded: Result<Loaded, motorium_robots::LoadError>) -> serde_json::Val
             "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         }),
         Err(error) => {
-            let at = match &error {
-                motorium_robots::LoadError::Urdf(urdf) => urdf.at,
-                _ => None,
-            };
+            let (_, at) = place(&error);
             json!({
                 "valid": false,
                 "error": error.to_string(),

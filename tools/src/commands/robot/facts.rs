@@ -84,6 +84,16 @@ pub(super) fn all(robot: &Loaded) -> Value {
         "frames": model.frames().iter().map(frame).collect::<Vec<_>>(),
         "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
     });
+    if !robot.postures.is_empty() {
+        let posture = |posture: &motorium_robots::Posture| {
+            let base = posture.base.map(|base| {
+                let (roll, pitch, yaw) = base.rotation.euler_angles();
+                json!({ "position": base.translation.vector.as_slice(), "rpy": [roll, pitch, yaw] })
+            });
+            json!({ "name": posture.name, "base": base, "joints": posture.joints.as_slice() })
+        };
+        all["postures"] = robot.postures.iter().map(posture).collect();
+    }
     if let Some(profile) = &robot.profile {
         all["profile"] = json!({
             "title": profile.title,

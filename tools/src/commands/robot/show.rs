@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use comfy_table::CellAlignment;
-use motorium_robots::{Coordinate, Loaded, MimicMode, Model, Profile};
+use motorium_robots::{Coordinate, Loaded, MimicMode, Model, Posture, Profile};
 
 use super::facts::{self, short};
 use super::source::RobotArgs;
@@ -66,6 +66,7 @@ fn describe(robot: &Loaded) -> String {
             let _ = writeln!(text, "  {source}");
         }
     }
+    text += &postures(&robot.postures);
     for warning in &robot.warnings {
         let _ = writeln!(text, "{}: {warning}", style::warning("warning"));
     }
@@ -148,6 +149,21 @@ fn poses(model: &Model, profile: &Profile) -> String {
         let _ = writeln!(text, "  {name}{home}:{at} {}", values.join(" "));
     }
     text + "\n"
+}
+
+/// The key poses of the robot's SRDF, likewise.
+fn postures(postures: &[Posture]) -> String {
+    let mut text = String::new();
+    for posture in postures {
+        let values: Vec<String> = posture.joints.iter().map(|value| short(*value)).collect();
+        let at = posture.base.map_or(String::new(), |base| {
+            let (place, (roll, pitch, yaw)) = (base.translation, base.rotation.euler_angles());
+            let numbers = [place.x, place.y, place.z, roll, pitch, yaw].map(short);
+            format!(" base at {} turned {}", numbers[..3].join(" "), numbers[3..].join(" "))
+        });
+        let _ = writeln!(text, "  {}:{at} {}", posture.name, values.join(" "));
+    }
+    if text.is_empty() { text } else { format!("poses of its SRDF\n{text}\n") }
 }
 
 /// What works, stands, drives and flies.

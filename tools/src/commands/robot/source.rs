@@ -12,7 +12,7 @@ use crate::{exit, style};
 /// A robot and how to read it.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RobotArgs {
-    /// A catalogue or installed robot, a URDF file, or a folder with one
+    /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
     #[arg(value_name = "ROBOT")]
     pub(super) robot: String,
     /// Let the root link move freely, whatever its files say
@@ -50,7 +50,7 @@ impl RobotArgs {
 /// The exit code that suits the error: 3 for a file that is not right, 1 for one that cannot be had.
 pub(super) fn code(error: &LoadError) -> ExitCode {
     match error {
-        LoadError::Urdf(_) | LoadError::Profile { .. } => exit::invalid(),
+        LoadError::Urdf(_) | LoadError::Mjcf(_) | LoadError::Profile { .. } => exit::invalid(),
         _ => exit::FAILED,
     }
 }
@@ -58,10 +58,18 @@ pub(super) fn code(error: &LoadError) -> ExitCode {
 /// The message, with the place in the file where there is one.
 pub(super) fn explain(error: &LoadError) -> String {
     let message = error.to_string();
-    let LoadError::Urdf(urdf) = error else { return message };
-    let (Some(file), Some(at)) = (&urdf.file, urdf.at) else { return message };
+    let (Some(file), Some(at)) = place(error) else { return message };
     let excerpt = std::fs::read_to_string(file).ok().and_then(|text| excerpt(&text, at));
     excerpt.map_or(message.clone(), |excerpt| format!("{message}\n{excerpt}"))
+}
+
+/// File and place of a fault, where they are known.
+pub(super) fn place(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
+    match error {
+        LoadError::Urdf(urdf) => (urdf.file.as_ref(), urdf.at),
+        LoadError::Mjcf(mjcf) => (mjcf.file.as_ref(), Some(mjcf.at)),
+        _ => (None, None),
+    }
 }
 
 /// The line at fault with a mark under its column.

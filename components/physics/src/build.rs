@@ -1,0 +1,141 @@
+//! What can be wrong, or doubtful, about a simulation before it begins.
+
+use motorium_robots::Model;
+
+use crate::articulated::JointProperties;
+use crate::{Options, ResetError, WorldError};
+
+/// Why a simulation could not be set up.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// The world description has a mistake.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The rapier engine holds robots by a fixed base.
+    #[error("robot \"{robot}\" has a floating base, and this engine needs a fixed one; use `Floating`")]
+    FloatingBase {
+        /// The robot.
+        robot: String,
+    },
+    /// The initial state has a mistake.
+    #[error("initial state: {0}")]
+    State(#[from] ResetError),
+    /// A setting is out of its range.
+    #[error("`{name}` is {value}, expected {expected}")]
+    Option {
+        /// The setting.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+}
+
+/// What is doubtful about a simulation that nevertheless runs.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildWarning {
+    /// A mesh is not part of the collision geometry.
+    #[error(
+        "the collision mesh of link \"{link}\" is ignored; give the link a box, cylinder, sphere or capsule"
+    )]
+    MeshIgnored {
+        /// The link.
+        link: String,
+    },
+    /// A collision mesh that cannot be read.
+    #[error("the collision mesh of link \"{link}\" is ignored: {reason}")]
+    MeshUnreadable {
+        /// The link.
+        link: String,
+        /// Why.
+        reason: String,
+    },
+    /// Two links are too close at the start to ever count as touching.
+    #[error(
+        "links \"{first}\" and \"{second}\" start {distance} m apart and will never collide with one another; \
+         start farther apart than a centimetre if they should"
+    )]
+    SelfCollisionOff {
+        /// A link.
+        first: String,
+        /// Another link.
+        second: String,
+        /// Their distance at the start \[m\].
+        distance: f64,
+    },
+    /// A link starts inside something.
+    #[error(
+        "link \"{link}\" starts inside \"{other}\" and will be pushed out; start elsewhere or move \"{other}\""
+    )]
+    StartsInside {
+        /// The link.
+        link: String,
+        /// The object or `ground`.
+        other: String,
+    },
+    /// A joint starts beyond its limits.
+    #[error(
+        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be drawn back in"
+    )]
+    StartsBeyondLimit {
+        /// The joint.
+        joint: String,
+        /// Where it starts \[rad or m\].
+        position: f64,
+        /// Its lower limit.
+        lower: f64,
+        /// Its upper limit.
+        upper: f64,
+    },
+    /// A drive that can do nothing.
+    #[error(
+        "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
+    )]
+    NoEffort {
+        /// The joint.
+        joint: String,
+    },
+}
+
+impl BuildWarning {
+    /// Joints that start beyond their limits at `q` (one per joint), or can do nothing.
+    pub(crate) fn of_joints(model: &Model, joints: &[JointProperties], q: &[f64], into: &mut Vec<Self>) {
+        for ((joint, name), position) in joints.iter().zip(model.joint_names()).zip(q.iter().copied()) {
+            if position < joint.lower || position > joint.upper {
+                let (lower, upper) = (joint.lower, joint.upper);
+                into.push(Self::StartsBeyondLimit { joint: name.clone(), position, lower, upper });
+            }
+            if joint.effort_limit == 0.0 {
+                into.push(Self::NoEffort { joint: name.clone() });
+            }
+        }
+    }
+}
+
+impl Options {
+    /// Checks every value.
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
+        let count = |name, value: usize| {
+            let good = (1..=100).contains(&value);
+            let value = value as f64;
+            if good {
+                Ok(())
+            } else {
+                Err(BuildError::Option { name, value, expected: "a whole number from 1 to 100" })
+            }
+        };
+        let amount = |name, value: f64| {
+            let good = value.is_finite() && value >= 0.0;
+            if good {
+                Ok(())
+            } else {
+                Err(BuildError::Option { name, value, expected: "a number from 0 up" })
+            }
+        };
+        count("substeps", self.substeps)?;
+        count("contact_iterations", self.contact_iterations)?;
+        amount("armature", self.armature)?;
+        amount("friction", self.friction)
+    }
+}
