@@ -129,7 +129,7 @@ impl Latency {
         }
         if let Some(file) = &self.svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
-            let text = plot(&format!("Latency: {}", written.machine), &drawn);
+            let text = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
             std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
