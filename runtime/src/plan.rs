@@ -270,6 +270,10 @@ pub struct ComponentPlan {
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
+    /// How far its priority lies above that of the component at the head of its trigger chain on its core: those that
+    /// are triggered run before whoever has triggered them goes on.
+    #[serde(default)]
+    pub rise: u8,
     /// Inputs in the order of declaration.
     pub inputs: Vec<PortPlan>,
     /// Outputs in the order of declaration.
@@ -313,6 +317,14 @@ impl Plan {
             }
         }
         edges
+    }
+
+    /// Whether all whom a topic triggers are pinned to the core of its writer.
+    pub fn stays_on_core(&self, topic: usize) -> bool {
+        let topic = &self.topics[topic];
+        let core = |component: usize| self.components[component].core;
+        let here = core(topic.writer);
+        here.is_some() && topic.triggers.iter().all(|reader| core(*reader) == here)
     }
 }
 

@@ -1,11 +1,14 @@
 //! The static plan: which tasks share which core, and what releases them.
 //!
 //! A *task* is what the scheduler cannot tell apart: a real-time component together with everything that it triggers,
-//! directly or through others, on the same core at the same priority. Its *stages* run one after the other: the first is
-//! the component at its head, the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is
-//! woken goes to the end of the queue of its priority, and nobody of that priority interrupts another, so that everything
-//! triggered by one stage has run before anything that the next stage triggers.) A component that is triggered from
-//! another core, or by one of another priority, is the head of a task of its own.
+//! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but stay
+//! below whatever else there is. Its *stages* run one after the other: the first is the component at its head, the next
+//! are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of the queue of
+//! its priority, and nobody of that priority interrupts another, so that everything triggered by one stage has run before
+//! anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as the step that triggers it
+//! ends, and runs at once.) With rising priorities and several components triggered by one, it is open whether one of them
+//! or what another one triggers comes first: from there on all is one stage. A component that is triggered from another
+//! core, or by one of another priority, is the head of a task of its own.
 
 use serde::Serialize;
 
@@ -61,7 +64,7 @@ pub struct Place {
 pub struct Task {
     /// The core.
     pub core: usize,
-    /// `SCHED_FIFO` priority.
+    /// `SCHED_FIFO` priority of its head; what it triggers may rise above it.
     pub priority: u8,
     /// Time between two releases of the time-triggered component at the head of the whole chain, ns.
     pub period_ns: u64,
@@ -174,12 +177,30 @@ impl StaticPlan {
         for index in order {
             made.place(plan, index, overheads);
         }
+        made.join_open_stages(plan);
         made
+    }
+
+    /// Makes one stage of all that runs in an order that is not known.
+    fn join_open_stages(&mut self, plan: &Plan) {
+        for (index, task) in self.tasks.iter_mut().enumerate() {
+            let rises = task.steps().any(|step| plan.components[step.component].rise > 0);
+            let Some(open) = task.stages.iter().position(|stage| stage.steps.len() > 1).filter(|_| rises)
+            else {
+                continue;
+            };
+            let rest = task.stages.split_off(open + 1);
+            task.stages[open].steps.extend(rest.into_iter().flat_map(|stage| stage.steps));
+            for place in self.places.iter_mut().flatten().filter(|place| place.task == index) {
+                place.stage = place.stage.min(open);
+            }
+        }
     }
 
     fn place(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
         let component = &plan.components[index];
-        let (Some(priority), Some(core)) = (priority(component), core(plan, component)) else { return };
+        let (Some(own), Some(core)) = (priority(component), core(plan, component)) else { return };
+        let priority = own - component.rise.min(own);
         let spin_ns = component.spin.at_most_ns();
         let mut step =
             Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };

@@ -2,9 +2,11 @@
 
 #![allow(unsafe_code)] // the one place where mapped bytes become a bell
 
+use std::cell::Cell;
 use std::fs::OpenOptions;
 use std::io;
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 use std::sync::atomic::{AtomicU32, AtomicU64};
 
@@ -60,6 +62,12 @@ impl Bell {
 
     /// Rings: wakes all who wait. A system call only if somebody sleeps.
     pub(super) fn ring(&self) {
+        self.count();
+        self.wake();
+    }
+
+    /// Counts a ring, which those see who look; [`wake`](Self::wake) is to follow.
+    fn count(&self) {
         let words = self.words();
         let core = current_core() as u32 + 1;
         if words.core.load(Relaxed) != core {
@@ -67,6 +75,11 @@ impl Bell {
         }
         // Either this sees the sleeper, or the sleeper (who counts itself first) sees the ring.
         words.rings.fetch_add(1, SeqCst);
+    }
+
+    /// Wakes all who wait for a ring that was counted.
+    fn wake(&self) {
+        let words = self.words();
         if words.sleepers.load(SeqCst) != 0 {
             futex_wake(&words.rings);
         }
@@ -98,5 +111,34 @@ impl Bell {
         words.sleepers.fetch_add(1, SeqCst);
         futex_wait(&words.rings, heard, None);
         words.sleepers.fetch_sub(1, SeqCst);
+    }
+}
+
+/// A bell that wakes nobody before the step of its publisher is over.
+///
+/// Whom a topic wakes on the publisher's own core cannot run before that gives up the core anyway; woken earlier, those
+/// more urgent would cut the step in two.
+#[derive(Debug)]
+pub(crate) struct LateBell {
+    bell: Rc<Bell>,
+    owes: Cell<bool>,
+}
+
+impl LateBell {
+    pub(super) fn new(bell: Rc<Bell>) -> Self {
+        Self { bell, owes: Cell::new(false) }
+    }
+
+    /// Counts a ring; whoever sleeps goes on sleeping.
+    pub(super) fn ring(&self) {
+        self.bell.count();
+        self.owes.set(true);
+    }
+
+    /// Wakes those who wait for what has been published since the last time.
+    pub(crate) fn wake(&self) {
+        if self.owes.take() {
+            self.bell.wake();
+        }
     }
 }

@@ -18,6 +18,7 @@ mod topic;
 mod trigger;
 mod variant;
 
+pub(crate) use bell::LateBell;
 pub use domain::{Domain, DomainError};
 pub use exchange::{Exchange, ExchangeError, Seat};
 pub use input::{Input, Reading};

@@ -10,7 +10,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
 
-use super::bell::Bell;
+use super::bell::{Bell, LateBell};
 use super::eager::{fetch_to_write, learn};
 use super::topic::{open, refused};
 use super::trigger::open_bell;
@@ -56,7 +56,9 @@ struct Wired<T: StateBuffer> {
     topic: usize,
     publisher: Rc<Publisher<Shared, T, Stamp>>,
     /// Not used in lockstep, where nobody waits for a topic.
-    bell: Option<Bell>,
+    bell: Option<Rc<Bell>>,
+    /// In place of it where those whom it wakes share this component's core.
+    late: Option<Rc<LateBell>>,
     places: Places,
     probes: Vec<Probe>,
     digest: Digest,
@@ -89,17 +91,26 @@ impl<T: StateBuffer> Output<T> {
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let bell = if context.is_lockstep() { None } else { Some(open_bell(node, topic)?) };
+        let bell = if context.is_lockstep() { None } else { Some(Rc::new(open_bell(node, topic)?)) };
         let publisher = Rc::new(publisher);
         let wired = Wired {
             topic: index,
             publisher,
             bell,
+            late: None,
             places: Places::default(),
             probes,
             digest: Digest::default(),
         };
         Ok(Self { wired: Some(wired), ..Self::unwired(port, context) })
+    }
+
+    /// Wakes those it triggers only when the step is over, as suits those on the same core.
+    pub(crate) fn waking_after_the_step(mut self) -> Self {
+        if let Some(wired) = &mut self.wired {
+            wired.late = wired.bell.clone().map(|bell| self.context.after_the_step(LateBell::new(bell)));
+        }
+        self
     }
 
     /// What must be connected before the first step.
@@ -220,7 +231,10 @@ impl<T: StateBuffer> Loan<'_, T> {
         }
         if let Some(bell) = &wired.bell {
             bell.point_to(wired.places.offset(address));
-            bell.ring();
+            match &wired.late {
+                Some(late) => late.ring(),
+                None => bell.ring(),
+            }
             fetch_to_write(wired.places.after(address), size_of::<T>().min(FETCHED));
         }
         Ok(())

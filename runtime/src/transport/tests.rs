@@ -25,6 +25,7 @@ fn component(name: &str) -> ComponentPlan {
         budget_ns: None,
         core: None,
         spin: Spin::Fixed { ns: 0 },
+        rise: 0,
         class: SchedulingClass::Normal,
         inputs: Vec::new(),
         outputs: Vec::new(),

@@ -1,6 +1,6 @@
 //! What the ports and the loop of one component share.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, OnOverrun, Plan};
 use crate::region::{Command, ComponentBlock, Region};
+use crate::transport::LateBell;
 
 /// What the ports and the loop of one component share: whose they are, and what time it is.
 #[derive(Debug)]
@@ -24,6 +25,7 @@ pub struct Context {
     deadline_ns: Cell<u64>,
     cause_ns: Cell<Option<u64>>,
     signals: Arc<Signals>,
+    late_bells: RefCell<Vec<Rc<LateBell>>>,
 }
 
 /// What the watcher thread tells the stepping thread.
@@ -55,6 +57,7 @@ impl Context {
             deadline_ns: Cell::new(u64::MAX),
             cause_ns: Cell::new(None),
             signals: Arc::default(),
+            late_bells: RefCell::default(),
         }
     }
 
@@ -90,6 +93,18 @@ impl Context {
     /// When the run began, on the clock of stamps, ns.
     pub(crate) fn start_ns(&self) -> u64 {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
+    }
+
+    /// Takes in a bell that is to wake its waiters after every step.
+    pub(crate) fn after_the_step(&self, bell: LateBell) -> Rc<LateBell> {
+        let bell = Rc::new(bell);
+        self.late_bells.borrow_mut().push(bell.clone());
+        bell
+    }
+
+    /// Wakes those on this core whom the step has triggered. They may run before this returns.
+    pub(super) fn wake_triggered(&self) {
+        self.late_bells.borrow().iter().for_each(|bell| bell.wake());
     }
 
     pub(super) fn begin(&self) {

@@ -120,7 +120,10 @@ impl Setup {
             .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
             .collect();
         let topic = (topic, &self.plan.topics[topic]);
-        let output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?;
+        let mut output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?;
+        if self.plan.stays_on_core(topic.0) {
+            output = output.waking_after_the_step();
+        }
         self.ports.extend(output.connection());
         Ok(output)
     }

@@ -106,6 +106,8 @@ impl<C: Component> Stepper<C> {
         let after = allocations();
         let real_end = os::monotonic_ns();
         let end = if context.is_lockstep() { timing.release_ns } else { real_end };
+        // From here on nobody waits for this step: those it has triggered, if they are more urgent, run first.
+        context.wake_triggered();
 
         self.own_steps += 1;
         block.steps.store(steps + 1, Relaxed);

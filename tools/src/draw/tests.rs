@@ -40,6 +40,7 @@ fn component(
         budget_ns: Some(150_000),
         core: Some(1),
         spin: Spin::Fixed { ns: 100_000 },
+        rise: 0,
         class: if index % 3 == 2 { SchedulingClass::Normal } else { SchedulingClass::Fifo(80) },
         inputs: inputs.iter().enumerate().map(|(i, topic)| port(format!("in{i}"), *topic)).collect(),
         outputs: outputs.iter().enumerate().map(|(i, topic)| port(format!("out{i}"), Some(*topic))).collect(),

@@ -66,6 +66,7 @@ impl Parts<'_, '_> {
             core: self.scheduling.cores[index],
             spin: self.scheduling.spins[index],
             class: self.scheduling.classes[index],
+            rise: self.scheduling.rises[index],
             inputs: ports(Direction::Input),
             outputs: ports(Direction::Output),
             cause: self.latencies.causes[index],

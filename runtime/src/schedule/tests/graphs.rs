@@ -27,6 +27,7 @@ pub(super) struct Node {
     pub budget_ns: Option<u64>,
     pub core: Option<usize>,
     pub class: SchedulingClass,
+    pub rise: u8,
     pub on_overrun: OnOverrun,
     /// The component whose topic a time-triggered one reads and takes the source time of.
     pub reads: Option<usize>,
@@ -40,6 +41,7 @@ pub(super) fn node(name: &str, when: When, budget_ns: u64) -> Node {
         budget_ns: Some(budget_ns),
         core: Some(1),
         class: SchedulingClass::Fifo(80),
+        rise: 0,
         on_overrun: OnOverrun::Skip,
         reads: None,
     }
@@ -48,6 +50,13 @@ pub(super) fn node(name: &str, when: When, budget_ns: u64) -> Node {
 impl Node {
     pub(super) fn priority(mut self, priority: u8) -> Self {
         self.class = SchedulingClass::Fifo(priority);
+        self
+    }
+
+    /// So far above the head of its chain.
+    pub(super) fn rising(mut self, rise: u8) -> Self {
+        let SchedulingClass::Fifo(priority) = self.class else { panic!("only priorities rise") };
+        (self.class, self.rise) = (SchedulingClass::Fifo(priority - self.rise + rise), rise);
         self
     }
 
@@ -109,6 +118,7 @@ pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             core: node.core,
             spin: Spin::Fixed { ns: if matches!(node.when, When::Every(..)) { spin_ns } else { 0 } },
             class: node.class,
+            rise: node.rise,
             inputs: input.map(port).into_iter().collect(),
             outputs: vec![port(index)],
             cause: input.map(|_| 0),

@@ -60,45 +60,63 @@ fn chain() -> impl Strategy<Value = Chain> {
 }
 
 fn case() -> impl Strategy<Value = Case> {
-    (proptest::collection::vec(chain(), 1..4), 0u64..6, overheads(), any::<u64>()).prop_map(
-        |(chains, spin, overheads, seed)| {
-            let mut nodes: Vec<Node> = Vec::new();
-            let mut latencies = Vec::new();
-            // where data that a component passes on came into being
-            let mut origin: Vec<usize> = Vec::new();
-            for (period, phase, cost, core, priority, on_overrun, reads, followers) in chains {
-                let head = nodes.len();
-                let mut first = node(&format!("n{head}"), When::Every(period, phase % period), cost)
-                    .core(core)
-                    .priority(priority);
-                first.on_overrun = on_overrun;
-                origin.push(head);
-                if reads && head > 0 {
-                    first = first.reading(head - 1);
-                    origin[head] = origin[head - 1];
-                    latencies.push((origin[head], head, u64::MAX / 2));
-                }
-                nodes.push(first);
-                for (writer, cost, leaves, priority) in followers {
-                    let index = nodes.len();
-                    let writer = head + writer.index(index - head);
-                    let mut next = nodes[writer].clone();
-                    next.reads = None;
-                    next.on_overrun = OnOverrun::Skip;
-                    (next.name, next.when, next.budget_ns) =
-                        (format!("n{index}"), When::After(writer), Some(cost));
-                    next.core = next.core.map(|core| if leaves { 1 - core } else { core });
-                    nodes.push(match priority {
-                        Some(priority) => next.priority(priority),
-                        None => next,
-                    });
-                    origin.push(origin[head]);
-                    latencies.push((origin[head], index, u64::MAX / 2));
-                }
+    let chains = proptest::collection::vec((chain(), any::<bool>()), 1..4);
+    (chains, 0u64..6, overheads(), any::<u64>()).prop_map(|(chains, spin, overheads, seed)| {
+        let mut nodes: Vec<Node> = Vec::new();
+        let mut latencies = Vec::new();
+        // where data that a component passes on came into being
+        let mut origin: Vec<usize> = Vec::new();
+        for (chain, rises) in chains {
+            let (period, phase, cost, core, priority, on_overrun, reads, followers) = chain;
+            let head = nodes.len();
+            let mut first = node(&format!("n{head}"), When::Every(period, phase % period), cost)
+                .core(core)
+                .priority(10 * priority);
+            first.on_overrun = on_overrun;
+            origin.push(head);
+            if reads && head > 0 {
+                first = first.reading(head - 1);
+                origin[head] = origin[head - 1];
+                latencies.push((origin[head], head, u64::MAX / 2));
             }
-            Case { nodes, spin, overheads, latencies, seed }
-        },
-    )
+            nodes.push(first);
+            for (writer, cost, leaves, priority) in followers {
+                let index = nodes.len();
+                let writer = head + writer.index(index - head);
+                let mut next = nodes[writer].clone();
+                next.reads = None;
+                next.on_overrun = OnOverrun::Skip;
+                (next.name, next.when, next.budget_ns) =
+                    (format!("n{index}"), When::After(writer), Some(cost));
+                next.core = next.core.map(|core| if leaves { 1 - core } else { core });
+                let rise = if rises && !leaves { next.rise + 1 } else { 0 };
+                nodes.push(match priority {
+                    Some(priority) => next.rising(0).priority(10 * priority),
+                    None => next.rising(rise),
+                });
+                origin.push(origin[head]);
+                latencies.push((origin[head], index, u64::MAX / 2));
+            }
+        }
+        let nodes = lowered(nodes);
+        Case { nodes, spin, overheads, latencies, seed }
+    })
+}
+
+/// Nobody rises above a component that wakes another core too.
+fn lowered(mut nodes: Vec<Node>) -> Vec<Node> {
+    for index in 0..nodes.len() {
+        let When::After(writer) = nodes[index].when else { continue };
+        let here = |node: &Node| match node.when {
+            When::After(other) if other == writer => node.core == nodes[writer].core,
+            _ => true,
+        };
+        if nodes[index].rise > 0 {
+            let rise = if nodes.iter().all(here) { nodes[writer].rise + 1 } else { 0 };
+            nodes[index] = nodes[index].clone().rising(rise);
+        }
+    }
+    nodes
 }
 
 impl Case {
@@ -127,6 +145,36 @@ fn an_equal_may_come_between_the_stages_of_a_chain_more_than_once() {
         admission.latencies[0].arithmetic,
         "30 ns (second) + 30 ns (third) + 2 x 10 ns (equal) = 80 ns <= 1 us"
     );
+}
+
+#[test]
+fn an_equal_does_not_come_between_the_stages_of_a_chain_whose_priorities_rise() {
+    let nodes = [
+        node("head", When::Every(400, 0), 60),
+        node("second", When::After(0), 30).rising(1),
+        node("third", When::After(1), 30).rising(2),
+        node("equal", When::Every(90, 5), 10),
+    ];
+    let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(10_000);
+    assert_eq!(seen.latency[&(0, 2)], 60);
+    let admission = admit(&graph(&nodes, 0, &[(0, 2, 1_000)]), &Overheads::NONE, RtLimit::NONE);
+    assert!(admission.latencies[0].bound_ns.is_some_and(|bound| (60..=80).contains(&bound)));
+    assert!(admission.tasks[..3].iter().all(|task| task.released_with == "head"));
+}
+
+#[test]
+fn of_several_that_one_triggers_each_may_come_last_where_priorities_rise() {
+    let nodes = [
+        node("head", When::Every(400, 0), 10),
+        node("left", When::After(0), 20).rising(1),
+        node("right", When::After(0), 30).rising(1),
+        node("below left", When::After(1), 40).rising(2),
+    ];
+    let admission = admit(&graph(&nodes, 0, &[]), &Overheads::NONE, RtLimit::NONE);
+    let responses: Vec<_> = admission.tasks.iter().map(|task| task.response_ns).collect();
+    assert_eq!(responses, [Some(10), Some(100), Some(100), Some(100)]);
+    let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(10_000);
+    assert_eq!(seen.response, [10, 30, 100, 70], "below left comes before right");
 }
 
 proptest! {

@@ -65,6 +65,8 @@ struct Thread {
     /// Triggers under way: time of arrival.
     coming: Vec<(i64, Token)>,
     newest: Option<(i64, usize)>,
+    /// A wake-up that waits for the end of the step that triggers it.
+    owed: Option<Token>,
 }
 
 /// The machine.
@@ -210,8 +212,9 @@ impl<'g> Machine<'g> {
             self.threads[index].coming.retain(|(at, _)| *at > self.now);
             for (at, mut token) in due {
                 let When::After(writer) = self.nodes[index].when else { unreachable!() };
-                let one_task = self.nodes[writer].core == self.nodes[index].core
-                    && self.priority(writer) == self.priority(index);
+                let base = |index: usize| self.priority(index) - self.nodes[index].rise;
+                let one_task =
+                    self.nodes[writer].core == self.nodes[index].core && base(writer) == base(index);
                 if !one_task {
                     token.task = at;
                 }
@@ -276,6 +279,9 @@ impl<'g> Machine<'g> {
             self.publish(index, token);
         }
         if left == 0 {
+            self.wake_here(index);
+        }
+        if left == 0 {
             self.finish(index, token);
         }
         true
@@ -297,6 +303,10 @@ impl<'g> Machine<'g> {
             if !matches!(self.nodes[reader].when, When::After(writer) if writer == index) {
                 continue;
             }
+            if self.stays(index) {
+                self.threads[reader].owed = Some(token);
+                continue;
+            }
             let delay = if self.nodes[reader].core == self.nodes[index].core {
                 0
             } else if self.chance == Chance::None {
@@ -305,6 +315,25 @@ impl<'g> Machine<'g> {
                 self.up_to(self.overheads.hop_cross_core_ns as i64)
             };
             self.threads[reader].coming.push((time + delay, token));
+        }
+    }
+
+    /// Whether all whom a component triggers are on its core.
+    fn stays(&self, index: usize) -> bool {
+        self.nodes.iter().all(|reader| match reader.when {
+            When::After(writer) if writer == index => reader.core == self.nodes[index].core,
+            _ => true,
+        })
+    }
+
+    /// At the end of a step those wake whom it has triggered on its own core.
+    fn wake_here(&mut self, index: usize) {
+        for reader in 0..self.nodes.len() {
+            if matches!(self.nodes[reader].when, When::After(writer) if writer == index)
+                && let Some(token) = self.threads[reader].owed.take()
+            {
+                self.threads[reader].coming.push((self.now + 1, token));
+            }
         }
     }
 

@@ -31,7 +31,7 @@ pub struct Timeline {
 pub struct CoreTimeline {
     /// The core.
     pub core: usize,
-    /// Its components, the most urgent first.
+    /// Its components: the chains with the most urgent heads first, each in its order.
     pub lanes: Vec<Lane>,
 }
 
@@ -40,7 +40,7 @@ pub struct CoreTimeline {
 pub struct Lane {
     /// Name of the component.
     pub component: String,
-    /// Its priority.
+    /// Its `SCHED_FIFO` priority.
     pub priority: u8,
     /// Its releases, ns from the start: by the clock, or by what triggers it.
     pub releases_ns: Vec<u64>,

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use super::{Activity, Lane, Segment};
 use crate::plan::{Activation, OnOverrun, Plan};
 use crate::schedule::Overheads;
-use crate::schedule::tasks::{Place, StaticPlan};
+use crate::schedule::tasks::{self, Place, StaticPlan};
 
 /// More segments than this are not drawn.
 const MOST_SEGMENTS: usize = 20_000;
@@ -62,18 +62,19 @@ pub(super) struct Simulation<'p> {
 
 impl<'p> Simulation<'p> {
     /// A graph before its start.
-    pub(super) fn new(plan: &'p Plan, tasks: &StaticPlan, overheads: &'p Overheads) -> Self {
+    pub(super) fn new(plan: &'p Plan, made: &StaticPlan, overheads: &'p Overheads) -> Self {
         let threads: Vec<Thread> = plan
             .components
             .iter()
-            .zip(&tasks.places)
+            .zip(&made.places)
             .enumerate()
             .map(|(index, (component, place))| match place {
                 Some(Place { task, stage }) => {
-                    let task = &tasks.tasks[*task];
+                    let task = &made.tasks[*task];
                     let step = task.stages[*stage].steps.iter().find(|step| step.component == index);
                     let cost = step.map_or(0, |step| step.cost_ns()) as i64;
-                    Thread { place: Some((task.core, task.priority)), cost, job: None, again: None }
+                    let priority = tasks::priority(component).unwrap_or(task.priority);
+                    Thread { place: Some((task.core, priority)), cost, job: None, again: None }
                 }
                 None => {
                     let cost = component.budget_ns.unwrap_or(0) as i64;
@@ -97,7 +98,7 @@ impl<'p> Simulation<'p> {
             threads,
             lanes,
             events: BinaryHeap::new(),
-            cores: tasks.cores(),
+            cores: made.cores(),
             now: 0,
             counter: 0,
             segments: 0,

@@ -12,7 +12,7 @@ use crate::plan::SchedulingClass;
 use crate::schedule::assign;
 
 /// Highest priority of a component: 99 is left to the kernel's own threads.
-const HIGHEST_PRIORITY: u8 = 98;
+pub(super) const HIGHEST_PRIORITY: u8 = 98;
 /// Periods that Linux takes for `SCHED_DEADLINE` unless it is told otherwise, ns.
 const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
 /// Time in each period on top of the budget, ns: what the worker itself takes, with room to spare. Without it a step

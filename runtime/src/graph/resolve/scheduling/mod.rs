@@ -2,6 +2,7 @@
 
 mod classes;
 mod cores;
+mod rise;
 mod spin;
 
 use super::Draft;
@@ -20,6 +21,8 @@ pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
     /// By component.
     pub classes: Vec<SchedulingClass>,
+    /// By component: how far its priority lies above that of the head of its chain.
+    pub rises: Vec<u8>,
     /// By component; `None` for any of the shared cores.
     pub cores: Vec<Option<usize>>,
     /// By component.
@@ -38,15 +41,18 @@ pub(super) fn resolve(
     let schedules: Vec<Schedule> =
         drafts.iter().map(|draft| good_or(&draft.table.schedule, defaults::SCHEDULE)).collect();
     let classes = classes::classes(drafts, &schedules, timing, report);
+    let given: Vec<bool> = drafts.iter().map(|draft| draft.table.priority.is_some()).collect();
     let pinned = cores::pin(drafts, &schedules, timing, &cores, machine, report);
     cores::unused_core(graph, &cores, &pinned, report);
     let realtime = good(&graph.realtime);
+    let (classes, rises) = rise::rise(&classes, &given, &pinned, &timing.triggered_by);
     let spins = spin::spins(realtime, drafts, &schedules, timing, report);
     let on_denied =
         realtime.map_or(defaults::ON_DENIED, |table| good_or(&table.on_denied, defaults::ON_DENIED));
     Scheduling {
         plan: SchedulingPlan { shared_cores: cores.shared, on_denied },
         classes,
+        rises,
         cores: pinned,
         spins,
     }
