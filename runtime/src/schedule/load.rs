@@ -76,14 +76,15 @@ fn term(plan: &Plan, reservation: &Reservation) -> LoadTerm {
 
 /// What all components that are scheduled by deadlines take of all cores together; `None` if there are none.
 ///
-/// The kernel takes no more than the share of all cores that real-time threads may have.
+/// The kernel takes no more than [`RtLimit::deadline_share`] of all cores.
 pub(super) fn deadlines(plan: &Plan, tasks: &StaticPlan, limit: &RtLimit) -> Option<DeadlineLoad> {
     let terms: Vec<LoadTerm> = tasks.reservations.iter().map(|reservation| term(plan, reservation)).collect();
     if terms.is_empty() {
         return None;
     }
-    let (share, most) =
-        (terms.iter().map(|term| term.share).sum(), limit.share() * tasks.available_cores as f64);
+    let share = terms.iter().map(|term| term.share).sum();
+    let each = limit.deadline_share();
+    let most = each * tasks.available_cores as f64;
     let holds = share <= most + 1e-9;
     let digits = words::shares(share, most);
     let parts: Vec<String> = terms
@@ -94,7 +95,7 @@ pub(super) fn deadlines(plan: &Plan, tasks: &StaticPlan, limit: &RtLimit) -> Opt
             format!("{sign}{:.digits$} ({})", term.share, term.component)
         })
         .collect();
-    let most_in_words = format!("{} x {}", tasks.available_cores, limit.share());
+    let most_in_words = format!("{} x {each}", tasks.available_cores);
     Some(DeadlineLoad {
         cores: tasks.available_cores,
         share,
@@ -103,6 +104,15 @@ pub(super) fn deadlines(plan: &Plan, tasks: &StaticPlan, limit: &RtLimit) -> Opt
         arithmetic: words::comparison(&parts, format!("{share:.digits$}"), holds, &most_in_words),
         terms,
     })
+}
+
+/// The longest time that real-time components may run within one throttling period.
+#[derive(Debug)]
+pub(super) struct Burst {
+    /// In all, ns.
+    pub total_ns: u64,
+    /// By task or reservation: its components, and how long they run, ns.
+    pub terms: Vec<(Vec<usize>, u64)>,
 }
 
 /// The longest time, ns, that real-time components may run within one throttling period, with the terms of the sum, each
@@ -116,7 +126,7 @@ pub(super) fn longest_burst(
     responses: &Responses,
     core: usize,
     limit: &RtLimit,
-) -> Option<(u64, Vec<(Vec<usize>, u64)>)> {
+) -> Option<Burst> {
     limit.runtime_ns?;
     let window = limit.period_ns as i64;
     let work = |demand: &Demand, response: i64| {
@@ -137,5 +147,5 @@ pub(super) fn longest_burst(
     });
     let terms: Option<Vec<(Vec<usize>, u64)>> = of_tasks.chain(of_reservations).collect();
     let terms = terms?;
-    Some((terms.iter().map(|(_, work)| work).sum(), terms))
+    Some(Burst { total_ns: terms.iter().map(|(_, work)| work).sum(), terms })
 }

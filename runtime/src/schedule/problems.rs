@@ -2,7 +2,7 @@
 
 use super::admission::{Admission, Problem, TaskBound, Verdict};
 use super::latency::Analysis;
-use super::load::longest_burst;
+use super::load::{Burst, longest_burst};
 use super::words;
 use crate::graph::Severity;
 
@@ -59,8 +59,8 @@ fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec
     for core in admission.cores.iter_mut().filter(|core| core.verdict != Verdict::Exceeds) {
         let limit = &admission.rt_limit;
         let burst = longest_burst(analysis.tasks, analysis.responses, core.core, limit);
-        let (Some((total, terms)), Some(runtime_ns)) = (burst, limit.runtime_ns) else { continue };
-        if total <= runtime_ns {
+        let (Some(Burst { total_ns, terms }), Some(runtime_ns)) = (burst, limit.runtime_ns) else { continue };
+        if total_ns <= runtime_ns {
             continue;
         }
         core.verdict = Verdict::Exceeds;
@@ -78,7 +78,7 @@ fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec
             Some(format!(
                 "core {}, in one period of {period}: {}",
                 core.core,
-                words::comparison(&terms, words::time(total), false, &words::time(runtime_ns))
+                words::comparison(&terms, words::time(total_ns), false, &words::time(runtime_ns))
             )),
             "lower rates or budgets, split long steps, or set kernel.sched_rt_runtime_us to -1",
         ));

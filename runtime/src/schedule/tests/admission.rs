@@ -2,7 +2,6 @@
 
 use super::graphs::{Node, When, graph, node};
 use crate::graph::Severity;
-use crate::plan::SchedulingClass;
 use crate::plan::{ClockKind, OnOverrun};
 use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
 

@@ -78,7 +78,7 @@ fn a_priority_waits_for_every_deadline_and_the_sum_says_so() {
     assert_eq!(admission.cores[0].terms.iter().filter(|term| term.activity == Activity::Reserved).count(), 2);
     let deadlines = admission.deadlines.unwrap();
     assert_eq!((deadlines.cores, deadlines.verdict), (2, Verdict::Holds));
-    assert_eq!(deadlines.arithmetic, "0.125 (vision) + 0.037 (map) = 0.163 <= 2 x 0.95");
+    assert_eq!(deadlines.arithmetic, "0.125 (vision) + 0.037 (map) = 0.163 <= 2 x 0.9");
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn more_deadlines_than_the_kernel_takes_are_refused_with_the_sum() {
     let problem =
         admission.refusals().find(|problem| problem.message.contains("by their deadlines")).unwrap();
     let arithmetic = problem.arithmetic.as_deref().unwrap();
-    assert_eq!(arithmetic, "all cores: 0.650 (a) + 0.650 (b) + 0.650 (c) = 1.950 > 2 x 0.95");
+    assert_eq!(arithmetic, "all cores: 0.650 (a) + 0.650 (b) + 0.650 (c) = 1.950 > 2 x 0.9");
 }
 
 #[test]

@@ -24,6 +24,8 @@ enum Line {
         fifo: u32,
         samples_ns: Vec<u64>,
     },
+    /// What a tool says of samples that it keeps to itself.
+    Told { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
     /// Why there are none.
     Skipped { name: String, skipped: String },
 }
@@ -59,6 +61,22 @@ pub(super) fn measure(core: usize, mut tell: impl FnMut(Result<Measurement, Skip
                 host,
                 slices_p50: Vec::new(),
             }),
+            Ok(Line::Told { name, what, count, mean_ns, p50_ns, p99_ns, max_ns }) => Ok(Measurement {
+                name: format!("peer.{name}"),
+                what,
+                // of the rest of its distribution nothing is known
+                ns: Distribution {
+                    count,
+                    mean: mean_ns as f64,
+                    p50: p50_ns,
+                    p99: p99_ns,
+                    max: max_ns,
+                    ..Distribution::default()
+                },
+                fifo: 0,
+                host,
+                slices_p50: Vec::new(),
+            }),
             Ok(Line::Skipped { name, skipped }) => {
                 Err(Skipped { name: format!("peer.{name}"), reason: skipped })
             }
@@ -85,6 +103,9 @@ mod tests {
         let measured =
             Line::Measured { name: "lcm".into(), what: "x".into(), fifo: 0, samples_ns: vec![1, 2] };
         assert_eq!(line, measured);
+        let told = r#"{"name":"d","what":"x","count":9,"mean_ns":5,"p50_ns":4,"p99_ns":7,"max_ns":8}"#;
+        let line: Line = serde_json::from_str(told).unwrap();
+        assert!(matches!(line, Line::Told { count: 9, p50_ns: 4, p99_ns: 7, max_ns: 8, .. }), "{line:?}");
         let line: Line = serde_json::from_str(r#"{"name":"dora","skipped":"not installed"}"#).unwrap();
         assert_eq!(line, Line::Skipped { name: "dora".into(), skipped: "not installed".into() });
     }

@@ -20,7 +20,11 @@ pub(super) fn header() -> String {
 /// One measurement, made on this core.
 pub(super) fn row(measurement: &Measurement, core: usize) -> String {
     let ns = &measurement.ns;
-    let columns = [ns.p50, ns.p99, ns.p99_9, ns.max].map(|ns| format!("{:>9}", microseconds(ns))).join(" ");
+    // a peer's own tool may not tell
+    let known = |percentile: u64| {
+        if percentile == 0 && ns.max > 0 { "-".to_string() } else { microseconds(percentile) }
+    };
+    let columns = [ns.p50, ns.p99, ns.p99_9, ns.max].map(|ns| format!("{:>9}", known(ns))).join(" ");
     let host = measurement.host.in_words(core);
     let line =
         format!("{:NAME$} {columns} {:>9}  {:WHAT$} {host}", measurement.name, ns.count, measurement.what);
