@@ -159,7 +159,7 @@ impl Case {
                     cores: [if *across { other? } else { core }, core],
                     fifo: bench.fifo,
                     rounds,
-                    warm_up: rounds.min(1_000),
+                    warm_up: if *paced { rounds / 10 } else { rounds.min(1_000) },
                     pace_ns: if *paced { PACE_NS } else { 0 },
                 };
                 let thrown = pair::measure(&bench.program, bench.registry, &throw)?;

@@ -43,7 +43,10 @@ const FAMILIES: [Family; 3] = [
     Family {
         title: "other systems",
         dashes: " stroke-dasharray=\"8 3\"",
-        colours: &["#cc3311", "#ee7733", "#0077bb", "#009988", "#ee3377", "#664400", "#aa4499", "#444444"],
+        colours: &[
+            "#cc3311", "#ee7733", "#0077bb", "#009988", "#ee3377", "#664400", "#444444", "#6699cc",
+            "#aa4499", "#000000",
+        ],
         is_member: is_peer,
     },
 ];
@@ -55,6 +58,9 @@ fn is_peer(name: &str) -> bool {
 /// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
 /// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
 pub fn plot(machine: &str, measurements: &[&Measurement]) -> String {
+    // of a peer that keeps its samples to itself there is no curve
+    let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
+    let measurements: Vec<&Measurement> = measurements.iter().filter(has_curve).copied().collect();
     let bounds = measurements.iter().flat_map(|measurement| measurement.ns.curve()).map(|(_, ns)| ns.max(1));
     let (low, high) = bounds.fold((u64::MAX, 10), |(low, high), ns| (low.min(ns), high.max(ns)));
     let low = decade(low.min(high)).floor();

@@ -74,7 +74,7 @@ impl Latency {
                 .map_or(if self.quick { 20_000 } else { 100_000 }, |samples| samples as usize),
             paced: if self.quick { 2_000 } else { 10_000 },
             seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 4 }),
-            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 40 }),
+            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 50 }),
             loader: self.loader()?,
         };
         if self.ratchet {

@@ -8,7 +8,7 @@ use motorium_benches::latency::{Measurement, Target, Verdict, Written};
 use crate::{report, style};
 
 const NAME: usize = 27;
-const WHAT: usize = 56;
+const WHAT: usize = 60;
 
 /// The head of the table.
 pub(super) fn header() -> String {
