@@ -63,9 +63,11 @@ impl Source {
             let (_, hz) = measured.rates.iter().find(|(component, hz)| component == name && *hz > 0.0)?;
             Some(format!("{hz:.1} Hz"))
         };
-        // of several readers the one that gets the oldest
+        // of several readers the one that gets the oldest, among those that do not just look at it now and then
         let age = |topic: &str| {
-            let edges = measured.edges.iter().filter(|edge| edge.topic == topic && edge.read > 0);
+            let edges = || measured.edges.iter().filter(|edge| edge.topic == topic && edge.read > 0);
+            let most = edges().map(|edge| edge.read).max()?;
+            let edges = edges().filter(|edge| edge.read * 10 >= most);
             let oldest = edges.max_by_key(|edge| edge.age_ns.p99)?.age_ns;
             Some(format!("read after p50 {} / p99 {} us", microseconds(oldest.p50), microseconds(oldest.p99)))
         };
