@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use motorium::component::{ConfigError, Kind, Registry, RobotSource};
 use motorium::worker::{Program, run_worker};
 use motorium_benches::Part;
+use motorium_benches::host::Loader;
 use motorium_benches::latency::{Bench, Case, catalogue, targets};
 use motorium_benches::relay::Relay;
 use motorium_benches::timer::Places;
@@ -36,7 +37,10 @@ fn main() -> ExitCode {
         places: Places::detect(),
         fifo: 80,
         samples: 20_000,
-        seconds: 3,
+        paced: 5_000,
+        seconds: 1,
+        panda_seconds: 1,
+        loader: Loader::detect(),
     };
     let wanted = |case: &Case| arguments[1..].contains(&case.name);
     let cases: Vec<Case> = catalogue().into_iter().filter(wanted).collect();

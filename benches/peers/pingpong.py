@@ -1,4 +1,6 @@
-"""One side of a round trip over a peer: `pingpong.py PEER BYTES ROUNDS ping|pong`. Ping prints half round trips, ns."""
+"""One side of a round trip over a peer: `pingpong.py PEER BYTES ROUNDS SECONDS ping|pong`. Ping prints half round trips,
+ns: so many, or as many as there are in these seconds.
+"""
 
 import json
 import sys
@@ -37,6 +39,22 @@ class Zenoh:
         self.publisher.put(data)
 
 
+class ZenohShared(Zenoh):
+    """Payloads in buffers of shared memory; the other side reads them in place."""
+
+    def __init__(self, send, receive, heard):
+        from zenoh.shm import BlockOn, GarbageCollect, ShmProvider
+
+        self.provider = ShmProvider.default_backend(1 << 20)
+        self.policy = BlockOn(GarbageCollect())
+        super().__init__(send, receive, heard)
+
+    def send(self, data):
+        buffer = self.provider.alloc(len(data), policy=self.policy)
+        buffer[:] = data
+        self.publisher.put(buffer)
+
+
 class CycloneDds:
     def __init__(self, send, receive, heard):
         from dataclasses import dataclass
@@ -67,7 +85,7 @@ class CycloneDds:
         self.writer.write(self.type(data=list(data)))
 
 
-PEERS = {"lcm": Lcm, "zenoh": Zenoh, "cyclonedds": CycloneDds}
+PEERS = {"lcm": Lcm, "zenoh": Zenoh, "zenoh.shm": ZenohShared, "cyclonedds": CycloneDds}
 
 
 def pong(peer):
@@ -77,7 +95,7 @@ def pong(peer):
         time.sleep(1)
 
 
-def ping(peer, size, rounds):
+def ping(peer, size, rounds, seconds):
     back = threading.Event()
     link = peer("motorium_bench_there", "motorium_bench_back", lambda _: back.set())
     data = bytes(size)
@@ -90,6 +108,7 @@ def ping(peer, size, rounds):
         sys.exit("the other side was not found")
     time.sleep(0.5)
     samples = []
+    end = time.monotonic() + seconds
     for i in range(WARM_UP + rounds):
         back.clear()
         start = time.perf_counter_ns()
@@ -98,9 +117,11 @@ def ping(peer, size, rounds):
             sys.exit(f"no answer to message {i}")
         if i >= WARM_UP:
             samples.append((time.perf_counter_ns() - start) // 2)
+        if time.monotonic() > end:
+            break
     print(json.dumps(samples))
 
 
 if __name__ == "__main__":
-    name, size, rounds, side = sys.argv[1:]
-    pong(PEERS[name]) if side == "pong" else ping(PEERS[name], int(size), int(rounds))
+    name, size, rounds, seconds, side = sys.argv[1:]
+    pong(PEERS[name]) if side == "pong" else ping(PEERS[name], int(size), int(rounds), float(seconds))

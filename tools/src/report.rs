@@ -108,6 +108,7 @@ pub(crate) fn summary(report: &Report) -> String {
     right_from(&mut components, 1);
     let _ = writeln!(text, "{}", components.trim_fmt());
     missed_steps(report, &mut text);
+    interrupted(report, &mut text);
     for latency in &report.latencies {
         let _ = writeln!(
             text,
@@ -124,6 +125,25 @@ pub(crate) fn summary(report: &Report) -> String {
         let _ = writeln!(text, "{} {}", style::strong(format!("{name}:")), plain(result));
     }
     text
+}
+
+/// What else the cores did whose steps were too long: the kernel books the time of interrupts on the step.
+fn interrupted(report: &Report, text: &mut String) {
+    let long: u64 = report.components.iter().map(|component| component.misses.long_step).sum();
+    for core in report.cores.iter().filter(|_| long > 0) {
+        let mut kinds: Vec<(&String, &u64)> = core.interrupts.iter().collect();
+        kinds.sort_by_key(|(name, count)| (core::cmp::Reverse(**count), *name));
+        let kinds: Vec<String> =
+            kinds.iter().take(4).map(|(name, count)| format!("{count} {name}")).collect();
+        let _ = writeln!(
+            text,
+            "core {}: {} interrupts ({}), the host took {:.0} ms",
+            core.core,
+            core.interrupts_in_all(),
+            kinds.join(", "),
+            core.steal_ms
+        );
+    }
 }
 
 /// Names the cause of every missed step: one of the host is not one of ours.

@@ -72,6 +72,7 @@ fn a_running_graph_shows_its_topics_and_takes_parameters() {
     measures_rates(run);
     shows_layouts(run);
     sets_parameters(run);
+    is_drawn_as_it_runs(run);
 
     assert!(running.interrupt(), "an interrupted run ends in good order");
     let text = complaint(&["topic", "list", "--run", run]);
@@ -152,6 +153,15 @@ fn shows_layouts(run: &str) {
     assert_eq!(detail["readers"], serde_json::json!(["physics"]));
 }
 
+fn is_drawn_as_it_runs(run: &str) {
+    let picture = printed(&["graph", "--measured", run]);
+    let physics = picture.lines().find(|line| line.contains("<b>physics</b>")).expect("a component");
+    assert!(physics.ends_with(" Hz\"]"), "its rate comes last: {physics}");
+    assert!(picture.contains("panda/joint_state<br/>JointState<br/>read after p50 "), "{picture}");
+    let unknown = complaint(&["graph", "--measured", "nobody"]);
+    assert!(unknown.contains("no run is called `nobody`"), "{unknown}");
+}
+
 fn sets_parameters(run: &str) {
     let rows = json(&["param", "list", "--run", run, "--json"]);
     assert_eq!(rows[0]["name"], "controller.frequency");
@@ -178,6 +188,14 @@ fn a_made_crate_has_a_graph_that_is_valid_as_soon_as_its_program_is_built() {
     let report = json(&["run", graph, "--clock", "lockstep", "--for", "2s", "--json"]);
     let error = report["results"]["controller"]["largest_error_rad"].as_f64().expect("a result");
     assert!(error > 1e-6 && error < 0.02, "the arm moves and follows: {error}");
+
+    let kept = folder.path().join("report.json");
+    let kept = kept.to_str().expect("a path of text");
+    std::fs::write(kept, report.to_string()).expect("written");
+    let picture = printed(&["graph", graph, "--measured", kept, "--format", "svg"]);
+    assert!(picture.contains(">read after p50 ") && picture.contains(" Hz<"), "{picture}");
+    let other = complaint(&["graph", "--measured", graph]);
+    assert!(other.contains("is no report of a run"), "{other}");
 }
 
 #[test]

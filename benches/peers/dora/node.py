@@ -1,4 +1,7 @@
-"""A node of the caterpillar: `node.py source|relay|sink [RESULT]`. The last sink writes its samples (ns) to RESULT."""
+"""A node of the caterpillar: `node.py source|relay|sink COUNT [RESULT]`. The last sink writes its samples (ns) to RESULT.
+
+Used where the Rust program beside it is not built.
+"""
 
 import json
 import sys
@@ -7,13 +10,13 @@ import time
 import pyarrow
 from dora import Node
 
-COUNT = 1_000
 WARM_UP = 100
 
 
 def main():
     role = sys.argv[1]
-    result = sys.argv[2] if len(sys.argv) > 2 else None
+    count = int(sys.argv[2])
+    result = sys.argv[3] if len(sys.argv) > 3 else None
     node = Node()
     samples = []
     sent = 0
@@ -24,7 +27,7 @@ def main():
             # 512 bytes, as the relays of motorium.
             node.send_output("out", pyarrow.array([time.monotonic_ns()] * 64, type=pyarrow.uint64()))
             sent += 1
-            if sent == COUNT + WARM_UP:
+            if sent == count + WARM_UP:
                 break
         elif role == "relay":
             node.send_output("out", event["value"])

@@ -8,6 +8,7 @@ use motorium::launcher::{self, Event, Exit, Hosting, Options, Report};
 use motorium::region::Region;
 use motorium::run_folder::{RunFolder, runs_folder};
 
+use crate::host::Causes;
 use crate::{Distribution, MeasureError};
 
 /// A graph that has run.
@@ -25,6 +26,11 @@ impl Ran {
     /// A distribution that a `bench.relay` left as its result.
     pub fn relayed(&self, component: &str, what: &str) -> Option<Distribution> {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
+    }
+
+    /// Why its components were late.
+    pub fn causes(&self) -> Causes {
+        Causes::of(&self.report)
     }
 
     /// The least `SCHED_FIFO` priority among its components.

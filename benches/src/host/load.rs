@@ -3,42 +3,126 @@
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
 
 /// Marks a process of the load in its command line.
 pub(crate) const LOAD: &str = "--bench-load";
 /// Memory that a process streams through, bytes: more than the caches hold.
 const STREAMED: usize = 64 << 20;
 
-/// Processes at normal priority that keep every core busy with memory traffic, system calls and context switches: two
-/// for each core. They end when this is dropped.
+/// What makes the load.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Loader {
+    /// `stress-ng`: a process for each core that streams through memory, and one that throws through pipes.
+    StressNg {
+        /// Its version.
+        version: String,
+    },
+    /// `hackbench` of rt-tests: ten processes for each core that throw through pipes.
+    Hackbench,
+    /// Two processes of our own for each core: one that streams through memory, one that throws through pipes.
+    Own,
+}
+
+impl Loader {
+    /// The first of `stress-ng`, `hackbench` and our own that is there.
+    pub fn detect() -> Self {
+        Self::named("stress-ng").or_else(|| Self::named("hackbench")).unwrap_or(Self::Own)
+    }
+
+    /// One of `stress-ng`, `hackbench` and `own`, if it is installed.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "stress-ng" => {
+                let said = Command::new(name).arg("--version").stdin(Stdio::null()).output().ok()?;
+                let text = String::from_utf8_lossy(&said.stdout).into_owned();
+                let version =
+                    text.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()));
+                Some(Self::StressNg { version: version.unwrap_or("of unknown version").to_string() })
+            }
+            "hackbench" => {
+                let said = Command::new(name).arg("--help").stdin(Stdio::null()).output();
+                said.ok().map(|_| Self::Hackbench)
+            }
+            "own" => Some(Self::Own),
+            _ => None,
+        }
+    }
+
+    /// What it is started with, for one core; our own processes are started otherwise.
+    fn arguments(&self, cores: usize) -> Vec<String> {
+        let text = match self {
+            // It ends by itself should nobody be left to end it.
+            Self::StressNg { .. } => format!("--quiet --timeout 900 --stream {cores} --pipe {cores}"),
+            Self::Hackbench => format!("--pipe --groups {cores} --fds 5 --loops 1000000000"),
+            Self::Own => String::new(),
+        };
+        text.split_whitespace().map(str::to_string).collect()
+    }
+}
+
+impl core::fmt::Display for Loader {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let with = self.arguments(super::cores().len()).join(" ");
+        match self {
+            Self::StressNg { version } => write!(f, "stress-ng {version} {with}"),
+            Self::Hackbench => write!(f, "hackbench {with}"),
+            Self::Own => f.write_str("our own: for each core one process through memory, one through pipes"),
+        }
+    }
+}
+
+/// Processes at normal priority that keep every core busy with memory traffic, system calls and context switches. They
+/// end when this is dropped.
 #[derive(Debug)]
 pub struct Load(Vec<Child>);
 
 impl Load {
-    /// Starts the load with a program that hands its arguments to [`Part`](crate::Part).
+    /// Starts the load; our own with a program that hands its arguments to [`Part`](crate::Part).
     ///
     /// # Errors
     /// A process could not be started.
-    pub fn start(program: &Path) -> std::io::Result<Self> {
+    pub fn start(loader: &Loader, program: &Path) -> std::io::Result<Self> {
         let mut load = Self(Vec::new());
-        for _ in super::cores() {
-            for kind in ["memory", "calls"] {
-                let child = Command::new(program)
-                    .args([LOAD, kind])
-                    .stdin(Stdio::piped())
-                    .stdout(Stdio::null())
-                    .stderr(Stdio::null())
-                    .spawn()?;
-                load.0.push(child);
+        let mut start = |program: &Path, arguments: &[String]| -> std::io::Result<()> {
+            let mut command = Command::new(program);
+            command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+            load.0.push(command.spawn()?);
+            Ok(())
+        };
+        let cores = super::cores().len();
+        match loader {
+            Loader::StressNg { .. } => start(Path::new("stress-ng"), &loader.arguments(cores))?,
+            Loader::Hackbench => start(Path::new("hackbench"), &loader.arguments(cores))?,
+            Loader::Own => {
+                for _ in 0..cores {
+                    for kind in ["memory", "calls"] {
+                        start(program, &[LOAD.to_string(), kind.to_string()])?;
+                    }
+                }
             }
         }
+        // Until all of its processes run.
+        std::thread::sleep(Duration::from_millis(300));
         Ok(load)
     }
 }
 
 impl Drop for Load {
     fn drop(&mut self) {
+        // Asked first: a tool of many processes ends its own.
+        for child in &self.0 {
+            if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+                let _ = kill_process(pid, Signal::TERM);
+            }
+        }
+        let end = Instant::now() + Duration::from_secs(3);
         for child in &mut self.0 {
+            while matches!(child.try_wait(), Ok(None)) && Instant::now() < end {
+                std::thread::sleep(Duration::from_millis(10));
+            }
             let _ = child.kill();
             let _ = child.wait();
         }
@@ -76,4 +160,22 @@ fn call_the_system() {
     });
     let mut byte = [1];
     while to_b.write_all(&byte).is_ok() && from_b.read_exact(&mut byte).is_ok() {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn our_own_load_is_always_there_and_nothing_unknown_is() {
+        assert_eq!(Loader::named("own"), Some(Loader::Own));
+        assert_eq!(Loader::named("sleep"), None);
+    }
+
+    #[test]
+    fn a_load_says_what_it_is_and_how_it_was_started() {
+        let text = Loader::StressNg { version: "0.15.06".to_string() }.to_string();
+        assert!(text.starts_with("stress-ng 0.15.06 ") && text.contains("--pipe"), "{text}");
+        assert!(Loader::Hackbench.to_string().contains("--groups"));
+    }
 }

@@ -2,9 +2,9 @@
 
 mod load;
 mod machine;
-mod steal;
+mod share;
 
-pub use load::Load;
 pub(crate) use load::{LOAD, run_load};
+pub use load::{Load, Loader};
 pub use machine::{Machine, cores};
-pub use steal::{HostShare, Watch};
+pub use share::{Causes, HostShare, Watch};

@@ -1,9 +1,9 @@
 //! Everything that is measured, by name.
 
-use super::{Bench, Samples};
+use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, Ran};
 use crate::pair::{self, Carrier, Throw};
-use crate::{MeasureError, timer};
+use crate::{Distribution, MeasureError, timer};
 
 /// One thing to measure.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,20 +136,20 @@ impl Case {
     }
 
     /// Measures it: all samples, and the priority that was granted.
-    pub(super) fn run(&self, bench: &Bench<'_>) -> Result<(Samples, u32), MeasureError> {
+    pub(super) fn run(&self, bench: &Bench<'_>) -> Result<Outcome, MeasureError> {
         let core = bench.places.realtime;
         match &self.kind {
-            Kind::Clock => Ok((Samples::All(timer::clock()), 0)),
+            Kind::Clock => Ok(Outcome::of(timer::clock(), 0)),
             Kind::Timer => {
                 let (late, fifo) = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
-                Ok((Samples::All(late), fifo))
+                Ok(Outcome::of(late, fifo))
             }
             Kind::Throw { carrier, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
                 let samples = bench.samples;
                 // Two samples of every round trip, but one of the cache line and of a paced throw.
                 let rounds = match (carrier, paced) {
-                    (_, true) => (1_000 * bench.seconds as usize).min(samples),
+                    (_, true) => bench.paced.min(samples),
                     (Carrier::CacheLine, _) => samples,
                     _ => samples.div_ceil(2),
                 };
@@ -159,15 +159,15 @@ impl Case {
                     cores: [if *across { other? } else { core }, core],
                     fifo: bench.fifo,
                     rounds,
-                    warm_up: rounds.min(1_000),
+                    warm_up: if *paced { rounds / 10 } else { rounds.min(1_000) },
                     pace_ns: if *paced { PACE_NS } else { 0 },
                 };
                 let thrown = pair::measure(&bench.program, bench.registry, &throw)?;
-                Ok((Samples::All(thrown.samples), thrown.fifo))
+                Ok(Outcome::of(thrown.samples, thrown.fifo))
             }
             Kind::Release { rate_hz } => {
                 let ran = bench.launch(graphs::release(*rate_hz, bench.seconds, core))?;
-                Ok((Samples::Histogram(ran.lateness.first().cloned().unwrap_or_default()), ran.fifo()))
+                Ok(graph(&ran, ran.lateness.first().cloned().unwrap_or_default()))
             }
             Kind::Chain { processes } => {
                 way(&bench.launch(graphs::chain(*processes, bench.seconds, core))?, "tail")
@@ -177,12 +177,12 @@ impl Case {
                 let ran = bench.launch(graphs::fan_out(*readers, bench.seconds, core))?;
                 let tails = (1..=*readers).map(|i| way(&ran, &format!("tail-{i}")));
                 let tails: Vec<_> = tails.collect::<Result<_, _>>()?;
-                let last = tails.into_iter().max_by_key(|(seen, _)| seen.p50());
+                let last = tails.into_iter().max_by_key(|outcome| outcome.samples.p50());
                 last.ok_or_else(|| MeasureError::Ended("nobody read".to_string()))
             }
             Kind::Panda => {
-                let ran = bench.launch(graphs::panda(bench.seconds))?;
-                Ok((Samples::Histogram(ran.latencies.first().cloned().unwrap_or_default()), ran.fifo()))
+                let ran = bench.launch(graphs::panda(bench.panda_seconds))?;
+                Ok(graph(&ran, ran.latencies.first().cloned().unwrap_or_default()))
             }
         }
     }
@@ -195,10 +195,15 @@ impl Bench<'_> {
 }
 
 /// From the head of a chain to the payload read by a relay.
-fn way(ran: &Ran, relay: &str) -> Result<(Samples, u32), MeasureError> {
+fn way(ran: &Ran, relay: &str) -> Result<Outcome, MeasureError> {
     let seen = ran.relayed(relay, "way_ns");
     let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;
-    Ok((Samples::Histogram(seen), ran.fifo()))
+    Ok(graph(ran, seen))
+}
+
+/// What was seen of a graph.
+fn graph(ran: &Ran, seen: Distribution) -> Outcome {
+    Outcome { samples: Samples::Histogram(seen), fifo: ran.fifo(), causes: Some(ran.causes()) }
 }
 
 #[cfg(test)]

@@ -15,6 +15,12 @@ pub struct Written {
     pub version: u32,
     /// What it was measured on.
     pub machine: Machine,
+    /// What kept the machine busy where a name ends in `.loaded`, with its options.
+    #[serde(default)]
+    pub load: String,
+    /// How long it took in all, s.
+    #[serde(default)]
+    pub seconds: f64,
     /// What was denied, in words; empty if everything ran at real-time priority on its own core.
     pub denied: Vec<String>,
     /// Every measurement with its raw histogram.

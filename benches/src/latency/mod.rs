@@ -15,7 +15,7 @@ pub use json::{Skipped, VERSION, Written};
 pub use plot::plot;
 pub use targets::{Target, Verdict, targets};
 
-use crate::host::HostShare;
+use crate::host::{Causes, HostShare, Load, Loader, Watch};
 use crate::timer::Places;
 use crate::{Distribution, MeasureError};
 
@@ -32,8 +32,14 @@ pub struct Bench<'a> {
     pub fifo: u8,
     /// Samples of each hop.
     pub samples: usize,
+    /// Round trips at a pace.
+    pub paced: usize,
     /// How long each graph runs, s.
     pub seconds: u32,
+    /// How long the Panda loop runs, s: its p99.9 wants many samples.
+    pub panda_seconds: u32,
+    /// What keeps the machine busy where that is asked for.
+    pub loader: Loader,
 }
 
 /// One finished measurement.
@@ -47,7 +53,7 @@ pub struct Measurement {
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,
-    /// What the host of a virtual machine took meanwhile.
+    /// What the host of a virtual machine took meanwhile, and what else came in between.
     pub host: HostShare,
     /// Medians of the slices in which it took turns with those it is compared with, ns; empty without turns. The host
     /// of a virtual machine moves its cores about, nearer to each other or farther apart: only slices side by side
@@ -55,11 +61,42 @@ pub struct Measurement {
     pub slices_p50: Vec<u64>,
 }
 
+impl Measurement {
+    /// Says which share of the tail a bare sleeper has too, where a timer releases what is measured.
+    pub fn compare_with_sleeper(&mut self, all: &[Self]) {
+        let released = ["release.", "chain.", "fan-out.", "panda"];
+        if !released.iter().any(|family| self.name.starts_with(family)) {
+            return;
+        }
+        let sleeper = if self.name.ends_with(".loaded") { "floor.timer.loaded" } else { "floor.timer" };
+        let tail = |ns: &Distribution| ns.p99_9.saturating_sub(ns.p50) as f64;
+        let sleeper = all.iter().find(|measurement| measurement.name == sleeper);
+        self.host.sleeper_share = sleeper
+            .filter(|_| tail(&self.ns) > 0.0)
+            .map(|sleeper| (tail(&sleeper.ns) / tail(&self.ns)).min(1.0));
+    }
+}
+
 /// What a case gives: every sample, or a histogram of them.
 #[derive(Debug)]
 enum Samples {
     All(Vec<u64>),
     Histogram(Distribution),
+}
+
+/// What a case gives, and the priority that was granted.
+#[derive(Debug)]
+struct Outcome {
+    samples: Samples,
+    fifo: u32,
+    /// Why the components of a graph were late.
+    causes: Option<Causes>,
+}
+
+impl Outcome {
+    fn of(samples: Vec<u64>, fifo: u32) -> Self {
+        Self { samples: Samples::All(samples), fifo, causes: None }
+    }
 }
 
 impl Samples {
@@ -87,16 +124,16 @@ impl Bench<'_> {
     /// # Errors
     /// It could not be measured here.
     pub fn measure(&self, case: &Case) -> Result<Measurement, MeasureError> {
-        let load = case.loaded.then(|| crate::host::Load::start(&self.program)).transpose();
+        let load = case.loaded.then(|| Load::start(&self.loader, &self.program)).transpose();
         let _load = load.map_err(|error| MeasureError::system("starting the load", error))?;
-        let watch = crate::host::Watch::start();
-        let (samples, fifo) = case.run(self)?;
+        let watch = Watch::start();
+        let outcome = case.run(self)?;
         Ok(Measurement {
             name: case.name.clone(),
             what: case.what.clone(),
-            ns: samples.distribution(),
-            fifo,
-            host: watch.stop(),
+            ns: outcome.samples.distribution(),
+            fifo: outcome.fifo,
+            host: HostShare { causes: outcome.causes, ..watch.stop() },
             slices_p50: Vec::new(),
         })
     }
@@ -109,16 +146,19 @@ impl Bench<'_> {
             places: self.places,
             fifo: self.fifo,
             samples: self.samples.div_ceil(SLICES),
+            paced: self.paced.div_ceil(SLICES),
             seconds: self.seconds,
+            panda_seconds: self.panda_seconds,
+            loader: self.loader.clone(),
         };
         let mut turns: Vec<Result<Turns, MeasureError>> =
             cases.iter().map(|_| Ok(Turns::default())).collect();
         for _ in 0..SLICES {
             for (case, turns) in cases.iter().zip(&mut turns) {
                 let Ok(taken) = turns else { continue };
-                let watch = crate::host::Watch::start();
+                let watch = Watch::start();
                 match case.run(&slice) {
-                    Ok((samples, fifo)) => taken.add(samples, fifo, watch.stop()),
+                    Ok(outcome) => taken.add(outcome, watch.stop()),
                     Err(error) => *turns = Err(error),
                 }
             }
@@ -147,16 +187,12 @@ struct Turns {
 }
 
 impl Turns {
-    fn add(&mut self, samples: Samples, fifo: u32, host: HostShare) {
-        self.slices_p50.push(samples.p50());
-        if let Samples::All(samples) = samples {
+    fn add(&mut self, outcome: Outcome, host: HostShare) {
+        self.slices_p50.push(outcome.samples.p50());
+        if let Samples::All(samples) = outcome.samples {
             self.samples.extend(samples);
         }
-        self.fifo = Some(self.fifo.map_or(fifo, |least| least.min(fifo)));
-        let seconds = self.host.seconds + host.seconds;
-        let cores = crate::host::cores().len().max(1) as f64;
-        let steal_ms = self.host.steal_ms + host.steal_ms;
-        self.host =
-            HostShare { seconds, steal_ms, steal_share: steal_ms / (1e3 * seconds.max(1e-9) * cores) };
+        self.fifo = Some(self.fifo.map_or(outcome.fifo, |least| least.min(outcome.fifo)));
+        self.host.add(host);
     }
 }

@@ -4,20 +4,63 @@ use std::fmt::Write as _;
 
 use super::Measurement;
 
-const WIDTH: f64 = 1080.0;
-const HEIGHT: f64 = 560.0;
-const LEFT: f64 = 70.0;
-const RIGHT: f64 = 450.0;
-const TOP: f64 = 40.0;
+const WIDTH: f64 = 1160.0;
+const HEIGHT: f64 = 640.0;
+const LEFT: f64 = 80.0;
+const RIGHT: f64 = 440.0;
+const TOP: f64 = 76.0;
 const BOTTOM: f64 = 60.0;
-/// Twelve colours that can be told apart on white (Tol's "bright" and "muted").
-const COLOURS: [&str; 12] = [
-    "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#332288", "#88ccee", "#44aa99",
-    "#999933", "#cc6677", "#882255",
+/// Height of a line of the legend.
+const LINE: f64 = 17.0;
+/// The longest line of the subtitle, characters.
+const SUBTITLE: usize = 150;
+
+/// What a curve belongs to: each family has its own dashes, colours and place in the legend.
+struct Family {
+    title: &'static str,
+    dashes: &'static str,
+    colours: &'static [&'static str],
+    is_member: fn(&str) -> bool,
+}
+
+/// Colours that can be told apart on white, by people who see few of them too (P. Tol's "bright" and "muted").
+const FAMILIES: [Family; 3] = [
+    Family {
+        title: "floors of this machine",
+        dashes: " stroke-dasharray=\"2 3\"",
+        colours: &["#000000", "#777777", "#b08000", "#5a4fa0"],
+        is_member: |name| name.starts_with("floor."),
+    },
+    Family {
+        title: "motorium",
+        dashes: "",
+        colours: &[
+            "#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ddaa33", "#332288", "#117733",
+            "#882255", "#999933",
+        ],
+        is_member: |name| !name.starts_with("floor.") && !is_peer(name),
+    },
+    Family {
+        title: "other systems",
+        dashes: " stroke-dasharray=\"8 3\"",
+        colours: &[
+            "#cc3311", "#ee7733", "#0077bb", "#009988", "#ee3377", "#664400", "#444444", "#6699cc",
+            "#aa4499", "#000000",
+        ],
+        is_member: is_peer,
+    },
 ];
 
-/// Draws the curves of some measurements. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are equally far apart.
-pub fn plot(title: &str, measurements: &[&Measurement]) -> String {
+fn is_peer(name: &str) -> bool {
+    name.starts_with("peer.") || name.starts_with("iceoryx2.")
+}
+
+/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
+/// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
+pub fn plot(machine: &str, measurements: &[&Measurement]) -> String {
+    // of a peer that keeps its samples to itself there is no curve
+    let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
+    let measurements: Vec<&Measurement> = measurements.iter().filter(has_curve).copied().collect();
     let bounds = measurements.iter().flat_map(|measurement| measurement.ns.curve()).map(|(_, ns)| ns.max(1));
     let (low, high) = bounds.fold((u64::MAX, 10), |(low, high), ns| (low.min(ns), high.max(ns)));
     let low = decade(low.min(high)).floor();
@@ -30,9 +73,17 @@ pub fn plot(title: &str, measurements: &[&Measurement]) -> String {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"24\">{}</text>\n",
-        escape(title)
+         <text x=\"{LEFT}\" y=\"24\" font-size=\"16\" font-weight=\"bold\">Latency against percentile, nothing \
+         trimmed</text>\n"
     );
+    for (i, line) in wrapped(machine, SUBTITLE).iter().enumerate() {
+        let at = 42.0 + 14.0 * i as f64;
+        let _ = writeln!(
+            svg,
+            "<text x=\"{LEFT}\" y=\"{at:.1}\" font-size=\"11\" fill=\"#555\">{}</text>",
+            escape(line)
+        );
+    }
     let (left, right, top, bottom) = (LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM);
     for power in low as i32..=high as i32 {
         let at = y(10f64.powi(power));
@@ -40,7 +91,7 @@ pub fn plot(title: &str, measurements: &[&Measurement]) -> String {
             svg,
             "<line x1=\"{left}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\" stroke=\"#ddd\"/>\
              <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            left - 6.0,
+            left - 8.0,
             at + 4.0,
             time(power)
         );
@@ -61,31 +112,62 @@ pub fn plot(title: &str, measurements: &[&Measurement]) -> String {
         (left + right) / 2.0,
         HEIGHT - 16.0
     );
-    for (i, measurement) in measurements.iter().enumerate() {
-        let colour = COLOURS[i % COLOURS.len()];
-        let dash = if i < COLOURS.len() { "" } else { " stroke-dasharray=\"5 3\"" };
-        let mut points = String::new();
-        for (share, ns) in measurement.ns.curve() {
-            // The last sample has no share above it: it stands at the end of the axis for its count.
-            let above = (1.0 - share).max(1.0 / measurement.ns.count.max(1) as f64);
-            let _ = write!(points, "{:.1},{:.1} ", x(-above.log10()), y(ns as f64));
+    let mut row = TOP + 4.0;
+    for family in &FAMILIES {
+        let members: Vec<&&Measurement> =
+            measurements.iter().filter(|measurement| (family.is_member)(&measurement.name)).collect();
+        if members.is_empty() {
+            continue;
         }
-        let row = TOP + 16.0 * i as f64 + 8.0;
         let _ = writeln!(
             svg,
-            "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dash} points=\"{}\"/>\n\
-             <line x1=\"{:.1}\" y1=\"{row:.1}\" x2=\"{:.1}\" y2=\"{row:.1}\" stroke=\"{colour}\" \
-             stroke-width=\"2\"{dash}/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            points.trim_end(),
-            right + 12.0,
-            right + 34.0,
-            right + 40.0,
+            "<text x=\"{:.1}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>",
+            right + 16.0,
             row + 4.0,
-            escape(&measurement.what)
+            family.title
         );
+        row += LINE;
+        for (i, measurement) in members.into_iter().enumerate() {
+            let (colour, dashes) = (family.colours[i % family.colours.len()], family.dashes);
+            // The last sample has no share above it: it stands at the end of the axis for its count.
+            let least = 1.0 / measurement.ns.count.max(1) as f64;
+            let mut points = String::new();
+            for (share, ns) in measurement.ns.curve() {
+                let _ = write!(points, "{:.1},{:.1} ", x(-(1.0 - share).max(least).log10()), y(ns as f64));
+            }
+            let _ = writeln!(
+                svg,
+                "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\"{dashes} points=\"{}\"/>\n\
+                 <line x1=\"{:.1}\" y1=\"{row:.1}\" x2=\"{:.1}\" y2=\"{row:.1}\" stroke=\"{colour}\" \
+                 stroke-width=\"2\"{dashes}/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                points.trim_end(),
+                right + 16.0,
+                right + 46.0,
+                right + 54.0,
+                row + 4.0,
+                escape(&measurement.what)
+            );
+            row += LINE;
+        }
+        row += LINE / 2.0;
     }
     svg.push_str("</svg>\n");
     svg
+}
+
+/// Lines of at most so many characters, broken between words.
+fn wrapped(text: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_string()),
+        }
+    }
+    lines
 }
 
 fn decade(value: u64) -> f64 {
@@ -121,9 +203,9 @@ mod tests {
     use crate::Distribution;
     use crate::host::HostShare;
 
-    fn measured(what: &str, samples: Vec<u64>) -> Measurement {
+    fn measured(name: &str, what: &str, samples: Vec<u64>) -> Measurement {
         Measurement {
-            name: "x".to_string(),
+            name: name.to_string(),
             what: what.to_string(),
             ns: Distribution::of(samples),
             fifo: 0,
@@ -150,10 +232,11 @@ mod tests {
 
     #[test]
     fn every_measurement_is_a_curve_that_rises_and_stays_in_its_frame() {
-        let (fast, slow) =
-            (measured("a < b", (1..5_000).collect()), measured("c", (1..5_000).map(|n| n * n).collect()));
-        let curves = curves(&plot("latency", &[&fast, &slow]));
-        assert_eq!(curves.len(), 2);
+        let fast = measured("hop.x", "a < b", (1..5_000).collect());
+        let slow = measured("floor.x", "c", (1..5_000).map(|n| n * n).collect());
+        let peer = measured("iceoryx2.x", "d", (1..5_000).map(|n| 2 * n).collect());
+        let curves = curves(&plot("a machine", &[&fast, &slow, &peer]));
+        assert_eq!(curves.len(), 3, "each family draws its own, and none twice");
         for curve in &curves {
             assert!(curve.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 >= pair[1].1));
             for (x, y) in curve {
@@ -161,6 +244,12 @@ mod tests {
                 assert!((TOP - 0.1..=HEIGHT - BOTTOM + 0.1).contains(y), "{y}");
             }
         }
+    }
+
+    #[test]
+    fn a_long_line_about_the_machine_is_broken_between_words() {
+        assert_eq!(wrapped("one two three four", 9), ["one two", "three", "four"]);
+        assert_eq!(wrapped("", 9), Vec::<String>::new());
     }
 
     #[test]

@@ -94,7 +94,14 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "caterpillar of 17 processes, p99 / dora's",
         0.05,
         "",
-        |seen| Some(seen.get("chain.17")?.ns.p99 as f64 / seen.get("peer.dora.17")?.ns.p99.max(1) as f64),
+        |seen| seen.ratio_of_p99("chain.17", "peer.dora.17"),
+        "chain.17",
+    ),
+    (
+        "the same / dora's, forced to FIFO on one core",
+        0.05,
+        "",
+        |seen| seen.ratio_of_p99("chain.17", "peer.dora.17.fifo"),
         "chain.17",
     ),
     ("Panda loop, idle, p99.9", 300.0, "us", |seen| Some(seen.get("panda")?.ns.p99_9 as f64 * 1e-3), "panda"),
@@ -145,6 +152,10 @@ impl Seen<'_> {
         self.0.iter().find(|measurement| measurement.name == name)
     }
 
+    fn ratio_of_p99(&self, of: &str, to: &str) -> Option<f64> {
+        Some(self.get(of)?.ns.p99 as f64 / self.get(to)?.ns.p99.max(1) as f64)
+    }
+
     /// The ratio of two medians: the median over their turns, where they took turns.
     fn ratio(&self, of: &str, to: &str) -> Option<f64> {
         let (of, to) = (self.get(of)?, self.get(to)?);
@@ -180,6 +191,13 @@ impl Seen<'_> {
             });
             return Some(format!("{steal}, which does not move a median{moved}"));
         }
+        let steal = match missed.host.causes.filter(|causes| causes.misses() > 0) {
+            Some(causes) => format!(
+                "{steal}; steps late: {} stolen, {} woken late, {} long, {} for their input",
+                causes.stolen, causes.late_wake, causes.long_step, causes.late_input
+            ),
+            None => steal,
+        };
         let loaded = name.ends_with(".loaded");
         let Some(timer) = self.get(if loaded { "floor.timer.loaded" } else { "floor.timer" }) else {
             return Some(steal);
@@ -221,7 +239,7 @@ mod tests {
             what: String::new(),
             ns: Distribution { count: 1_000, p50, p99, p99_9, max: p99_9, ..Distribution::default() },
             fifo: 80,
-            host: HostShare { seconds: 2.0, steal_ms: 40.0, steal_share: 0.01 },
+            host: HostShare { seconds: 2.0, steal_ms: 40.0, steal_share: 0.01, ..HostShare::default() },
             slices_p50: Vec::new(),
         }
     }
@@ -282,6 +300,18 @@ mod tests {
         let table = targets(&[measured("panda.loaded", 100_000, 150_000, 200_000)]);
         let met = find(&table, "Panda loop, under load");
         assert_eq!((met.verdict, met.host.as_ref()), (Verdict::Met, None));
+    }
+
+    #[test]
+    fn the_caterpillar_is_compared_with_dora_as_it_comes_and_at_its_best() {
+        let table = targets(&[
+            measured("chain.17", 0, 200, 0),
+            measured("peer.dora.17", 0, 5_000, 0),
+            measured("peer.dora.17.fifo", 0, 2_000, 0),
+        ]);
+        let one = |what| (find(&table, what).measured, find(&table, what).verdict);
+        assert_eq!(one("p99 / dora's"), (Some(0.04), Verdict::Met));
+        assert_eq!(one("forced to FIFO"), (Some(0.1), Verdict::Missed));
     }
 
     #[test]

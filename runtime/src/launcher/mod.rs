@@ -7,6 +7,7 @@
 
 mod barrier;
 mod child;
+mod cores;
 mod ending;
 mod event;
 pub mod guard;
@@ -31,6 +32,7 @@ use crate::run_folder::{RunFolder, RunFolderError};
 use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService, Waker};
 use child::Child;
 
+pub use cores::{CoreReport, CoreWatch};
 pub use event::Event;
 pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
 pub use status::{ComponentStatus, Status};
@@ -168,6 +170,8 @@ impl Launch<'_> {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let header = self.region.header();
         // Time enough for every process to be waiting for its first release.
+        let watch =
+            CoreWatch::start(self.plan.components.iter().filter_map(|component| component.core).collect());
         let start = if lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
         header.start_ns.store(start, Release);
         header.order(Command::Run);
@@ -180,8 +184,10 @@ impl Launch<'_> {
         };
         let wall = monotonic_ns().saturating_sub(start);
         let simulated = if lockstep { simulated_ns } else { wall };
+        let cores = watch.stop();
         self.end(&services, observe);
         let mut report = self.report(exit, simulated);
+        report.cores = cores;
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
         Ok(report)
     }

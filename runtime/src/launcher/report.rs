@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Launch;
+use super::{CoreReport, Launch};
 use crate::plan::{ClockKind, Plan};
 use crate::region::{ComponentBlock, Misses, Region, Stalls};
 use crate::state::Digest;
@@ -55,6 +55,9 @@ pub struct Report {
     pub latencies: Vec<LatencyReport>,
     /// Each topic and each of its readers.
     pub edges: Vec<EdgeReport>,
+    /// Each core with components that have a core of their own: what else happened there.
+    #[serde(default)]
+    pub cores: Vec<CoreReport>,
     /// What components had to say, by name.
     pub results: BTreeMap<String, serde_json::Value>,
 }
@@ -179,6 +182,7 @@ impl Launch<'_> {
             components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
             latencies: latencies(&self.plan, &self.region),
             edges: edges(&self.plan, &self.region),
+            cores: Vec::new(),
             results: self
                 .plan
                 .components

@@ -23,6 +23,8 @@ pub struct Admission {
     pub rt_limit: RtLimit,
     /// Every core with real-time components.
     pub cores: Vec<CoreLoad>,
+    /// What is scheduled by deadlines, on all cores together; `null` if nothing is.
+    pub deadlines: Option<DeadlineLoad>,
     /// Every component, in the order of the plan.
     pub tasks: Vec<TaskBound>,
     /// Every latency budget, in the order of the plan.
@@ -74,6 +76,23 @@ pub struct CoreLoad {
     pub arithmetic: String,
 }
 
+/// What the components that the kernel schedules by their deadlines take of all cores together.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct DeadlineLoad {
+    /// How many cores the graph has.
+    pub cores: usize,
+    /// Share of one core's time that they reserve, together.
+    pub share: f64,
+    /// The most that the kernel takes.
+    pub limit: f64,
+    /// Whether it does.
+    pub verdict: Verdict,
+    /// What the share is made of.
+    pub terms: Vec<LoadTerm>,
+    /// The sum in one line.
+    pub arithmetic: String,
+}
+
 /// What one component does to its core.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LoadTerm {
@@ -97,6 +116,8 @@ pub enum Activity {
     Spin,
     /// Its step, with what the runtime adds.
     Step,
+    /// All that the kernel has promised to a component that it schedules by its deadline: it may run here.
+    Reserved,
 }
 
 /// How long a component may take from its release to the end of its step.

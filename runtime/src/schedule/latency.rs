@@ -34,24 +34,25 @@ struct Bounded {
 pub(super) fn latency(analysis: &Analysis<'_>, latency: &LatencyPlan) -> LatencyBound {
     let plan = analysis.plan;
     let path = path(plan, latency);
-    let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
-    let bounded = places.as_ref().and_then(|places| match legs(plan, &path).as_slice() {
-        [_] => triggered(analysis, &path, places),
+    let analysed = path.iter().all(|component| analysis.tasks.knows(*component));
+    let bounded = match legs(plan, &path).as_slice() {
+        _ if !analysed => None,
+        [_] => triggered(analysis, &path),
         legs => sampled(analysis, legs),
-    });
+    };
     let max = words::time(latency.max_ns);
     let holds = bounded.as_ref().is_some_and(|bounded| bounded.ns <= latency.max_ns);
-    let known =
-        places.as_ref().is_some_and(|places| places.iter().all(|place| !analysis.unknown.rests[place.task]));
-    let arithmetic = match (&bounded, &places) {
+    let rests = |component: &usize| match analysis.tasks.places[*component] {
+        Some(place) => analysis.unknown.rests[place.task],
+        None => plan.components[*component].budget_ns.is_none(),
+    };
+    let known = !path.iter().any(rests);
+    let arithmetic = match (&bounded, analysed) {
         (Some(bounded), _) => words::comparison(&bounded.terms, words::time(bounded.ns), holds, &max),
-        (None, Some(_)) => format!("grows without bound > {max}"),
-        (None, None) => {
-            let others: Vec<usize> = path
-                .iter()
-                .copied()
-                .filter(|component| analysis.tasks.places[*component].is_none())
-                .collect();
+        (None, true) => format!("grows without bound > {max}"),
+        (None, false) => {
+            let others: Vec<usize> =
+                path.iter().copied().filter(|component| !analysis.tasks.knows(*component)).collect();
             format!("{} not real-time on one core: no bound", are(&words::names(plan, &others), others.len()))
         }
     };
@@ -61,8 +62,8 @@ pub(super) fn latency(analysis: &Analysis<'_>, latency: &LatencyPlan) -> Latency
         path: path.iter().map(|component| plan.components[*component].name.clone()).collect(),
         bound_ns: bounded.map(|bounded| bounded.ns),
         max_ns: latency.max_ns,
-        verdict: match (&places, holds, known) {
-            (None, ..) | (_, true, false) => Verdict::NotProvable,
+        verdict: match (analysed, holds, known) {
+            (false, ..) | (_, true, false) => Verdict::NotProvable,
             (_, true, true) => Verdict::Holds,
             (_, false, _) => Verdict::Exceeds,
         },
@@ -101,9 +102,10 @@ fn legs<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
 }
 
 /// From the publication of the first component to the end of the last, all triggered by one another.
-fn triggered(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<Bounded> {
-    let (last, place) = (path.last()?, places.last()?);
-    let since_release = since_release(analysis, *place).map(|ns| Bounded {
+fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<Bounded> {
+    let last = path.last()?;
+    let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
+    let since_release = since_release(analysis, *last).map(|ns| Bounded {
         ns,
         terms: vec![format!(
             "{} from the release of `{}` to the end of `{}`",
@@ -112,7 +114,7 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Optio
             analysis.plan.components[*last].name
         )],
     });
-    let hop_by_hop = hop_by_hop(analysis, places);
+    let hop_by_hop = places.and_then(|places| hop_by_hop(analysis, &places));
     match (since_release, hop_by_hop) {
         (Some(one), Some(other)) => Some(if one.ns < other.ns { one } else { other }),
         (one, other) => one.or(other),
@@ -165,8 +167,12 @@ fn rest(analysis: &Analysis<'_>, place: Place) -> Option<Sum> {
     after_first_stage(&demands, index, queued)?.get(place.stage).cloned()
 }
 
-/// From the release at the head of a chain to the end of a stage, ns.
-pub(super) fn since_release(analysis: &Analysis<'_>, place: Place) -> Option<u64> {
+/// From the release at the head of a chain to the end of a component's step, ns.
+pub(super) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
+    if let Some((reservation, _)) = analysis.tasks.reservation(component) {
+        return u64::try_from(analysis.responses.reserved_finish(reservation)?).ok();
+    }
+    let place = analysis.tasks.places[component]?;
     let bound = analysis.responses.bounds[place.task].as_ref()?.get(place.stage)?;
     let spin = analysis.tasks.tasks[place.task].spin_ns();
     u64::try_from(bound.finish.total - spin as i64).ok()
@@ -192,8 +198,7 @@ fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<Bounded> {
         total += age;
     }
     let last = legs.last()?;
-    let place = analysis.tasks.places[*last.last()?]?;
-    let end = since_release(analysis, place)?;
+    let end = since_release(analysis, *last.last()?)?;
     terms.push(format!("{} (to the end of `{}`)", words::time(end), plan.components[*last.last()?].name));
     let terms = terms.iter().enumerate().map(|(index, term)| terms::joined(index, term)).collect();
     Some(Bounded { ns: total + end, terms })
@@ -206,8 +211,12 @@ fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<Bounded> {
 /// newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common divisor of
 /// the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
-    let end = since_release(analysis, analysis.tasks.places[*writer.last()?]?)? as i64;
+    let end = since_release(analysis, *writer.last()?)? as i64;
     let timer = |component: usize| {
+        if let Some((_, reservation)) = analysis.tasks.reservation(component) {
+            let (period, phase) = (reservation.period_ns as i64, reservation.phase_ns as i64);
+            return Some((period, phase, reservation.fixed));
+        }
         let task = &analysis.tasks.tasks[analysis.tasks.places[component]?.task];
         match task.release {
             Release::Timer { phase_ns, fixed, .. } => Some((task.period_ns as i64, phase_ns as i64, fixed)),

@@ -2,7 +2,8 @@
 //!
 //! [`admit`] is the check before a launch. Its model, and what it rests on:
 //!
-//! * Real-time components are `SCHED_FIFO` threads on one core each. Those that trigger one another on a core at a
+//! * Real-time components are `SCHED_FIFO` threads on one core each, or scheduled by their deadlines: these run before
+//!   all priorities, on any core; each core is taken to have all of them. Those that trigger one another on a core at a
 //!   priority are one task ([`StaticPlan`]); the response time of every stage of it is bounded, across cores and
 //!   priorities through release jitter.
 //! * Phases count: tasks on the common clock that never meet do not hold each other up. A component with the overrun
@@ -19,6 +20,7 @@
 
 mod admission;
 pub mod assign;
+mod global;
 mod latency;
 mod load;
 mod overheads;
@@ -35,9 +37,11 @@ mod words;
 #[cfg(test)]
 mod tests;
 
-pub use admission::{Activity, Admission, CoreLoad, LatencyBound, LoadTerm, Problem, TaskBound, Verdict};
+pub use admission::{
+    Activity, Admission, CoreLoad, DeadlineLoad, LatencyBound, LoadTerm, Problem, TaskBound, Verdict,
+};
 pub use overheads::{Overheads, RtLimit};
-pub use tasks::{Place, Release, Stage, StaticPlan, Step, Task};
+pub use tasks::{Place, Release, Reservation, Stage, StaticPlan, Step, Task};
 pub use timeline::{CoreTimeline, Lane, Segment, Timeline, timeline};
 
 use crate::plan::{ClockKind, Plan};
@@ -52,6 +56,7 @@ pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission
         overheads: *overheads,
         rt_limit,
         cores: Vec::new(),
+        deadlines: None,
         tasks: Vec::new(),
         latencies: Vec::new(),
         problems: Vec::new(),
@@ -65,10 +70,12 @@ pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission
     let analysis = Analysis { plan, tasks: &tasks, responses: &responses, unknown: &unknown };
     admission.cores =
         tasks.cores().into_iter().map(|core| load::load(plan, &tasks, core, &rt_limit)).collect();
+    admission.deadlines = load::deadlines(plan, &tasks, &rt_limit);
     admission.tasks = (0..plan.components.len()).map(|component| bound(&analysis, component)).collect();
     admission.latencies = plan.latencies.iter().map(|latency| latency::latency(&analysis, latency)).collect();
     problems::find(&analysis, &mut admission);
     let verdicts = (admission.cores.iter().map(|core| core.verdict))
+        .chain(admission.deadlines.iter().map(|deadlines| deadlines.verdict))
         .chain(admission.tasks.iter().map(|task| task.verdict))
         .chain(admission.latencies.iter().map(|latency| latency.verdict));
     admission.verdict = verdicts.max().unwrap_or(Verdict::BestEffort);
@@ -93,6 +100,9 @@ fn bound(analysis: &Analysis<'_>, component: usize) -> TaskBound {
         verdict: Verdict::BestEffort,
         arithmetic: "not real-time".to_string(),
     };
+    if let Some((index, reservation)) = tasks.reservation(component) {
+        return by_deadline(analysis, index, reservation, found);
+    }
     let Some(place) = tasks.places[component] else {
         if found.priority.is_some() {
             found.verdict = Verdict::NotProvable;
@@ -122,12 +132,53 @@ fn bound(analysis: &Analysis<'_>, component: usize) -> TaskBound {
         .map(|(index, term)| terms::joined(index, term))
         .collect();
     found.response_ns = Some(response);
-    found.chain_ns = latency::since_release(analysis, place);
+    found.chain_ns = latency::since_release(analysis, component);
     found.verdict = match (holds, known) {
         (false, _) => Verdict::Exceeds,
         (true, false) => Verdict::NotProvable,
         (true, true) => Verdict::Holds,
     };
     found.arithmetic = words::comparison(&terms, words::time(response), holds, &words::time(deadline_ns));
+    found
+}
+
+/// The bound of a component that the kernel schedules by its deadline.
+fn by_deadline(
+    analysis: &Analysis<'_>,
+    index: usize,
+    reservation: &Reservation,
+    mut found: TaskBound,
+) -> TaskBound {
+    let (cost, runtime) = (reservation.step.cost_ns(), reservation.runtime_ns);
+    let deadline = words::time(found.deadline_ns);
+    found.verdict = Verdict::Exceeds;
+    if cost > runtime {
+        found.arithmetic =
+            format!("{} > {} that the kernel gives it", words::time(cost), words::time(runtime));
+        return found;
+    }
+    let responses = analysis.responses;
+    let (Some(response), Some(finish)) = (
+        responses.reserved_response[index],
+        responses.reserved_finish(index).and_then(|ns| u64::try_from(ns).ok()),
+    ) else {
+        found.arithmetic = format!("not in time for certain beside the other deadlines > {deadline}");
+        return found;
+    };
+    let holds = finish <= found.deadline_ns;
+    let mut terms = vec![format!("{} ({})", words::time(cost), found.component)];
+    let mut add = |ns: u64, what: &str| {
+        if ns > 0 {
+            terms.push(format!("+ {} ({what})", words::time(ns)));
+        }
+    };
+    add(u64::try_from(response).unwrap_or(0).saturating_sub(cost), "others by their deadlines");
+    add(u64::try_from(responses.reserved_late).unwrap_or(0), "released late");
+    found.response_ns = Some(finish);
+    found.chain_ns = Some(finish);
+    if holds {
+        found.verdict = if found.budget_ns.is_some() { Verdict::Holds } else { Verdict::NotProvable };
+    }
+    found.arithmetic = words::comparison(&terms, words::time(finish), holds, &deadline);
     found
 }

@@ -75,6 +75,20 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
+    /// Share of each core that the kernel promises to components by their deadlines, 0 to 1: what real-time threads may
+    /// have, less what it reserves for those at normal priority in the same way (the fair server of Linux 6.12 and later,
+    /// 50 ms in every second of each core; counted for earlier ones too). Everything where there is no throttling.
+    pub fn deadline_share(&self) -> f64 {
+        const FAIR_SERVER_MS_PER_S: u64 = 50;
+        match self.runtime_ns {
+            Some(runtime_ns) if runtime_ns < self.period_ns => {
+                let kept = self.period_ns / 1_000 * FAIR_SERVER_MS_PER_S;
+                runtime_ns.saturating_sub(kept) as f64 / self.period_ns as f64
+            }
+            _ => 1.0,
+        }
+    }
+
     /// Share of a core that real-time threads may have, 0 to 1.
     pub fn share(&self) -> f64 {
         match self.runtime_ns {
@@ -97,5 +111,7 @@ mod tests {
         assert_eq!(RtLimit::from_sysctl("", ""), None);
         assert_eq!(RtLimit::from_sysctl("1", "0"), None);
         assert_eq!(RtLimit::KERNEL_DEFAULT.share(), 0.95);
+        assert_eq!(RtLimit::KERNEL_DEFAULT.deadline_share(), 0.9);
+        assert_eq!(RtLimit::NONE.deadline_share(), 1.0);
     }
 }

@@ -2,13 +2,14 @@
 
 use super::admission::{Admission, Problem, TaskBound, Verdict};
 use super::latency::Analysis;
-use super::load::longest_burst;
+use super::load::{Burst, longest_burst};
 use super::words;
 use crate::graph::Severity;
 
 /// Finds all problems of an admission, refusals first.
 pub(super) fn find(analysis: &Analysis<'_>, admission: &mut Admission) {
     let mut problems = overload(admission);
+    problems.extend(reserved_too_much(admission));
     bursts(analysis, admission, &mut problems);
     late(admission, &mut problems);
     latencies(admission, &mut problems);
@@ -43,24 +44,32 @@ fn overload(admission: &Admission) -> Vec<Problem> {
         .collect()
 }
 
+/// More deadlines than the kernel takes.
+fn reserved_too_much(admission: &Admission) -> Option<Problem> {
+    let load = admission.deadlines.as_ref().filter(|load| load.verdict == Verdict::Exceeds)?;
+    Some(error(
+        "the kernel does not take so many components by their deadlines".to_string(),
+        Some(format!("all cores: {}", load.arithmetic)),
+        "lower rates or budgets, or schedule some of them as `fifo`",
+    ))
+}
+
 /// Cores whose mean load is allowed, but not what may come in one throttling period.
 fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec<Problem>) {
     for core in admission.cores.iter_mut().filter(|core| core.verdict != Verdict::Exceeds) {
         let limit = &admission.rt_limit;
         let burst = longest_burst(analysis.tasks, analysis.responses, core.core, limit);
-        let (Some((total, terms)), Some(runtime_ns)) = (burst, limit.runtime_ns) else { continue };
-        if total <= runtime_ns {
+        let (Some(Burst { total_ns, terms }), Some(runtime_ns)) = (burst, limit.runtime_ns) else { continue };
+        if total_ns <= runtime_ns {
             continue;
         }
         core.verdict = Verdict::Exceeds;
         let terms: Vec<String> = terms
             .iter()
             .enumerate()
-            .map(|(index, (task, work))| {
-                let members: Vec<usize> =
-                    analysis.tasks.tasks[*task].steps().map(|step| step.component).collect();
+            .map(|(index, (members, work))| {
                 let sign = if index > 0 { "+ " } else { "" };
-                format!("{sign}{} ({})", words::time(*work), words::names(analysis.plan, &members))
+                format!("{sign}{} ({})", words::time(*work), words::names(analysis.plan, members))
             })
             .collect();
         let period = words::time(limit.period_ns);
@@ -69,7 +78,7 @@ fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec
             Some(format!(
                 "core {}, in one period of {period}: {}",
                 core.core,
-                words::comparison(&terms, words::time(total), false, &words::time(runtime_ns))
+                words::comparison(&terms, words::time(total_ns), false, &words::time(runtime_ns))
             )),
             "lower rates or budgets, split long steps, or set kernel.sched_rt_runtime_us to -1",
         ));
@@ -147,12 +156,6 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         "schedule both in the same way",
     );
     warn(&unknown.without_core, "may run on several cores", "may run on several cores", "add `core = 1`");
-    warn(
-        &unknown.by_deadline,
-        "is scheduled by its deadline: it comes before all priorities, on whatever core",
-        "are scheduled by their deadlines: they come before all priorities, on whatever core",
-        "schedule it as `fifo` to have times proved; the kernel itself refuses more deadlines than it can keep",
-    );
 }
 
 fn unprovable_latencies(admission: &Admission, problems: &mut Vec<Problem>) {
@@ -162,7 +165,7 @@ fn unprovable_latencies(admission: &Admission, problems: &mut Vec<Problem>) {
                 severity: Severity::Warning,
                 message: format!("the latency from `{}` to `{}` cannot be proved", latency.from, latency.to),
                 arithmetic: Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
-                advice: "schedule all components on its way as `fifo`".to_string(),
+                advice: "schedule all components on its way as `fifo`, each on one core".to_string(),
             });
         }
     }

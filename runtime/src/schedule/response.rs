@@ -6,8 +6,9 @@
 //! for distributed hard real-time systems*, 1994).
 
 use super::Overheads;
+use super::global::{Global, Reserved};
 use super::phases;
-use super::tasks::{Release, StaticPlan, Task};
+use super::tasks::{Release, Reservation, StaticPlan, Task};
 use super::window::{self, Bound, Demand};
 
 /// Rounds after which bounds that still grow count as growing for ever.
@@ -20,32 +21,52 @@ pub(super) struct Responses {
     pub demands: Vec<Demand>,
     /// By task: the bound of each stage; `None` if there is no bound.
     pub bounds: Vec<Option<Vec<Bound>>>,
+    /// By reservation of the static plan: what it does to any core.
+    pub reserved: Vec<Demand>,
+    /// By reservation: longest time from its wake-up to the end of its step, ns; `None` if there is no bound.
+    pub reserved_response: Vec<Option<i64>>,
+    /// How late a reservation may be woken, ns.
+    pub reserved_late: i64,
 }
 
 impl Responses {
-    /// The tasks on the core of one of them, and its index among them.
+    /// The tasks on the core of one of them with all reservations behind them, and its index.
     pub(super) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
         let core = plan.on_core(plan.tasks[task].core);
         let index = core.iter().position(|other| *other == task).expect("a task is on its core");
-        (core.into_iter().map(|task| self.demands[task].clone()).collect(), index)
+        let tasks = core.into_iter().map(|task| self.demands[task].clone());
+        (tasks.chain(self.reserved.iter().cloned()).collect(), index)
+    }
+
+    /// Longest time from the release of a reservation to the end of its step, ns.
+    pub(super) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
+        Some(self.reserved_response[reservation]? + self.reserved_late)
     }
 }
 
 /// Finds the bounds of all tasks.
 pub(super) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
+    let late = overheads.wake_ns as i64;
+    let global = Global::of(plan.reservations.iter().map(reserved).collect(), plan.available_cores, late);
+    let all = || plan.reservations.iter().enumerate();
+    let reserved: Vec<Demand> = all().map(|(index, one)| above_all(one, &global, index, late)).collect();
+    let reserved_response: Vec<Option<i64>> =
+        all().map(|(index, one)| global.response(index, one.step.cost_ns() as i64)).collect();
     let mut demands: Vec<Demand> = plan.tasks.iter().map(|task| demand(task, plan, overheads)).collect();
     let cores: Vec<Vec<usize>> = plan.cores().into_iter().map(|core| plan.on_core(core)).collect();
     let mut bounds = vec![None; demands.len()];
     for round in 0.. {
         for core in &cores {
-            let tasks = core.iter().map(|task| demands[*task].clone()).collect();
+            let tasks =
+                core.iter().map(|task| demands[*task].clone()).chain(reserved.iter().cloned()).collect();
             for (task, found) in core.iter().zip(on_core(tasks)) {
                 bounds[*task] = found;
             }
         }
         let mut changed = false;
         for (index, task) in plan.tasks.iter().enumerate() {
-            let jitter = jitter(task, plan, &bounds, overheads);
+            let finish = |reservation: usize| Some(reserved_response.get(reservation).copied()?? + late);
+            let jitter = jitter(task, plan, &bounds, &finish, overheads);
             // once without end, it stays so
             if demands[index].jitter.is_some() && jitter != demands[index].jitter {
                 changed = true;
@@ -57,7 +78,27 @@ pub(super) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
             break;
         }
     }
-    Responses { demands, bounds }
+    Responses { demands, bounds, reserved, reserved_response, reserved_late: late }
+}
+
+fn reserved(reservation: &Reservation) -> Reserved {
+    Reserved { runtime: reservation.runtime_ns as i64, period: reservation.period_ns as i64 }
+}
+
+/// What a reservation does to whatever core it runs on: it comes before every priority, with all of its run time, at
+/// any time from its release to the end that it has at the latest.
+fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64) -> Demand {
+    let Reserved { runtime, period } = reserved(reservation);
+    let jitter = global.response(index, runtime).map(|response| late + response - runtime);
+    Demand {
+        priority: u8::MAX,
+        period,
+        offset: reservation.fixed.then_some(reservation.phase_ns as i64),
+        jitter,
+        queue: jitter.unwrap_or(0),
+        stages: vec![runtime],
+        orderly: false,
+    }
 }
 
 fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
@@ -80,7 +121,10 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
 fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     match task.release {
         Release::Timer { phase_ns, fixed, .. } => fixed.then_some(phase_ns as i64),
-        Release::Trigger { by, .. } => offset(&plan.tasks[plan.places[by]?.task], plan),
+        Release::Trigger { by, .. } => match plan.reservation(by) {
+            Some((_, reservation)) => reservation.fixed.then_some(reservation.phase_ns as i64),
+            None => offset(&plan.tasks[plan.places[by]?.task], plan),
+        },
     }
 }
 
@@ -94,11 +138,15 @@ fn jitter(
     task: &Task,
     plan: &StaticPlan,
     bounds: &[Option<Vec<Bound>>],
+    reserved_finish: &dyn Fn(usize) -> Option<i64>,
     overheads: &Overheads,
 ) -> Option<i64> {
     match task.release {
         Release::Timer { spin_ns, .. } => Some(late_wake(spin_ns, overheads)),
         Release::Trigger { by, delay_ns } => {
+            if let Some((reservation, _)) = plan.reservation(by) {
+                return Some(reserved_finish(reservation)? + delay_ns as i64);
+            }
             let Some(place) = plan.places[by] else {
                 // Not real-time: taken to be in time. What follows from that is told apart as not provable.
                 return Some(delay_ns as i64);

@@ -22,6 +22,32 @@ pub struct StaticPlan {
     pub tasks: Vec<Task>,
     /// By component of the plan: where it is; `None` if it is not real-time, or may run on several cores.
     pub places: Vec<Option<Place>>,
+    /// What the kernel schedules by deadlines: before all tasks, on any core.
+    pub reservations: Vec<Reservation>,
+    /// How many cores the graph has for real-time and shared work together.
+    pub available_cores: usize,
+}
+
+/// A component that the kernel schedules by its deadline (`SCHED_DEADLINE`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Reservation {
+    /// Its step.
+    pub step: Step,
+    /// Time of a core that the kernel gives it in each period, and no more, ns.
+    pub runtime_ns: u64,
+    /// The period, and the deadline within it, ns.
+    pub period_ns: u64,
+    /// Offset of the first release, ns.
+    pub phase_ns: u64,
+    /// Whether releases never leave that grid.
+    pub fixed: bool,
+}
+
+impl Reservation {
+    /// Share of a core, 1 for all of it.
+    pub fn share(&self) -> f64 {
+        self.runtime_ns as f64 / self.period_ns as f64
+    }
 }
 
 /// Where a component is in a static plan.
@@ -130,7 +156,21 @@ impl Task {
 impl StaticPlan {
     /// The tasks of a plan.
     pub fn of(plan: &Plan, overheads: &Overheads) -> Self {
-        let mut made = Self { tasks: Vec::new(), places: vec![None; plan.components.len()] };
+        let mut cores = plan.scheduling.shared_cores.clone();
+        cores.extend(plan.components.iter().filter_map(|component| component.core));
+        cores.sort_unstable();
+        cores.dedup();
+        let mut made = Self {
+            tasks: Vec::new(),
+            places: vec![None; plan.components.len()],
+            reservations: plan
+                .components
+                .iter()
+                .enumerate()
+                .filter_map(|c| reservation(c, overheads))
+                .collect(),
+            available_cores: cores.len().max(1),
+        };
         // writers come before those they trigger, so that a task is there when its members are placed
         let mut order: Vec<usize> = (0..plan.components.len()).collect();
         order.sort_by_key(|component| plan.components[*component].order);
@@ -173,6 +213,10 @@ impl StaticPlan {
             },
             Activation::Triggered { topic, .. } => {
                 let by = plan.topics[topic].writer;
+                // who runs on any core may have run on this one
+                if has_deadline(&plan.components[by]) {
+                    step.overhead_ns += overheads.hop_same_core_ns;
+                }
                 if self::core(plan, &plan.components[by]) == Some(core) {
                     step.overhead_ns += overheads.hop_same_core_ns;
                     let place = self.places[by].filter(|place| {
@@ -202,6 +246,16 @@ impl StaticPlan {
         });
     }
 
+    /// The reservation of a component, and its index.
+    pub fn reservation(&self, component: usize) -> Option<(usize, &Reservation)> {
+        self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
+    }
+
+    /// Whether a component is part of the analysis.
+    pub fn knows(&self, component: usize) -> bool {
+        self.places[component].is_some() || self.reservation(component).is_some()
+    }
+
     /// The cores on which there are tasks, ascending.
     pub fn cores(&self) -> Vec<usize> {
         let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
@@ -216,6 +270,25 @@ impl StaticPlan {
     }
 }
 
+/// What the kernel reserves for a component, if it is scheduled by its deadline.
+fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Option<Reservation> {
+    let (index, component) = component;
+    let SchedulingClass::Deadline { runtime_ns, period_ns } = component.class else { return None };
+    let phase_ns = match component.activation {
+        Activation::Periodic { phase_ns, .. } => phase_ns,
+        // refused when the graph is read
+        Activation::Triggered { .. } => return None,
+    };
+    let step = Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };
+    let fixed = component.on_overrun != OnOverrun::Rephase;
+    Some(Reservation { step, runtime_ns, period_ns, phase_ns, fixed })
+}
+
+/// Whether the kernel schedules a component by its deadline, on whatever core.
+pub(super) fn has_deadline(component: &ComponentPlan) -> bool {
+    matches!(component.class, SchedulingClass::Deadline { .. })
+}
+
 /// Priority of a component that is scheduled as `SCHED_FIFO`.
 pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
     match component.class {
@@ -224,13 +297,11 @@ pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
     }
 }
 
-/// Whether the kernel schedules a component by its deadline.
-pub(super) fn has_deadline(component: &ComponentPlan) -> bool {
-    matches!(component.class, SchedulingClass::Deadline { .. })
-}
-
 /// The one core that a component may run on, if it is one.
 pub(super) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
+    if has_deadline(component) {
+        return None;
+    }
     match (component.core, plan.scheduling.shared_cores.as_slice()) {
         (Some(core), _) => Some(core),
         (None, [only]) => Some(*only),

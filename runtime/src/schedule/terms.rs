@@ -16,7 +16,16 @@ pub(super) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum)
         .flat_map(|stage| &stage.steps)
         .map(|step| format!("{} ({})", words::time(step.cost_ns()), name(step.component)))
         .collect();
-    for (index, count) in analysis.tasks.on_core(task.core).into_iter().zip(&sum.jobs) {
+    let here = analysis.tasks.on_core(task.core);
+    // what is scheduled by deadlines stands behind the tasks of the core
+    for (reservation, count) in analysis.tasks.reservations.iter().zip(sum.jobs.iter().skip(here.len())) {
+        if *count > 0 {
+            let times = if *count == 1 { String::new() } else { format!("{count} x ") };
+            let (time, name) = (words::time(reservation.runtime_ns), name(reservation.step.component));
+            terms.push(format!("{times}{time} ({name} by its deadline)"));
+        }
+    }
+    for (index, count) in here.into_iter().zip(&sum.jobs) {
         if *count > 0 {
             let members: Vec<&str> = tasks[index].steps().map(|step| name(step.component).as_str()).collect();
             let times = if *count == 1 { String::new() } else { format!("{count} x ") };

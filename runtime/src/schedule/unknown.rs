@@ -12,8 +12,6 @@ pub(super) struct Unknown {
     pub released_by_others: Vec<usize>,
     /// Real-time components that may run on several cores.
     pub without_core: Vec<usize>,
-    /// Components with `SCHED_DEADLINE`: the kernel runs them on any core, before everything that is analysed here.
-    pub by_deadline: Vec<usize>,
     /// By task of the static plan: whether its bounds rest on any of that.
     pub rests: Vec<bool>,
 }
@@ -30,23 +28,19 @@ impl Unknown {
             .filter(|component| match plan.components[*component].activation {
                 Activation::Triggered { topic, .. } => {
                     let writer = plan.topics[topic].writer;
-                    fifo(*component) && !fifo(writer) && !super::tasks::has_deadline(&plan.components[writer])
+                    fifo(*component) && !fifo(writer) && tasks.reservation(writer).is_none()
                 }
                 Activation::Periodic { .. } => false,
             })
             .collect();
-        let by_deadline: Vec<usize> =
-            all.clone().filter(|c| super::tasks::has_deadline(&plan.components[*c])).collect();
         let without_core = all.filter(|c| fifo(*c) && tasks.places[*c].is_none()).collect();
         let mut rests: Vec<bool> = tasks
             .tasks
             .iter()
             .map(|task| {
                 let releaser_unknown =
-                    matches!(task.release, Release::Trigger { by, .. } if tasks.places[by].is_none());
-                releaser_unknown
-                    || !by_deadline.is_empty()
-                    || task.steps().any(|step| step.budget_ns.is_none())
+                    matches!(task.release, Release::Trigger { by, .. } if !tasks.knows(by));
+                releaser_unknown || task.steps().any(|step| step.budget_ns.is_none())
             })
             .collect();
         // it spreads to whatever can be held up by it, and to whatever it releases
@@ -67,6 +61,6 @@ impl Unknown {
                 .collect();
             rests.iter_mut().zip(spread).for_each(|(rests, spread)| *rests |= spread);
         }
-        Self { without_budget, released_by_others, without_core, by_deadline, rests }
+        Self { without_budget, released_by_others, without_core, rests }
     }
 }

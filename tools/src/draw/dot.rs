@@ -6,10 +6,10 @@ use motorium::plan::Plan;
 
 use super::text::escape;
 use super::wires::wires;
-use super::words;
+use super::{Measured, words};
 
 /// The graph in the DOT language.
-pub(crate) fn dot(plan: &Plan) -> String {
+pub(crate) fn dot(plan: &Plan, measured: Option<&Measured>) -> String {
     let mut text = format!("digraph \"{}\" {{\n", quote(&plan.name));
     text.push_str("    rankdir=LR;\n");
     text.push_str("    node [shape=box, style=rounded, fontname=\"Helvetica\", fontsize=11];\n");
@@ -18,12 +18,13 @@ pub(crate) fn dot(plan: &Plan) -> String {
         let mut lines =
             vec![format!("<b>{}</b>", escape(&component.name)), escape(&words::program(component))];
         lines.extend(words::facts(component, plan).iter().map(|fact| escape(fact)));
+        lines.extend(measured.and_then(|measured| Measured::of(&measured.rates, index)).map(escape));
         let _ = writeln!(text, "    c{index} [label=<{}>];", lines.join("<br/>"));
     }
     for wire in wires(plan) {
         let style = if wire.wakes { "solid" } else { "dashed" };
         let colour = if wire.budgeted { ", color=\"#d9480f\", penwidth=2" } else { "" };
-        let label = label(plan, wire.topic);
+        let label = label(plan, wire.topic, measured);
         let _ = writeln!(
             text,
             "    c{} -> c{} [label=<{label}>, style={style}{colour}];",
@@ -36,17 +37,21 @@ pub(crate) fn dot(plan: &Plan) -> String {
             text,
             "    c{} -> t{index} [label=<{}>, style=dashed];",
             topic.writer,
-            label(plan, index)
+            label(plan, index, measured)
         );
     }
     text.push_str("}\n");
     text
 }
 
-fn label(plan: &Plan, topic: usize) -> String {
+fn label(plan: &Plan, topic: usize, measured: Option<&Measured>) -> String {
     let mut lines = vec![escape(&plan.topics[topic].name), escape(&words::carried(&plan.topics[topic]))];
-    let latencies = plan.latencies.iter().filter(|latency| latency.to == topic);
-    lines.extend(latencies.map(|latency| escape(&words::latency(latency, plan).join(" "))));
+    lines.extend(measured.and_then(|measured| Measured::of(&measured.topics, topic)).map(escape));
+    for (index, latency) in plan.latencies.iter().enumerate().filter(|(_, latency)| latency.to == topic) {
+        let budget = words::latency(latency, plan).join(" ");
+        let seen = measured.and_then(|measured| Measured::of(&measured.latencies, index));
+        lines.push(escape(&seen.map_or(budget.clone(), |seen| format!("{budget}: {seen}"))));
+    }
     lines.join("<br/>")
 }
 

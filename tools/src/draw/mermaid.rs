@@ -5,21 +5,22 @@ use std::fmt::Write as _;
 use motorium::plan::Plan;
 
 use super::wires::wires;
-use super::words;
+use super::{Measured, words};
 
 /// The graph as a Mermaid flowchart.
-pub(crate) fn mermaid(plan: &Plan) -> String {
+pub(crate) fn mermaid(plan: &Plan, measured: Option<&Measured>) -> String {
     let mut text = format!("---\ntitle: {}\n---\nflowchart LR\n", escape(&plan.name));
     for (index, component) in plan.components.iter().enumerate() {
         let mut lines =
             vec![format!("<b>{}</b>", escape(&component.name)), escape(&words::program(component))];
         lines.extend(words::facts(component, plan).iter().map(|fact| escape(fact)));
+        lines.extend(measured.and_then(|measured| Measured::of(&measured.rates, index)).map(escape));
         let _ = writeln!(text, "    c{index}[\"{}\"]", lines.join("<br/>"));
     }
     let mut budgeted = Vec::new();
     for (edge, wire) in wires(plan).into_iter().enumerate() {
         let arrow = if wire.wakes { "==>" } else { "-.->" };
-        let label = label(plan, wire.topic);
+        let label = label(plan, wire.topic, measured);
         let _ = writeln!(text, "    c{} {arrow}|\"{label}\"| c{}", wire.writer, wire.reader);
         if wire.budgeted {
             budgeted.push(edge.to_string());
@@ -27,7 +28,7 @@ pub(crate) fn mermaid(plan: &Plan) -> String {
     }
     for (index, topic) in plan.topics.iter().enumerate().filter(|(_, topic)| topic.readers.is_empty()) {
         let _ = writeln!(text, "    t{index}(( ))");
-        let _ = writeln!(text, "    c{} -.->|\"{}\"| t{index}", topic.writer, label(plan, index));
+        let _ = writeln!(text, "    c{} -.->|\"{}\"| t{index}", topic.writer, label(plan, index, measured));
     }
     if !budgeted.is_empty() {
         let _ = writeln!(text, "    linkStyle {} stroke:#d9480f", budgeted.join(","));
@@ -35,10 +36,14 @@ pub(crate) fn mermaid(plan: &Plan) -> String {
     text
 }
 
-fn label(plan: &Plan, topic: usize) -> String {
+fn label(plan: &Plan, topic: usize, measured: Option<&Measured>) -> String {
     let mut lines = vec![escape(&plan.topics[topic].name), escape(&words::carried(&plan.topics[topic]))];
-    let latencies = plan.latencies.iter().filter(|latency| latency.to == topic);
-    lines.extend(latencies.map(|latency| escape(&words::latency(latency, plan).join(" "))));
+    lines.extend(measured.and_then(|measured| Measured::of(&measured.topics, topic)).map(escape));
+    for (index, latency) in plan.latencies.iter().enumerate().filter(|(_, latency)| latency.to == topic) {
+        let budget = words::latency(latency, plan).join(" ");
+        let seen = measured.and_then(|measured| Measured::of(&measured.latencies, index));
+        lines.push(escape(&seen.map_or(budget.clone(), |seen| format!("{budget}: {seen}"))));
+    }
     lines.join("<br/>")
 }
 

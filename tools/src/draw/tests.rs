@@ -248,6 +248,10 @@ fn what_was_measured_is_written_where_it_was_measured() {
     assert!(picture.contains(">999.8 Hz<") && picture.contains(">p99 24 us<"), "{picture}");
     assert!(picture.contains(">≤ 300 us: p99 231 us<"), "{picture}");
     assert!(!svg(&control_loop(), None).contains("p99"));
+    for text in [mermaid(&control_loop(), Some(&measured)), dot(&control_loop(), Some(&measured))] {
+        assert!(text.contains("999.8 Hz") && text.contains("<br/>p99 24 us"), "{text}");
+        assert!(text.contains("since robot/topic_0: p99 231 us"), "{text}");
+    }
 }
 
 #[test]
@@ -256,7 +260,7 @@ fn mermaid_shows_triggers_budgets_and_topics_that_nobody_reads() {
     plan.components[2].inputs[0].topic = None;
     plan.components[3].inputs[1].topic = None;
     plan.topics[2].readers.clear();
-    insta::assert_snapshot!(mermaid(&plan), @r##"
+    insta::assert_snapshot!(mermaid(&plan, None), @r##"
     ---
     title: drawn &lt;here&gt;
     ---
@@ -276,7 +280,7 @@ fn mermaid_shows_triggers_budgets_and_topics_that_nobody_reads() {
 
 #[test]
 fn dot_shows_the_same() {
-    insta::assert_snapshot!(dot(&control_loop()), @r##"
+    insta::assert_snapshot!(dot(&control_loop(), None), @r##"
     digraph "drawn <here>" {
         rankdir=LR;
         node [shape=box, style=rounded, fontname="Helvetica", fontsize=11];

@@ -136,7 +136,7 @@ fn draw_lane(svg: &mut String, lane: &Lane, page: &Page, y: f64) {
     text(svg, "small", page.left - 10.0 - width(&priority, 11.0), top + BAR - 3.5, &priority);
     for segment in &lane.segments {
         let (class, does) = match segment.activity {
-            Activity::Step => ("step", "steps"),
+            Activity::Step | Activity::Reserved => ("step", "steps"),
             Activity::Spin => ("spin", "spins"),
         };
         let (x, end) = (page.x(segment.start_ns), page.x(segment.end_ns));

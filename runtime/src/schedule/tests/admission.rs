@@ -2,7 +2,6 @@
 
 use super::graphs::{Node, When, graph, node};
 use crate::graph::Severity;
-use crate::plan::SchedulingClass;
 use crate::plan::{ClockKind, OnOverrun};
 use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
 
@@ -266,15 +265,4 @@ fn in_lockstep_nothing_has_a_deadline() {
     let admission = admit(&plan, &Overheads::default(), RtLimit::KERNEL_DEFAULT);
     assert_eq!(admission.verdict, Verdict::BestEffort);
     assert!(!admission.refuses() && admission.problems.is_empty());
-}
-
-#[test]
-fn nothing_is_proved_beside_a_component_that_comes_before_all_priorities() {
-    let mut deadline = node("deadline", KHZ, 100 * US);
-    (deadline.class, deadline.core) =
-        (SchedulingClass::Deadline { runtime_ns: 150 * US, period_ns: 1_000 * US }, None);
-    let admission = check(&[node("fifo", KHZ, 100 * US), deadline], &[]);
-    assert_eq!(admission.cores[0].verdict, Verdict::NotProvable);
-    assert_eq!(admission.tasks[0].verdict, Verdict::NotProvable);
-    assert!(admission.problems.iter().any(|problem| problem.message.contains("before all priorities")));
 }

@@ -70,6 +70,14 @@ impl Node {
         self
     }
 
+    /// Scheduled by its deadline, with so much more than it needs.
+    pub(super) fn by_deadline(mut self, needs_ns: u64, room_ns: u64) -> Self {
+        let When::Every(period_ns, _) = self.when else { panic!("deadlines are those of periods") };
+        self.class = SchedulingClass::Deadline { runtime_ns: (needs_ns + room_ns).min(period_ns), period_ns };
+        self.core = None;
+        self
+    }
+
     pub(super) fn no_budget(mut self) -> Self {
         self.budget_ns = None;
         self

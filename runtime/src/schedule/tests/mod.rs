@@ -1,6 +1,7 @@
 //! Scheduling against published examples, theorems, and a simulation that shares no code with the analysis.
 
 mod admission;
+mod deadlines;
 mod graphs;
 mod published;
 mod simulated;

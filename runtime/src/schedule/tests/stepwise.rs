@@ -45,6 +45,8 @@ struct Token {
 #[derive(Debug, Clone)]
 struct Running {
     order: u64,
+    /// Of what is scheduled by its deadline: when that is.
+    deadline: i64,
     token: Token,
     /// Units spun until.
     spin_until: i64,
@@ -130,24 +132,52 @@ impl<'g> Machine<'g> {
     fn priority(&self, index: usize) -> u8 {
         match self.nodes[index].class {
             SchedulingClass::Fifo(priority) => priority,
-            _ => panic!("only real-time components are simulated"),
+            SchedulingClass::Deadline { .. } => u8::MAX,
+            SchedulingClass::Normal => panic!("only real-time components are simulated"),
         }
+    }
+
+    fn by_deadline(&self, index: usize) -> bool {
+        matches!(self.nodes[index].class, SchedulingClass::Deadline { .. })
+    }
+
+    fn spin(&self, index: usize) -> i64 {
+        if self.by_deadline(index) { 0 } else { self.spin }
+    }
+
+    /// Who of those that are scheduled by deadlines has which core: the earliest have one each, anywhere.
+    fn earliest(&mut self, cores: &[usize]) -> HashMap<usize, usize> {
+        let mut waiting: Vec<(i64, usize)> = (0..self.nodes.len())
+            .filter(|index| self.by_deadline(*index))
+            .filter_map(|index| Some((self.threads[index].job.as_ref()?.deadline, index)))
+            .collect();
+        waiting.sort_unstable();
+        waiting.truncate(cores.len());
+        let shift = self.up_to(cores.len() as i64 - 1) as usize;
+        waiting
+            .iter()
+            .enumerate()
+            .map(|(at, (_, index))| (cores[(at + shift) % cores.len()], *index))
+            .collect()
     }
 
     pub(super) fn run(mut self, length: i64) -> Seen {
         for index in 0..self.nodes.len() {
             if let When::Every(_, phase) = self.nodes[index].when {
-                self.await_release(index, self.spin + phase as i64);
+                let spin = self.spin(index);
+                self.await_release(index, spin + phase as i64);
             }
         }
-        let mut cores: Vec<usize> = self.nodes.iter().filter_map(|node| node.core).collect();
+        // the shared core of the graphs made here, and those of its components
+        let mut cores: Vec<usize> = self.nodes.iter().filter_map(|node| node.core).chain([0]).collect();
         cores.sort_unstable();
         cores.dedup();
         let mut busy = vec![0; cores.len()];
         while self.now < length {
             self.arrivals();
+            let taken = self.earliest(&cores);
             for (core, busy) in cores.iter().zip(&mut busy) {
-                *busy += i64::from(self.unit(*core));
+                *busy += i64::from(self.unit(*core, taken.get(core).copied()));
             }
             self.now += 1;
         }
@@ -158,7 +188,7 @@ impl<'g> Machine<'g> {
     }
 
     fn await_release(&mut self, index: usize, release: i64) {
-        let asleep_until = release - self.spin;
+        let asleep_until = release - self.spin(index);
         // who is behind its time goes to the end of the queue at once
         let joins = if self.now < asleep_until {
             asleep_until + self.up_to(self.overheads.wake_ns as i64)
@@ -205,6 +235,10 @@ impl<'g> Machine<'g> {
             if self.chance == Chance::TimesAndPublications { self.up_to(cost - 1) } else { 0 };
         self.threads[index].job = Some(Running {
             order: order.unwrap_or(self.counter),
+            deadline: match self.nodes[index].class {
+                SchedulingClass::Deadline { period_ns, .. } => self.now + period_ns as i64,
+                _ => 0,
+            },
             token,
             spin_until,
             started: false,
@@ -214,16 +248,17 @@ impl<'g> Machine<'g> {
         });
     }
 
-    /// One unit of time on a core; whether it was used.
-    fn unit(&mut self, core: usize) -> bool {
+    /// One unit of time on a core, which somebody may have taken for his deadline; whether it was used.
+    fn unit(&mut self, core: usize, taken: Option<usize>) -> bool {
         let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
-        let first = ready
+        let by_priority = ready
+            .filter(|index| !self.by_deadline(*index))
             .filter_map(|index| {
                 let order = self.threads[index].job.as_ref()?.order;
                 Some((core::cmp::Reverse(self.priority(index)), order, index))
             })
             .min();
-        let Some((_, _, index)) = first else { return false };
+        let Some(index) = taken.or(by_priority.map(|(_, _, index)| index)) else { return false };
         let reads = match self.nodes[index].when {
             When::After(writer) => self.threads[writer].newest,
             When::Every(..) => self.nodes[index].reads.and_then(|writer| self.threads[writer].newest),

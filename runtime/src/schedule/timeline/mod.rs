@@ -131,7 +131,14 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
             words::names(plan, &guessed)
         ));
     }
-    let left_out: Vec<usize> = all.filter(|index| tasks.places[*index].is_none()).collect();
+    let reserved: Vec<usize> = all.clone().filter(|index| tasks.reservation(*index).is_some()).collect();
+    if !reserved.is_empty() {
+        notes.push(format!(
+            "scheduled by deadlines, on whatever core and before all that is drawn, not drawn: {}",
+            words::names(plan, &reserved)
+        ));
+    }
+    let left_out: Vec<usize> = all.filter(|index| !tasks.knows(*index)).collect();
     if !left_out.is_empty() {
         notes.push(format!("not real-time, not drawn: {}", words::names(plan, &left_out)));
     }

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::Context as _;
 use motorium_benches::MeasureError;
-use motorium_benches::host::Machine;
+use motorium_benches::host::{Loader, Machine};
 use motorium_benches::latency::{
     Bench, Case, Measurement, Skipped, VERSION, Written, catalogue, plot, targets,
 };
@@ -37,6 +38,12 @@ pub(crate) struct Latency {
     /// Samples of each hop
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
     samples: Option<u32>,
+    /// How long each graph runs, s: 1000 samples of a chain or of the Panda loop in each second
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=3_600))]
+    seconds: Option<u32>,
+    /// What keeps the machine busy for what is measured under load; the first that is installed if not given
+    #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
+    load: Option<String>,
     /// Fewer and shorter: what the targets of hops, releases and the chain of 4 need, in well under a minute
     #[arg(long)]
     quick: bool,
@@ -44,11 +51,17 @@ pub(crate) struct Latency {
     #[arg(long)]
     peers: bool,
     /// Fail (exit code 6) when hops or releases are plainly slower than they were, by ratios to the floors of this run
-    #[arg(long, conflicts_with_all = ["only", "peers", "json", "svg", "samples", "quick"])]
+    #[arg(long, conflicts_with_all = ["only", "peers", "json", "svg", "samples", "seconds", "load", "quick"])]
     ratchet: bool,
 }
 
 impl Latency {
+    /// What makes the load.
+    fn loader(&self) -> anyhow::Result<Loader> {
+        let Some(name) = &self.load else { return Ok(Loader::detect()) };
+        Loader::named(name).with_context(|| format!("{name} is not installed; `--load own` is always there"))
+    }
+
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let registry = registry::registry();
         let bench = Bench {
@@ -59,23 +72,34 @@ impl Latency {
             samples: self
                 .samples
                 .map_or(if self.quick { 20_000 } else { 100_000 }, |samples| samples as usize),
-            seconds: if self.quick { 2 } else { 6 },
+            paced: if self.quick { 2_000 } else { 10_000 },
+            seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 4 }),
+            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 50 }),
+            loader: self.loader()?,
         };
         if self.ratchet {
             return ratchet::run(&bench);
         }
+        let began = Instant::now();
         let cases = self.choose()?;
         let machine = Machine::detect();
-        anstream::println!("{} {machine}\n", style::strong("machine:"));
+        anstream::println!("{} {machine}", style::strong("machine:"));
+        if cases.iter().any(|case| case.loaded) {
+            anstream::println!("{} {}, at normal priority", style::strong("load:"), bench.loader);
+        }
+        anstream::println!();
         let mut written = Written {
             version: VERSION,
             machine,
+            load: bench.loader.to_string(),
+            seconds: 0.0,
             denied: Vec::new(),
             measurements: Vec::new(),
             skipped: Vec::new(),
             targets: Vec::new(),
         };
         anstream::println!("{}", table::header());
+        let core = bench.places.realtime;
         for turns in cases.chunk_by(|one, next| one.group.is_some() && one.group == next.group) {
             let measured = match turns {
                 [case] => vec![bench.measure(case)],
@@ -83,18 +107,19 @@ impl Latency {
             };
             for (case, measured) in turns.iter().zip(measured) {
                 match measured {
-                    Ok(measurement) => keep(&mut written.measurements, measurement),
+                    Ok(measurement) => keep(&mut written.measurements, measurement, core),
                     Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
                     Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
                 }
             }
         }
         if self.peers {
-            anstream::eprintln!("{}", style::dim("measuring peers, for about a minute ..."));
-            let (measured, skipped) = peers::measure();
-            measured.into_iter().for_each(|measurement| keep(&mut written.measurements, measurement));
-            written.skipped.extend(skipped);
+            peers::measure(core, |seen| match seen {
+                Ok(measurement) => keep(&mut written.measurements, measurement, core),
+                Err(missing) => written.skipped.push(skipped(&missing.name, &missing.reason)),
+            });
         }
+        written.seconds = began.elapsed().as_secs_f64();
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
         anstream::print!("{}", table::closing(&written));
@@ -104,7 +129,7 @@ impl Latency {
         }
         if let Some(file) = &self.svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
-            let text = plot(&format!("Latency: {}", written.machine), &drawn);
+            let text = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
             std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
@@ -137,8 +162,9 @@ impl Latency {
     }
 }
 
-fn keep(measurements: &mut Vec<Measurement>, measurement: Measurement) {
-    anstream::println!("{}", table::row(&measurement));
+fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize) {
+    measurement.compare_with_sleeper(measurements);
+    anstream::println!("{}", table::row(&measurement, core));
     measurements.push(measurement);
 }
 

@@ -1,5 +1,6 @@
 //! Other systems, as far as they are installed: `benches/peers/measure` runs them and tells what it saw.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -16,47 +17,80 @@ const SCRIPT: &str = "benches/peers/measure";
 #[serde(untagged)]
 enum Line {
     /// Its samples.
-    Measured { name: String, what: String, samples_ns: Vec<u64> },
+    Measured {
+        name: String,
+        what: String,
+        #[serde(default)]
+        fifo: u32,
+        samples_ns: Vec<u64>,
+    },
+    /// What a tool says of samples that it keeps to itself.
+    Told { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
     /// Why there are none.
     Skipped { name: String, skipped: String },
 }
 
-/// Measures the peers. Each that is not installed is named.
-pub(super) fn measure() -> (Vec<Measurement>, Vec<Skipped>) {
-    let mut found = (Vec::new(), Vec::new());
-    let nothing = |reason: String| (Vec::new(), vec![Skipped { name: "peers".to_string(), reason }]);
+/// Measures the peers, one after the other, and tells of each as it comes. Each that is not installed is named.
+/// `core` is where those run that can be pinned.
+pub(super) fn measure(core: usize, mut tell: impl FnMut(Result<Measurement, Skipped>)) {
+    let mut fail = |reason: String| tell(Err(Skipped { name: "peers".to_string(), reason }));
     if !Path::new(SCRIPT).is_file() {
-        return nothing(format!("there is no {SCRIPT} here: start this in a checkout of motorium"));
+        return fail(format!("there is no {SCRIPT} here: start this in a checkout of motorium"));
     }
-    let watch = Watch::start();
-    let output = match Command::new(SCRIPT).stdin(Stdio::null()).stderr(Stdio::inherit()).output() {
-        Ok(output) => output,
-        Err(error) => return nothing(format!("{SCRIPT} could not be started: {error}")),
+    let child =
+        Command::new(SCRIPT).arg(core.to_string()).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+    let mut child = match child {
+        Ok(child) => child,
+        Err(error) => return fail(format!("{SCRIPT} could not be started: {error}")),
     };
-    let host = watch.stop();
-    for line in String::from_utf8_lossy(&output.stdout).lines() {
-        match serde_json::from_str(line) {
-            Ok(Line::Measured { name, what, samples_ns }) => {
-                let ns = Distribution::of(samples_ns);
-                found.0.push(Measurement {
-                    name: format!("peer.{name}"),
-                    what,
-                    ns,
-                    fifo: 0,
-                    host,
-                    slices_p50: Vec::new(),
-                });
-            }
+    let mut watch = Watch::start();
+    for line in child
+        .stdout
+        .take()
+        .into_iter()
+        .flat_map(|stdout| BufReader::new(stdout).lines())
+        .map_while(Result::ok)
+    {
+        let host = core::mem::replace(&mut watch, Watch::start()).stop();
+        tell(match serde_json::from_str(&line) {
+            Ok(Line::Measured { name, what, fifo, samples_ns }) => Ok(Measurement {
+                name: format!("peer.{name}"),
+                what,
+                ns: Distribution::of(samples_ns),
+                fifo,
+                host,
+                slices_p50: Vec::new(),
+            }),
+            Ok(Line::Told { name, what, count, mean_ns, p50_ns, p99_ns, max_ns }) => Ok(Measurement {
+                name: format!("peer.{name}"),
+                what,
+                // of the rest of its distribution nothing is known
+                ns: Distribution {
+                    count,
+                    mean: mean_ns as f64,
+                    p50: p50_ns,
+                    p99: p99_ns,
+                    max: max_ns,
+                    ..Distribution::default()
+                },
+                fifo: 0,
+                host,
+                slices_p50: Vec::new(),
+            }),
             Ok(Line::Skipped { name, skipped }) => {
-                found.1.push(Skipped { name: format!("peer.{name}"), reason: skipped });
+                Err(Skipped { name: format!("peer.{name}"), reason: skipped })
             }
-            Err(error) => found.1.push(Skipped {
+            Err(error) => Err(Skipped {
                 name: "peers".to_string(),
                 reason: format!("{SCRIPT} said what is not understood: {error}"),
             }),
-        }
+        });
     }
-    found
+    match child.wait() {
+        Ok(status) if status.success() => {}
+        Ok(status) => tell(Err(Skipped { name: "peers".to_string(), reason: format!("{SCRIPT}: {status}") })),
+        Err(error) => tell(Err(Skipped { name: "peers".to_string(), reason: error.to_string() })),
+    }
 }
 
 #[cfg(test)]
@@ -66,7 +100,12 @@ mod tests {
     #[test]
     fn a_line_is_either_samples_or_the_reason_why_there_are_none() {
         let line: Line = serde_json::from_str(r#"{"name":"lcm","what":"x","samples_ns":[1,2]}"#).unwrap();
-        assert_eq!(line, Line::Measured { name: "lcm".into(), what: "x".into(), samples_ns: vec![1, 2] });
+        let measured =
+            Line::Measured { name: "lcm".into(), what: "x".into(), fifo: 0, samples_ns: vec![1, 2] };
+        assert_eq!(line, measured);
+        let told = r#"{"name":"d","what":"x","count":9,"mean_ns":5,"p50_ns":4,"p99_ns":7,"max_ns":8}"#;
+        let line: Line = serde_json::from_str(told).unwrap();
+        assert!(matches!(line, Line::Told { count: 9, p50_ns: 4, p99_ns: 7, max_ns: 8, .. }), "{line:?}");
         let line: Line = serde_json::from_str(r#"{"name":"dora","skipped":"not installed"}"#).unwrap();
         assert_eq!(line, Line::Skipped { name: "dora".into(), skipped: "not installed".into() });
     }

@@ -56,7 +56,10 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
         places: bench.places,
         fifo: bench.fifo,
         samples: 4_000,
+        paced: 1_000,
         seconds: 1,
+        panda_seconds: 1,
+        loader: bench.loader.clone(),
     };
     let mut failed = false;
     for bound in &BOUNDS {

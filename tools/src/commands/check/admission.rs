@@ -18,12 +18,15 @@ pub(crate) fn describe(admission: &Admission, origin: &str) -> String {
         return "in lockstep nothing has a deadline: budgets, priorities and latencies are not analysed\n"
             .to_string();
     }
-    if admission.cores.is_empty() {
+    if admission.cores.is_empty() && admission.deadlines.is_none() {
         return String::new();
     }
     let mut cores = table(["core", "", "load of real-time components"]);
     for core in &admission.cores {
         cores.add_row([core.core.to_string(), verdict(core.verdict).to_string(), core.arithmetic.clone()]);
+    }
+    if let Some(load) = &admission.deadlines {
+        cores.add_row(["all".to_string(), verdict(load.verdict).to_string(), load.arithmetic.clone()]);
     }
     let mut tasks = table(["component", "core", "priority", "", "longest time from release to end of step"]);
     for task in admission.tasks.iter().filter(|task| task.verdict != Verdict::BestEffort) {

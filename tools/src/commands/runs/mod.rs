@@ -21,6 +21,11 @@ pub(crate) struct RunArg {
 }
 
 impl RunArg {
+    /// A run named otherwise than by `--run`.
+    pub(crate) fn named(run: Option<&str>) -> Self {
+        Self { run: run.map(str::to_string) }
+    }
+
     /// Opens the run that is meant.
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
         let folder = pick(self.run.as_deref())?;

@@ -1,0 +1,215 @@
+//! What the machine and its host did to a measurement.
+
+use std::time::Instant;
+
+use motorium::launcher::{CoreReport, CoreWatch, Report};
+use serde::{Deserialize, Serialize};
+
+/// What the host took during a measurement, and what else came in between.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct HostShare {
+    /// How long the measurement took, s.
+    pub seconds: f64,
+    /// Time the host took from all cores together, ms (`steal` of `/proc/stat`, in steps of 10 ms).
+    pub steal_ms: f64,
+    /// The same as a share of the time of all cores.
+    pub steal_share: f64,
+    /// Each core: its own steal, interrupts and soft interrupts.
+    #[serde(default)]
+    pub cores: Vec<CoreReport>,
+    /// Of a graph: why its components were late.
+    #[serde(default)]
+    pub causes: Option<Causes>,
+    /// Of what a timer releases: the share of its tail (p99.9 above p50) that a bare sleeper on the same core, idle
+    /// besides, has in the same run.
+    #[serde(default)]
+    pub sleeper_share: Option<f64>,
+}
+
+/// Why the components of a graph were late, all of them together, as their workers count it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Causes {
+    /// Steps whose core was taken away: ready to run, and nothing of this system ran.
+    pub stolen: u64,
+    /// Steps that began late: others had the core, or the timer was late.
+    pub late_wake: u64,
+    /// Steps that took too long on their core: interrupts and stalls that the host does not own up to are in there.
+    pub long_step: u64,
+    /// Steps whose input came late.
+    pub late_input: u64,
+    /// How often a core stood still while a component spun on it, and looked at nothing but the clock.
+    pub stalls: u64,
+    /// For how long in all, ms.
+    pub stalled_ms: f64,
+    /// Out of so much time of spinning, ms.
+    pub watched_ms: f64,
+    /// The longest, us.
+    pub longest_stall_us: f64,
+}
+
+impl Causes {
+    /// From the report of a run.
+    pub fn of(report: &Report) -> Self {
+        let mut causes = Self::default();
+        for component in &report.components {
+            causes.stolen += component.misses.stolen;
+            causes.late_wake += component.misses.late_wake;
+            causes.long_step += component.misses.long_step;
+            causes.late_input += component.misses.late_input;
+            causes.stalls += component.stalls.count;
+            causes.stalled_ms += component.stalls.total_ns as f64 * 1e-6;
+            causes.watched_ms += component.stalls.watched_ns as f64 * 1e-6;
+            causes.longest_stall_us = causes.longest_stall_us.max(component.stalls.longest_ns as f64 * 1e-3);
+        }
+        causes
+    }
+
+    /// All misses.
+    pub fn misses(&self) -> u64 {
+        self.stolen + self.late_wake + self.long_step + self.late_input
+    }
+}
+
+impl HostShare {
+    /// What happened on one core.
+    pub fn core(&self, core: usize) -> Option<&CoreReport> {
+        self.cores.iter().find(|report| report.core == core)
+    }
+
+    /// Adds what happened during another part of the same measurement.
+    pub fn add(&mut self, other: Self) {
+        self.seconds += other.seconds;
+        self.steal_ms += other.steal_ms;
+        for core in other.cores {
+            match self.cores.iter_mut().find(|known| known.core == core.core) {
+                Some(known) => known.add(&core),
+                None => self.cores.push(core),
+            }
+        }
+        self.steal_share = share(self.steal_ms, self.seconds, self.cores.len());
+    }
+
+    /// In a few words: time that was stolen, misses by cause, stalls, the sleeper's share of the tail, and interrupts
+    /// of devices on the core of the measurement. Empty if nothing of that was there.
+    pub fn in_words(&self, core: usize) -> String {
+        let mut words = Vec::new();
+        if self.steal_ms > 0.0 {
+            words.push(format!("steal {:.2} %", 100.0 * self.steal_share));
+        }
+        if let Some(share) = self.sleeper_share {
+            words.push(format!("sleeper {:.0} %", 100.0 * share));
+        }
+        if let Some(causes) = self.causes {
+            let counts = [
+                (causes.stolen, "stolen"),
+                (causes.late_wake, "woken late"),
+                (causes.long_step, "long"),
+                (causes.late_input, "input late"),
+            ];
+            words.extend(
+                counts.iter().filter(|(count, _)| *count > 0).map(|(count, word)| format!("{count} {word}")),
+            );
+            if causes.stalls > 0 {
+                words.push(format!(
+                    "stalled {:.2} %, longest {:.0} us",
+                    100.0 * causes.stalled_ms / causes.watched_ms.max(1e-9),
+                    causes.longest_stall_us
+                ));
+            }
+        }
+        let devices = self.core(core).map_or(0, CoreReport::from_devices);
+        if devices > 0 {
+            words.push(format!("{devices} irq"));
+        }
+        words.join(", ")
+    }
+}
+
+/// Watches the cores of this machine.
+#[derive(Debug)]
+pub struct Watch {
+    since: Instant,
+    cores: CoreWatch,
+}
+
+impl Watch {
+    /// Begins to watch.
+    pub fn start() -> Self {
+        Self { cores: CoreWatch::start(super::cores()), since: Instant::now() }
+    }
+
+    /// What happened since the start.
+    pub fn stop(&self) -> HostShare {
+        let seconds = self.since.elapsed().as_secs_f64();
+        let cores = self.cores.stop();
+        let steal_ms = cores.iter().map(|core| core.steal_ms).sum();
+        HostShare {
+            seconds,
+            steal_ms,
+            steal_share: share(steal_ms, seconds, cores.len()),
+            cores,
+            ..HostShare::default()
+        }
+    }
+}
+
+fn share(steal_ms: f64, seconds: f64, cores: usize) -> f64 {
+    steal_ms / (1e3 * seconds.max(1e-9) * cores.max(1) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn taken(core: usize, steal_ms: f64, interrupts: &[(&str, u64)]) -> HostShare {
+        let interrupts: BTreeMap<String, u64> =
+            interrupts.iter().map(|(name, count)| (name.to_string(), *count)).collect();
+        let report = CoreReport { core, seconds: 1.0, steal_ms, interrupts, ..CoreReport::default() };
+        HostShare {
+            seconds: 1.0,
+            steal_ms,
+            steal_share: steal_ms * 1e-3,
+            cores: vec![report],
+            ..HostShare::default()
+        }
+    }
+
+    #[test]
+    fn a_share_is_of_the_time_of_all_cores() {
+        let mut sum = taken(0, 20.0, &[]);
+        sum.add(taken(1, 0.0, &[]));
+        assert_eq!((sum.seconds, sum.steal_ms), (2.0, 20.0));
+        assert!((sum.steal_share - 20e-3 / (2.0 * 2.0)).abs() < 1e-12, "{}", sum.steal_share);
+    }
+
+    #[test]
+    fn a_watch_sees_every_core_of_the_machine() {
+        let seen = Watch::start().stop();
+        assert_eq!(seen.cores.iter().map(|core| core.core).collect::<Vec<_>>(), crate::host::cores());
+        assert!(seen.steal_share >= 0.0);
+    }
+
+    #[test]
+    fn words_name_what_was_there_and_nothing_else() {
+        assert_eq!(HostShare::default().in_words(0), "");
+        let mut share = taken(1, 10.0, &[("LOC", 4_000), ("virtio1-req.0", 12)]);
+        assert_eq!(share.in_words(1), "steal 1.00 %, 12 irq");
+        assert_eq!(share.in_words(0), "steal 1.00 %");
+        share.sleeper_share = Some(0.93);
+        share.causes = Some(Causes {
+            stolen: 3,
+            long_step: 1,
+            stalls: 2,
+            stalled_ms: 1.0,
+            watched_ms: 100.0,
+            longest_stall_us: 700.0,
+            ..Causes::default()
+        });
+        assert_eq!(
+            share.in_words(0),
+            "steal 1.00 %, sleeper 93 %, 3 stolen, 1 long, stalled 1.00 %, longest 700 us"
+        );
+    }
+}

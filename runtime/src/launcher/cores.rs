@@ -1,0 +1,240 @@
+//! What else a core did during a run: interrupts, soft interrupts, and time that its host took away.
+//!
+//! The kernel books an interrupt's time on the thread it interrupts (unless it was built to account for it), so that a
+//! step looks long which was merely interrupted. What is read here are the kernel's counts of the whole system, before
+//! and after a run, by the launcher: no real-time thread does anything for it.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
+const TICK_MS: f64 = 10.0;
+
+/// What happened on one core besides what threads did.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CoreReport {
+    /// The core.
+    pub core: usize,
+    /// For how long it was watched, s.
+    pub seconds: f64,
+    /// Time the host of a virtual machine took away from it, ms (`steal` of `/proc/stat`, in steps of 10 ms).
+    pub steal_ms: f64,
+    /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 where the kernel does not account for it.
+    pub interrupt_ms: f64,
+    /// Interrupts by their name in `/proc/interrupts`, those that came at least once: `LOC` is the timer, `RES` and `CAL`
+    /// are other cores, the rest are devices.
+    pub interrupts: BTreeMap<String, u64>,
+    /// Soft interrupts by their name in `/proc/softirqs`, those that came at least once.
+    pub softirqs: BTreeMap<String, u64>,
+}
+
+impl CoreReport {
+    /// All interrupts together.
+    pub fn interrupts_in_all(&self) -> u64 {
+        self.interrupts.values().sum()
+    }
+
+    /// Interrupts of devices, which could be bound to another core: without timers and other cores.
+    pub fn from_devices(&self) -> u64 {
+        let device =
+            |name: &&String| !(name.len() == 3 && name.chars().all(|letter| letter.is_ascii_uppercase()));
+        self.interrupts.iter().filter(|(name, _)| device(name)).map(|(_, count)| count).sum()
+    }
+
+    /// Adds what was seen of the same core at another time.
+    pub fn add(&mut self, other: &Self) {
+        self.seconds += other.seconds;
+        self.steal_ms += other.steal_ms;
+        self.interrupt_ms += other.interrupt_ms;
+        for (mine, theirs) in
+            [(&mut self.interrupts, &other.interrupts), (&mut self.softirqs, &other.softirqs)]
+        {
+            theirs.iter().for_each(|(name, count)| *mine.entry(name.clone()).or_default() += count);
+        }
+    }
+}
+
+/// Watches what happens on cores.
+#[derive(Debug)]
+pub struct CoreWatch {
+    since: Instant,
+    cores: Vec<usize>,
+    before: Counts,
+}
+
+impl CoreWatch {
+    /// Begins to watch some cores.
+    pub fn start(mut cores: Vec<usize>) -> Self {
+        cores.sort_unstable();
+        cores.dedup();
+        Self { cores, before: Counts::now(), since: Instant::now() }
+    }
+
+    /// What happened on each of them since; nothing of what the system does not tell.
+    pub fn stop(&self) -> Vec<CoreReport> {
+        let seconds = self.since.elapsed().as_secs_f64();
+        let after = Counts::now();
+        self.cores
+            .iter()
+            .map(|core| {
+                let time = |counts: &Counts, of: &dyn Fn(&Ticks) -> u64| {
+                    counts.ticks.get(core).map_or(0, of) as f64 * TICK_MS
+                };
+                let passed = |of: &dyn Fn(&Ticks) -> u64| time(&after, of) - time(&self.before, of);
+                CoreReport {
+                    core: *core,
+                    seconds,
+                    steal_ms: passed(&|ticks| ticks.steal),
+                    interrupt_ms: passed(&|ticks| ticks.interrupts),
+                    interrupts: came(&self.before.interrupts, &after.interrupts, *core),
+                    softirqs: came(&self.before.softirqs, &after.softirqs, *core),
+                }
+            })
+            .collect()
+    }
+}
+
+/// The counts of one kind by name and core.
+type ByName = BTreeMap<String, BTreeMap<usize, u64>>;
+
+/// Ticks of one core.
+#[derive(Debug, Default, Clone, Copy)]
+struct Ticks {
+    interrupts: u64,
+    steal: u64,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    ticks: BTreeMap<usize, Ticks>,
+    interrupts: ByName,
+    softirqs: ByName,
+}
+
+impl Counts {
+    fn now() -> Self {
+        let read = |name: &str| std::fs::read_to_string(format!("/proc/{name}")).unwrap_or_default();
+        Self {
+            ticks: ticks(&read("stat")),
+            interrupts: table(&read("interrupts")),
+            softirqs: table(&read("softirqs")),
+        }
+    }
+}
+
+/// What came between two looks on a core.
+fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
+    let count = |counts: &ByName, name: &str| counts.get(name).and_then(|cores| cores.get(&core)).copied();
+    after
+        .keys()
+        .filter_map(|name| {
+            let came = count(after, name)?.saturating_sub(count(before, name).unwrap_or(0));
+            (came > 0).then(|| (name.clone(), came))
+        })
+        .collect()
+}
+
+/// Time in interrupts (the sixth and seventh number) and stolen time (the eighth), by core.
+fn ticks(stat: &str) -> BTreeMap<usize, Ticks> {
+    let line = |line: &str| {
+        let mut words = line.split_whitespace();
+        let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
+        let numbers: Vec<u64> = words.map_while(|word| word.parse().ok()).collect();
+        Some((core, Ticks { interrupts: numbers.get(5)? + numbers.get(6)?, steal: *numbers.get(7)? }))
+    };
+    stat.lines().filter_map(line).collect()
+}
+
+/// A table of the kernel: cores in the first line, then a label and a number for each core. What has a number as its
+/// label is named by its last word, the device; several of one name are added.
+fn table(text: &str) -> ByName {
+    let mut lines = text.lines();
+    let head = lines.next().unwrap_or_default();
+    let cores: Vec<usize> =
+        head.split_whitespace().filter_map(|word| word.strip_prefix("CPU")?.parse().ok()).collect();
+    let mut found = ByName::new();
+    for line in lines {
+        let Some((label, rest)) = line.split_once(':') else { continue };
+        let label = label.trim();
+        let mut words = rest.split_whitespace();
+        let counts: Vec<u64> = words.by_ref().take(cores.len()).map_while(|word| word.parse().ok()).collect();
+        // what is counted once for all cores (`ERR`, `MIS`) belongs to none
+        if counts.len() < cores.len() {
+            continue;
+        }
+        let is_number = label.chars().all(|digit| digit.is_ascii_digit());
+        let name = if is_number { words.next_back().unwrap_or(label) } else { label };
+        let row = found.entry(name.to_string()).or_default();
+        cores.iter().zip(counts).for_each(|(core, count)| *row.entry(*core).or_default() += count);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INTERRUPTS: &str = "           CPU0       CPU3       \n 24:          1          7  IO-APIC   5-edge      ttyS0\n \
+                              36:          0         40  PCI-MSIX-0000:00:02.0   1-edge      virtio1-req.0\n\
+                              LOC:        500        900   Local timer interrupts\nERR:          0\n";
+
+    #[test]
+    fn interrupts_are_named_by_their_device_or_by_their_label() {
+        let found = table(INTERRUPTS);
+        assert_eq!(found["ttyS0"], BTreeMap::from([(0, 1), (3, 7)]));
+        assert_eq!(found["virtio1-req.0"][&3], 40);
+        assert_eq!(found["LOC"][&0], 500);
+        assert!(!found.contains_key("ERR"), "of all cores together");
+    }
+
+    #[test]
+    fn only_what_came_in_between_counts_and_only_that_of_the_core() {
+        let before = table(INTERRUPTS);
+        let after = table(&INTERRUPTS.replace("900", "950").replace("500", "777"));
+        assert_eq!(came(&before, &after, 3), BTreeMap::from([("LOC".to_string(), 50)]));
+        assert_eq!(came(&before, &after, 1), BTreeMap::new());
+    }
+
+    #[test]
+    fn devices_are_told_from_timers_and_other_cores() {
+        let counts = [("LOC", 1_000), ("RES", 20), ("virtio1-req.0", 3), ("eth0", 4)];
+        let interrupts = counts.map(|(name, count)| (name.to_string(), count)).into();
+        let seen = CoreReport { interrupts, ..CoreReport::default() };
+        assert_eq!((seen.interrupts_in_all(), seen.from_devices()), (1_027, 7));
+    }
+
+    #[test]
+    fn stolen_time_is_that_of_each_core() {
+        let stat = "cpu  10 20 30 40 50 60 70 88 90 100\ncpu0 5 10 15 20 25 30 35 44 45 50\n\
+                    cpu1 5 10 15 20 25 1 2 11 45 50\nintr 1\n";
+        let found = ticks(stat);
+        assert_eq!((found[&0].steal, found[&1].steal, found[&1].interrupts), (44, 11, 3));
+        assert_eq!(found.len(), 2);
+    }
+
+    #[test]
+    fn what_was_seen_at_two_times_adds_up() {
+        let one = |name: &str| CoreReport {
+            seconds: 1.0,
+            steal_ms: 10.0,
+            interrupts: BTreeMap::from([(name.to_string(), 2)]),
+            ..CoreReport::default()
+        };
+        let mut sum = one("LOC");
+        sum.add(&one("LOC"));
+        sum.add(&one("eth0"));
+        assert_eq!((sum.seconds, sum.steal_ms), (3.0, 30.0));
+        assert_eq!(sum.interrupts, BTreeMap::from([("LOC".to_string(), 4), ("eth0".to_string(), 2)]));
+    }
+
+    #[test]
+    fn a_watch_tells_of_the_cores_it_was_asked_for() {
+        let watch = CoreWatch::start(vec![0, 0]);
+        let seen = watch.stop();
+        assert_eq!(seen.iter().map(|core| core.core).collect::<Vec<_>>(), [0]);
+        assert!(seen[0].seconds >= 0.0);
+    }
+}

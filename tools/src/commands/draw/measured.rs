@@ -1,0 +1,96 @@
+//! What is written into a picture of a graph that runs, or has run.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use motorium::launcher::{EdgeReport, LatencyReport, Report, Status};
+use motorium::plan::Plan;
+
+use super::super::runs::RunArg;
+use crate::draw::Measured;
+use crate::report::microseconds;
+
+/// What was measured, and the plan of the run if it is a living one.
+pub(super) struct Source {
+    pub(super) plan: Option<Plan>,
+    measured: Table,
+}
+
+/// Rates by component, ages and latencies as they were measured.
+struct Table {
+    rates: Vec<(String, f64)>,
+    edges: Vec<EdgeReport>,
+    latencies: Vec<LatencyReport>,
+}
+
+/// Looks up what is meant: a file with the report of a run, or a run by its id or its graph's name; the only one without a
+/// word.
+pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
+    if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
+        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let report: Report = serde_json::from_str(&text).with_context(|| {
+            format!(
+                "{} is no report of a run; `motorium run GRAPH.toml --json > report.json` makes one (a graph file goes \
+                 before the options)",
+                path.display()
+            )
+        })?;
+        return Ok(Source { plan: None, measured: Table::of_report(report) });
+    }
+    let run = RunArg::named(what).open()?;
+    run.stand_aside();
+    let status = Status::read(&run.plan, &run.region);
+    Ok(Source { plan: Some(run.plan), measured: Table::of_status(status) })
+}
+
+impl Table {
+    fn of_report(report: Report) -> Self {
+        let rates = report.components.into_iter().map(|component| (component.name, component.rate_hz));
+        Self { rates: rates.collect(), edges: report.edges, latencies: report.latencies }
+    }
+
+    fn of_status(status: Status) -> Self {
+        let rates = status.components.into_iter().map(|component| (component.name, component.rate_hz));
+        Self { rates: rates.collect(), edges: status.edges, latencies: status.latencies }
+    }
+}
+
+impl Source {
+    /// The words of a picture of this plan. What the measurements do not name stays blank.
+    pub(super) fn words(&self, plan: &Plan) -> Measured {
+        let measured = &self.measured;
+        let rate = |name: &str| {
+            let (_, hz) = measured.rates.iter().find(|(component, hz)| component == name && *hz > 0.0)?;
+            Some(format!("{hz:.1} Hz"))
+        };
+        // of several readers the one that gets the oldest, among those that do not just look at it now and then
+        let age = |topic: &str| {
+            let edges = || measured.edges.iter().filter(|edge| edge.topic == topic && edge.read > 0);
+            let most = edges().map(|edge| edge.read).max()?;
+            let edges = edges().filter(|edge| edge.read * 10 >= most);
+            let oldest = edges.max_by_key(|edge| edge.age_ns.p99)?.age_ns;
+            Some(format!("read after p50 {} / p99 {} us", microseconds(oldest.p50), microseconds(oldest.p99)))
+        };
+        let latency = |from: &str, to: &str| {
+            let is_it = |seen: &&LatencyReport| seen.from == from && seen.to == to && seen.count > 0;
+            let seen = measured.latencies.iter().find(is_it)?;
+            Some(format!("p99 {} us, {} missed", microseconds(seen.latency_ns.p99), seen.missed))
+        };
+        Measured {
+            rates: plan.components.iter().map(|component| rate(&component.name)).collect(),
+            topics: plan.topics.iter().map(|topic| age(&topic.name)).collect(),
+            latencies: plan
+                .latencies
+                .iter()
+                .map(|budget| latency(&plan.topics[budget.from].name, &plan.topics[budget.to].name))
+                .collect(),
+        }
+    }
+
+    /// Whether any of it belongs to this plan.
+    pub(super) fn fits(&self, plan: &Plan) -> bool {
+        plan.components
+            .iter()
+            .any(|component| self.measured.rates.iter().any(|(name, _)| *name == component.name))
+    }
+}

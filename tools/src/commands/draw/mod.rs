@@ -1,0 +1,84 @@
+//! `motorium graph`: draws a graph.
+
+mod measured;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+
+use super::loading::GraphArgs;
+use crate::{draw, registry};
+
+/// Draw a graph: components, topics, latency budgets.
+///
+/// Example: motorium graph graphs/panda-reach.toml --format svg --output panda-reach.svg
+#[derive(Debug, clap::Args)]
+pub(crate) struct Draw {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// What to draw it as
+    #[arg(long, value_enum, default_value_t = Format::Mermaid)]
+    format: Format,
+    /// Where to write it; standard output if not given
+    #[arg(long, short)]
+    output: Option<PathBuf>,
+    /// Write on it what was measured: of a running graph (its id or its name; the only one if not given), or in a
+    /// report that `motorium run --json` printed
+    #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
+    measured: Option<Option<String>>,
+    /// Print the checked plan as JSON instead
+    #[arg(long, conflicts_with_all = ["output", "measured"])]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// Text that GitHub and many editors draw
+    Mermaid,
+    /// A picture
+    Svg,
+    /// Text for Graphviz
+    Dot,
+}
+
+impl Draw {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let source = match &self.measured {
+            Some(what) => Some(measured::find(what.as_deref())?),
+            None => None,
+        };
+        // A running graph is drawn as it runs, whatever the file says by now.
+        let plan = match source.as_ref().and_then(|source| source.plan.clone()) {
+            Some(plan) => plan,
+            None => match self.graph.load(&registry::registry(), self.json) {
+                Ok(checked) => checked.plan,
+                Err(code) => return Ok(code),
+            },
+        };
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&plan)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        if let Some(source) = &source {
+            anyhow::ensure!(
+                source.fits(&plan),
+                "the report is not one of graph `{}`: it names none of its components; give the graph file that ran",
+                plan.name
+            );
+        }
+        let measured = source.map(|source| source.words(&plan));
+        let text = match self.format {
+            Format::Mermaid => draw::mermaid(&plan, measured.as_ref()),
+            Format::Dot => draw::dot(&plan, measured.as_ref()),
+            Format::Svg => draw::svg(&plan, measured.as_ref()),
+        };
+        match self.output {
+            Some(path) => {
+                std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?
+            }
+            None => print!("{text}"),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
