@@ -1,5 +1,7 @@
 //! What was measured: all of it, nothing trimmed.
 
+use std::collections::BTreeMap;
+
 use motorium::telemetry::Histogram;
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +58,28 @@ impl Distribution {
         }
     }
 
+    /// Takes in another distribution; percentiles are then exact to 3 %.
+    pub fn add(&mut self, other: &Self) {
+        let mut buckets: BTreeMap<u64, u64> = self.buckets.iter().copied().collect();
+        other.buckets.iter().for_each(|(bound, count)| *buckets.entry(*bound).or_default() += count);
+        let count = self.count + other.count;
+        if count > 0 {
+            self.mean = (self.mean * self.count as f64 + other.mean * other.count as f64) / count as f64;
+        }
+        (self.count, self.max) = (count, self.max.max(other.max));
+        self.buckets = buckets.into_iter().collect();
+        let rank = |share: f64| {
+            let at_least = (share * count as f64).ceil() as u64;
+            let mut seen = 0;
+            let bucket = self.buckets.iter().find(|(_, count)| {
+                seen += count;
+                seen >= at_least
+            });
+            bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
+        };
+        (self.p50, self.p99, self.p99_9) = (rank(0.5), rank(0.99), rank(0.999));
+    }
+
     /// The curve of latency against percentile: for each bucket the share of all samples that are at most its bound,
     /// and that bound (ns).
     pub fn curve(&self) -> Vec<(f64, u64)> {
@@ -92,6 +116,26 @@ mod tests {
             let (bound, _) = seen.buckets.iter().find(|(bound, _)| *bound >= sample).unwrap();
             assert!(bound - sample <= sample / 32, "{sample} in the bucket up to {bound}");
         }
+    }
+
+    #[test]
+    fn two_distributions_together_are_that_of_all_samples() {
+        let histogram = |samples: core::ops::Range<u64>| {
+            let histogram = Histogram::default();
+            samples.for_each(|sample| histogram.record(sample * sample));
+            Distribution::from_histogram(&histogram)
+        };
+        let mut both = histogram(0..300);
+        both.add(&histogram(300..1_000));
+        let all = histogram(0..1_000);
+        assert_eq!((both.count, both.max, &both.buckets), (all.count, all.max, &all.buckets));
+        assert!((both.mean - all.mean).abs() < 1e-6 * all.mean);
+        for (one, other) in [(both.p50, all.p50), (both.p99, all.p99), (both.p99_9, all.p99_9)] {
+            assert!(one.abs_diff(other) <= other / 16, "{one} and {other}");
+        }
+        let mut none = Distribution::default();
+        none.add(&all);
+        assert_eq!(none.count, 1_000);
     }
 
     #[test]

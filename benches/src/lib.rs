@@ -10,6 +10,8 @@ pub mod latency;
 pub mod pair;
 mod part;
 pub mod payload;
+mod processes;
+mod raw_chain;
 pub mod relay;
 pub mod timer;
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use crate::host::run_load;
 use crate::pair::{PART, run_part};
+use crate::raw_chain::{LINK, run_link};
 
 /// What a process was started for, if a measurement started it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -13,6 +14,13 @@ pub enum Part {
     Throw {
         /// Which of the two.
         side: String,
+        /// The folder of the measurement.
+        folder: PathBuf,
+    },
+    /// One of a chain that passes something on.
+    Link {
+        /// Which of them.
+        index: String,
         /// The folder of the measurement.
         folder: PathBuf,
     },
@@ -27,6 +35,9 @@ impl Part {
             [_, mark, side, folder] if mark == PART => {
                 Some(Self::Throw { side: side.clone(), folder: folder.into() })
             }
+            [_, mark, index, folder] if mark == LINK => {
+                Some(Self::Link { index: index.clone(), folder: folder.into() })
+            }
             [_, mark, kind] if mark == crate::host::LOAD => Some(Self::Load(kind.clone())),
             _ => None,
         }
@@ -34,16 +45,18 @@ impl Part {
 
     /// Plays the part to its end.
     pub fn run(&self) -> ExitCode {
-        match self {
-            Self::Throw { side, folder } => match run_part(side, folder) {
-                Ok(()) => ExitCode::SUCCESS,
-                Err(error) => {
-                    eprintln!("{error}");
-                    ExitCode::FAILURE
-                }
-            },
+        let ended = match self {
+            Self::Throw { side, folder } => run_part(side, folder),
+            Self::Link { index, folder } => run_link(index, folder),
             Self::Load(kind) => {
                 run_load(kind);
+                return ExitCode::FAILURE;
+            }
+        };
+        match ended {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("{error}");
                 ExitCode::FAILURE
             }
         }

@@ -48,6 +48,17 @@ pub struct Causes {
 }
 
 impl Causes {
+    fn add(&mut self, other: &Self) {
+        self.stolen += other.stolen;
+        self.late_wake += other.late_wake;
+        self.long_step += other.long_step;
+        self.late_input += other.late_input;
+        self.stalls += other.stalls;
+        self.stalled_ms += other.stalled_ms;
+        self.watched_ms += other.watched_ms;
+        self.longest_stall_us = self.longest_stall_us.max(other.longest_stall_us);
+    }
+
     /// From the report of a run.
     pub fn of(report: &Report) -> Self {
         let mut causes = Self::default();
@@ -87,6 +98,9 @@ impl HostShare {
             }
         }
         self.steal_share = share(self.steal_ms, self.seconds, self.cores.len());
+        if let Some(causes) = other.causes {
+            self.causes.get_or_insert_default().add(&causes);
+        }
     }
 
     /// In a few words: time that was stolen, misses by cause, stalls, the sleeper's share of the tail, and interrupts

@@ -3,6 +3,7 @@
 use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, Ran};
 use crate::pair::{self, Carrier, Throw};
+use crate::raw_chain::{self, RawChain};
 use crate::{Distribution, MeasureError, timer};
 
 /// One thing to measure.
@@ -28,6 +29,7 @@ enum Kind {
     Throw { carrier: Carrier, across: bool, bytes: usize, paced: bool },
     Release { rate_hz: u32 },
     Chain { processes: usize },
+    RawChain { processes: usize },
     Caterpillar,
     FanOut { readers: usize },
     Panda,
@@ -41,6 +43,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("polling across cores", &["floor.cache-line", "hop.polling.across.512"]),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
+    ("chain of 4", &["floor.chain.4", "chain.4"]),
+    ("chain of 8", &["floor.chain.8", "chain.8"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
 ];
 
@@ -95,6 +99,10 @@ pub fn catalogue() -> Vec<Case> {
         );
     }
     for processes in [2, 4, 8] {
+        if processes > 2 {
+            let what = format!("raw futex chain of {processes} processes on one core, 512 B, end to end");
+            add(format!("floor.chain.{processes}"), what, processes == 4, Kind::RawChain { processes });
+        }
         let what = format!("chain of {processes} processes on one core, end to end");
         add(format!("chain.{processes}"), what, processes == 4, Kind::Chain { processes });
     }
@@ -135,6 +143,11 @@ impl Case {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
 
+    /// Whether it is a chain of processes, which takes a while to start.
+    pub(super) fn is_chain(&self) -> bool {
+        matches!(self.kind, Kind::Chain { .. } | Kind::RawChain { .. })
+    }
+
     /// Measures it: all samples, and the priority that was granted.
     pub(super) fn run(&self, bench: &Bench<'_>) -> Result<Outcome, MeasureError> {
         let core = bench.places.realtime;
@@ -171,6 +184,16 @@ impl Case {
             }
             Kind::Chain { processes } => {
                 way(&bench.launch(graphs::chain(*processes, bench.seconds, core))?, "tail")
+            }
+            Kind::RawChain { processes } => {
+                let chain = RawChain {
+                    processes: *processes,
+                    core,
+                    fifo: bench.fifo,
+                    rounds: 1_000 * u64::from(bench.seconds),
+                };
+                let (samples, fifo) = raw_chain::measure(&bench.program, &chain)?;
+                Ok(Outcome::of(samples, fifo))
             }
             Kind::Caterpillar => way(&bench.launch(graphs::caterpillar(bench.seconds, core))?, "tail"),
             Kind::FanOut { readers } => {

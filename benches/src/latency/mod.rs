@@ -117,6 +117,8 @@ impl Samples {
 
 /// Turns that the cases of a group take.
 const SLICES: usize = 10;
+/// The same where each turn starts a graph.
+const GRAPH_SLICES: usize = 3;
 
 impl Bench<'_> {
     /// Measures one case.
@@ -140,20 +142,21 @@ impl Bench<'_> {
 
     /// Measures cases that are compared with each other, in turns of a slice each.
     pub fn measure_in_turns(&self, cases: &[Case]) -> Vec<Result<Measurement, MeasureError>> {
+        let slices = if cases.iter().any(Case::is_chain) { GRAPH_SLICES } else { SLICES };
         let slice = Bench {
             program: self.program.clone(),
             registry: self.registry,
             places: self.places,
             fifo: self.fifo,
-            samples: self.samples.div_ceil(SLICES),
-            paced: self.paced.div_ceil(SLICES),
-            seconds: self.seconds,
+            samples: self.samples.div_ceil(slices),
+            paced: self.paced.div_ceil(slices),
+            seconds: self.seconds.div_ceil(GRAPH_SLICES as u32),
             panda_seconds: self.panda_seconds,
             loader: self.loader.clone(),
         };
         let mut turns: Vec<Result<Turns, MeasureError>> =
             cases.iter().map(|_| Ok(Turns::default())).collect();
-        for _ in 0..SLICES {
+        for _ in 0..slices {
             for (case, turns) in cases.iter().zip(&mut turns) {
                 let Ok(taken) = turns else { continue };
                 let watch = Watch::start();
@@ -167,7 +170,10 @@ impl Bench<'_> {
             turns.map(|turns| Measurement {
                 name: case.name.clone(),
                 what: case.what.clone(),
-                ns: Distribution::of(turns.samples),
+                ns: match turns.histogram {
+                    Some(histogram) => histogram,
+                    None => Distribution::of(turns.samples),
+                },
                 fifo: turns.fifo.unwrap_or(0),
                 host: turns.host,
                 slices_p50: turns.slices_p50,
@@ -181,6 +187,7 @@ impl Bench<'_> {
 #[derive(Debug, Default)]
 struct Turns {
     samples: Vec<u64>,
+    histogram: Option<Distribution>,
     slices_p50: Vec<u64>,
     fifo: Option<u32>,
     host: HostShare,
@@ -189,10 +196,11 @@ struct Turns {
 impl Turns {
     fn add(&mut self, outcome: Outcome, host: HostShare) {
         self.slices_p50.push(outcome.samples.p50());
-        if let Samples::All(samples) = outcome.samples {
-            self.samples.extend(samples);
+        match outcome.samples {
+            Samples::All(samples) => self.samples.extend(samples),
+            Samples::Histogram(more) => self.histogram.get_or_insert_default().add(&more),
         }
         self.fifo = Some(self.fifo.map_or(outcome.fifo, |least| least.min(outcome.fifo)));
-        self.host.add(host);
+        self.host.add(HostShare { causes: outcome.causes, ..host });
     }
 }

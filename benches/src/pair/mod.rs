@@ -12,9 +12,8 @@ mod stock;
 mod topics;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use motorium::component::Registry;
 use motorium::graph::{self, Machine};
@@ -22,6 +21,7 @@ use motorium::transport::{Domain, Exchange};
 use serde::{Deserialize, Serialize};
 
 use crate::MeasureError;
+use crate::processes::run_to_end;
 use board::Board;
 pub(crate) use part::{PART, run_part};
 
@@ -114,60 +114,11 @@ pub fn measure(program: &Path, registry: &Registry, throw: &Throw) -> Result<Thr
 
 /// Starts both processes and waits for their end.
 fn supervise(program: &Path, folder: &Path, throw: &Throw) -> Result<(), MeasureError> {
-    let mut children = Vec::new();
-    for side in SIDES {
-        let child = Command::new(program)
-            .args([PART, side])
-            .arg(folder)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn();
-        match child {
-            Ok(child) => children.push(child),
-            Err(error) => {
-                kill(&mut children);
-                return Err(MeasureError::system("starting a process", error));
-            }
-        }
-    }
+    let parts = SIDES.map(|side| (side, vec![PART.to_string(), side.to_string()]));
     // Far more than any machine needs: what takes longer hangs.
     let rounds = (throw.rounds + throw.warm_up) as u64;
     let limit = Duration::from_secs(20) + Duration::from_nanos(rounds * (throw.pace_ns * 2 + 4_000_000));
-    let end = Instant::now() + limit.min(Duration::from_secs(180));
-    loop {
-        let mut ended = 0;
-        for (child, side) in children.iter_mut().zip(SIDES) {
-            match child.try_wait() {
-                Ok(Some(status)) if status.success() => ended += 1,
-                Ok(None) => {}
-                Ok(Some(_)) | Err(_) => {
-                    let words = child.stderr.take().and_then(|pipe| std::io::read_to_string(pipe).ok());
-                    kill(&mut children);
-                    let words = words.filter(|words| !words.trim().is_empty());
-                    return Err(MeasureError::Part {
-                        part: side,
-                        reason: words.map_or("it died".to_string(), |words| words.trim().to_string()),
-                    });
-                }
-            }
-        }
-        if ended == children.len() {
-            return Ok(());
-        }
-        if Instant::now() > end {
-            kill(&mut children);
-            return Err(MeasureError::Part { part: "ping", reason: "it hung".to_string() });
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-fn kill(children: &mut [std::process::Child]) {
-    for child in children {
-        let _ = child.kill();
-        let _ = child.wait();
-    }
+    run_to_end(program, &parts, folder, limit.min(Duration::from_secs(180)))
 }
 
 /// Topics there and back. A graph must not go round in circles, so each process takes the places of two components.
@@ -207,10 +158,14 @@ subscribe = {{ in = "bench/back" }}
 }
 
 /// A folder in shared memory, removed when it is dropped.
-struct Folder(PathBuf);
+pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    fn create() -> Result<Self, MeasureError> {
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(crate) fn create() -> Result<Self, MeasureError> {
         use std::sync::atomic::AtomicU32;
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let name = format!("motorium-bench-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed));
