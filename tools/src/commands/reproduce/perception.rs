@@ -13,8 +13,8 @@ use super::sheet::{Sheet, mean};
 /// Samples of the letters that are learned, and of curves that are compared.
 const LEARNED: usize = 100;
 const COMPARED: usize = 200;
-/// The split into letters to learn from and letters to measure on. No setting was chosen by what is measured on them: for
-/// that, some of the others were held out.
+/// The split into letters to learn from and letters to measure on. To choose the number of weights, some of the former
+/// were held out.
 const SPLIT: u64 = 1000;
 
 /// Distances between curves of letters, in letter sizes (the larger side), of one way of writing them.
@@ -126,8 +126,8 @@ fn judge(
     let of_seeds: Vec<f64> = networks.iter().map(|errors| mean(&errors.begun).0).collect();
     let seeds: Vec<String> = of_seeds.iter().map(|error| format!("{:.2}", 100.0 * error)).collect();
     let words = format!(
-        "mean distance of the curves (Chamfer, mean of both ways) in sizes of a letter, on {} letters that no setting was chosen \
-         by, +- standard error over letters. Both begun at one point: network {} (seeds: {}), nearest picture {}. Both \
+        "mean distance of the curves (Chamfer, mean of both ways) in sizes of a letter, on {} letters not \
+         learned from, +- standard error over letters. Both begun at one point: network {} (seeds: {}), nearest picture {}. Both \
          centred: network {}, nearest picture {}",
         held.trajectories.len(),
         percent(&begun),
