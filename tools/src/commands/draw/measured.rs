@@ -65,7 +65,7 @@ impl Source {
         };
         // of several readers the one that gets the oldest, among those that do not just look at it now and then
         let age = |topic: &str| {
-            let edges = || measured.edges.iter().filter(|edge| edge.topic == topic && edge.read > 0);
+            let edges = || measured.edges.iter().filter(move |edge| edge.topic == topic && edge.read > 0);
             let most = edges().map(|edge| edge.read).max()?;
             let edges = edges().filter(|edge| edge.read * 10 >= most);
             let oldest = edges.max_by_key(|edge| edge.age_ns.p99)?.age_ns;
