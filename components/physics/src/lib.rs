@@ -16,7 +16,7 @@ mod world;
 
 pub use build::{BuildError, BuildWarning};
 pub use component::{RapierConfig, RapierPhysics};
-pub use floating::{Floating, RotorDrive};
+pub use floating::{Floating, LinkForce, RotorDrive};
 pub use options::{Contacts, Options};
 pub use rapier::{Enclose, Rapier};
 pub use simulator::{Contact, JointCommand, ObjectId, ResetError, Simulator, StepError, StepReport};

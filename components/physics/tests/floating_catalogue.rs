@@ -63,7 +63,7 @@ fn every_robot_with_a_floating_base_is_held_on_the_ground_by_its_default_gains()
 
 #[test]
 fn a_robot_without_drives_collapses_and_comes_to_rest_on_the_ground() {
-    for name in ["quadruped", "hexapod", "humanoid"] {
+    for name in ["quadruped", "hexapod"] {
         let mut simulation = standing(name, grounded(vec![]));
         // Joints with a little friction, as all real ones have.
         for command in simulation.commands_mut() {

@@ -3,7 +3,7 @@
 mod legged;
 
 use legged::held;
-use motorium_physics::Simulator;
+use motorium_physics::{LinkForce, Simulator};
 use motorium_robots::{Dynamics, Kinematics, Reference};
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
@@ -67,11 +67,12 @@ fn the_efforts_of_a_standing_robot_balance_weight_and_contact_forces() {
         let mut kinematics = Kinematics::new(&model);
         kinematics.update(&model, &q);
         let mut jacobian = DMatrix::zeros(6, model.nv());
-        simulation.visit_forces(&mut |link, point, force| {
+        simulation.visit_forces(&mut |contact| {
+            let LinkForce { link, point, force } = *contact;
             let frame = model.frame(link).unwrap();
             kinematics.jacobian(&model, frame, Reference::LocalWorldAligned, &mut jacobian);
             let arm = point.coords - kinematics.pose(&model, frame).translation.vector;
-            let torque = arm.cross(force);
+            let torque = arm.cross(&force);
             for (column, balance) in balance.iter_mut().enumerate() {
                 let entry = |row: usize| jacobian[(row, column)];
                 *balance -= entry(0) * force.x + entry(1) * force.y + entry(2) * force.z;

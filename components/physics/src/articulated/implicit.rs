@@ -252,8 +252,7 @@ impl ImplicitSolver {
     /// The end velocity into `x` (nv), the drive efforts into `tau` (one per joint).
     pub(super) fn solve(
         &mut self,
-        joints: &[JointProperties],
-        commands: &[JointCommand],
+        (joints, commands): (&[JointProperties], &[JointCommand]),
         start: &Start<'_>,
         coupling: &mut impl Coupling,
         x: &mut [f64],

@@ -132,7 +132,7 @@ impl Articulated {
         }
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
         let x = self.v_next.as_mut_slice();
-        let events = self.solver.solve(&self.joints, commands, &start, coupling, x, tau)?;
+        let events = self.solver.solve((&self.joints, commands), &start, coupling, x, tau)?;
         move_on(model, q, x, h);
         v.copy_from_slice(x);
         Ok(events)

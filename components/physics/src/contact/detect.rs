@@ -143,7 +143,7 @@ fn search(
     let towards = relative.rotation.inverse_transform_vector(&-away);
     from.solid.features(&towards, &mut |Feature { index, point, radius }| {
         let place = relative * Point3::from(point);
-        let Some((height, normal)) = onto.solid.surface(&place.coords) else { return };
+        let Some((height, normal)) = onto.solid.surface_towards(&place.coords, &away) else { return };
         let distance = height - radius;
         if distance < margin {
             // Halfway between the surfaces.

@@ -31,6 +31,9 @@ pub(crate) struct Feature {
     pub(crate) radius: f64,
 }
 
+/// A point nearer than this to an edge of a box may belong to either face \[m\].
+const HAIR: f64 = 1e-3;
+
 impl Solid {
     /// The solid of a link.
     ///
@@ -108,6 +111,28 @@ impl Solid {
             Self::HalfSpace => (point.z, Vector3::z()),
             Self::Hull { .. } => return None,
         })
+    }
+
+    /// [`surface`](Self::surface) for a point of something that lies in the direction `reference` (a unit vector, outward).
+    /// Where a point is within a hair of the edge of a box, that decides which face it touches: of two boxes on one ground
+    /// the lower edges meet exactly, and rounding must not.
+    pub(crate) fn surface_towards(
+        &self,
+        point: &Vector3<f64>,
+        reference: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        if let Self::Box { half } = self {
+            let beyond = point.abs() - half;
+            if beyond.sup(&Vector3::zeros()).norm() < HAIR {
+                let outward = |axis: usize| reference[axis] * point[axis].signum();
+                let near = (0..3).filter(|axis| beyond[*axis] > beyond.max() - HAIR);
+                let face = near.max_by(|a, b| outward(*a).total_cmp(&outward(*b))).unwrap_or(beyond.imax());
+                let mut normal = Vector3::zeros();
+                normal[face] = point[face].signum();
+                return Some((beyond[face], normal));
+            }
+        }
+        self.surface(point)
     }
 
     /// Shows the points with which it touches what lies in the direction `towards` (a unit vector).
@@ -208,6 +233,22 @@ mod tests {
                     assert!((normal[axis] - (ahead - behind) / 2e-6).abs() < 1e-4, "{solid:?} at {point}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn at_an_edge_the_side_that_something_lies_on_decides() {
+        let solid = Solid::Box { half: Vector3::new(0.2, 0.3, 0.1) };
+        for slip in [-1e-10, 0.0, 1e-10] {
+            let edge = Vector3::new(0.2 - 1e-9, 0.0, -0.1 + slip);
+            let (distance, normal) = solid.surface_towards(&edge, &Vector3::x()).unwrap();
+            assert_eq!(normal, Vector3::x());
+            assert!((distance + 1e-9).abs() < 1e-15, "{distance}");
+            assert_eq!(solid.surface_towards(&edge, &-Vector3::z()).unwrap().1, -Vector3::z());
+        }
+        // Away from edges nothing changes, and deep inside the nearest face counts.
+        for point in [Vector3::new(0.25, 0.0, 0.12), Vector3::new(0.1, 0.1, 0.09)] {
+            assert_eq!(solid.surface_towards(&point, &Vector3::x()), solid.surface(&point));
         }
     }
 

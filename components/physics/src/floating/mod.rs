@@ -55,6 +55,17 @@ pub struct Floating {
     h: f64,
 }
 
+/// A contact force on a link of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkForce<'a> {
+    /// The link.
+    pub link: &'a str,
+    /// Where it acts, in the world \[m\].
+    pub point: Point3<f64>,
+    /// The force, friction included, world axes \[N\].
+    pub force: Vector3<f64>,
+}
+
 /// The state, with room for the next one: a step that fails leaves no trace.
 struct State {
     q: Vec<f64>,
@@ -175,16 +186,16 @@ impl Floating {
         self.surroundings.force_on_robot(self.h)
     }
 
-    /// Shows each contact force on a link of the robot \[N\], friction included, with the point where it acts, both in world
-    /// axes, of the last integration step. Forces between its own links appear twice, once for each.
-    pub fn visit_forces(&self, visit: &mut dyn FnMut(&str, &Point3<f64>, &Vector3<f64>)) {
+    /// Shows each contact force on a link of the robot, friction included, of the last integration step. Forces between its
+    /// own links appear twice, once for each.
+    pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         for (index, touch, first, second) in self.surroundings.touches() {
-            let force = self.surroundings.impulses.vector(index) / self.h;
+            let (point, force) = (touch.point, self.surroundings.impulses.vector(index) / self.h);
             if touch.owners.0.is_robot() {
-                visit(&first.name, &touch.point, &force);
+                visit(&LinkForce { link: &first.name, point, force });
             }
             if touch.owners.1.is_robot() {
-                visit(&second.name, &touch.point, &-force);
+                visit(&LinkForce { link: &second.name, point, force: -force });
             }
         }
     }
