@@ -42,7 +42,8 @@ pub(super) fn run_periodic<C: Component>(
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
 fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &mut Margin) -> Option<u64> {
-    let mut let_others_run = false;
+    // Under SCHED_DEADLINE a yield gives away the rest of the period, and those it has woken come after it anyway.
+    let mut let_others_run = stepper.context().block().deadline.load(Relaxed) != 0;
     let mut spinning: Option<(u64, u64)> = None;
     loop {
         if stepper.context().must_leave() {
