@@ -29,13 +29,15 @@ pub(super) fn rise(
     };
     let depth = |mut component: usize| {
         let mut depth = 0_u8;
+        // Triggers that go round in circles are reported elsewhere.
         while let Some(writer) = triggered_by[component]
+            && usize::from(depth) < classes.len().min(usize::from(HIGHEST_PRIORITY))
             && !given[component]
             && hands_over_here(writer)
             && base(writer) == base(component)
         {
             component = writer;
-            depth = depth.saturating_add(1);
+            depth += 1;
         }
         depth
     };
@@ -107,6 +109,13 @@ mod tests {
         let cores = [Some(1), Some(1), Some(0), Some(1)];
         let triggered_by = [None, Some(0), Some(0), Some(1)];
         assert_eq!(rise(&fifo(&[80; 4]), &[false; 4], &cores, &triggered_by).1, [0, 0, 0, 1]);
+    }
+
+    #[test]
+    fn triggers_that_go_round_in_circles_come_to_an_end() {
+        let circle = [Some(1), Some(0)];
+        let (classes, _) = rise(&fifo(&[80; 2]), &[false; 2], &[Some(1); 2], &circle);
+        assert_eq!(classes.len(), 2);
     }
 
     #[test]
