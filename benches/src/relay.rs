@@ -107,12 +107,14 @@ impl Component for Relay {
     }
 
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
-        if let Some((source, published)) = self.ports.read()? {
-            let now = monotonic_ns();
+        let read = self.ports.read()?.map(|times| (monotonic_ns(), times));
+        // Passed on before it is recorded: recording is no part of the way.
+        self.ports.write()?;
+        if let Some((now, (source, published))) = read {
             self.way.record(now.saturating_sub(source));
             self.hop.record(now.saturating_sub(published));
         }
-        self.ports.write()
+        Ok(())
     }
 
     /// From the head of the chain, and from the relay before, to the payload read here.

@@ -307,7 +307,7 @@ impl<T: StateBuffer> Input<T> {
         (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
         if let Some(edge) = self.edge {
             let age = self.context.now_ns().saturating_sub(stamp.publish_time);
-            self.context.region().edges()[edge].age.record(age);
+            self.context.note_age(edge, age);
         }
         true
     }

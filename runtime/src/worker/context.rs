@@ -11,6 +11,9 @@ use crate::plan::{ClockKind, OnOverrun, Plan};
 use crate::region::{Command, ComponentBlock, Region};
 use crate::transport::AfterStep;
 
+/// So many ages of samples wait for the end of a step; further ones are recorded at once.
+const AGES: usize = 32;
+
 /// What the ports and the loop of one component share: whose they are, and what time it is.
 #[derive(Debug)]
 pub struct Context {
@@ -26,6 +29,9 @@ pub struct Context {
     cause_ns: Cell<Option<u64>>,
     signals: Arc<Signals>,
     after_step: RefCell<Vec<Rc<dyn AfterStep>>>,
+    /// Ages of samples to be recorded when the step is over, by edge, ns; empty outside of a worker.
+    ages: RefCell<Vec<(usize, u64)>>,
+    steps: Cell<bool>,
 }
 
 /// What the watcher thread tells the stepping thread.
@@ -58,6 +64,8 @@ impl Context {
             cause_ns: Cell::new(None),
             signals: Arc::default(),
             after_step: RefCell::default(),
+            ages: RefCell::new(Vec::with_capacity(AGES)),
+            steps: Cell::new(false),
         }
     }
 
@@ -100,15 +108,29 @@ impl Context {
         self.after_step.borrow_mut().push(duties);
     }
 
+    /// Records how old a sample was when it was first looked at: after the step, which has better things to do.
+    pub(crate) fn note_age(&self, edge: usize, age_ns: u64) {
+        let mut ages = self.ages.borrow_mut();
+        if self.steps.get() && ages.len() < AGES {
+            ages.push((edge, age_ns));
+        } else {
+            self.region.edges()[edge].age.record(age_ns);
+        }
+    }
+
     /// Does what the outputs have to do after a step. Those that the step has triggered on this core may run before
     /// this returns.
     pub(super) fn end_step(&self) {
         let duties = self.after_step.borrow();
         duties.iter().for_each(|output| output.wake());
         duties.iter().for_each(|output| output.echo());
+        for (edge, age_ns) in self.ages.borrow_mut().drain(..) {
+            self.region.edges()[edge].age.record(age_ns);
+        }
     }
 
     pub(super) fn begin(&self) {
+        self.steps.set(true);
         self.time_ns.set(self.start_ns());
     }
 
