@@ -40,7 +40,7 @@ const PACE_NS: u64 = 1_000_000;
 
 /// What is compared with what.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("polling across cores", &["floor.cache-line", "hop.polling.across.512"]),
+    ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
@@ -50,7 +50,7 @@ const GROUPS: &[(&str, &[&str])] = &[
 
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
-    use Carrier::{Blocking, CacheLine, Futex, Polling, Stock};
+    use Carrier::{Blocking, CacheLine, Futex, Plain, Polling, Stock};
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
         let group = GROUPS.iter().find(|(_, names)| names.contains(&name.as_str())).map(|(group, _)| *group);
@@ -62,6 +62,8 @@ pub fn catalogue() -> Vec<Case> {
     add("floor.timer".into(), "wake-up by clock_nanosleep, 1 kHz".into(), true, Kind::Timer);
     let line = "cache line, half of to and fro across cores".to_string();
     add("floor.cache-line".into(), line, true, throw(CacheLine, true, 64, false));
+    let plain = "a word and 512 B of plain memory across cores, written and read".to_string();
+    add("floor.plain.512".into(), plain, true, throw(Plain, true, 512, false));
     for bytes in [64, 512, 4096, 65_536, 1_048_576] {
         let size = size(bytes);
         let quick = bytes == 512;

@@ -133,6 +133,10 @@ pub fn targets(measured: &[Measurement]) -> Vec<Target> {
             Some(_) => Verdict::Missed,
         };
         let host = (verdict == Verdict::Missed).then(|| seen.blame(blamed)).flatten();
+        let host = match seen.floor(blamed).filter(|_| verdict == Verdict::Missed) {
+            Some(floor) => host.map(|host| format!("{host}; {floor}")),
+            None => host,
+        };
         Target {
             what: (*what).to_string(),
             at_most: *at_most,
@@ -175,6 +179,22 @@ impl Seen<'_> {
         let mut turns: Vec<f64> = turns.map(|(chain, floor)| overhead(*chain, *floor)).collect();
         turns.sort_by(f64::total_cmp);
         Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| overhead(chain.ns.p50, floor.ns.p50)))
+    }
+
+    /// What the bare machine takes for what a target is about, in the same measure, in words.
+    fn floor(&self, name: &str) -> Option<String> {
+        match name {
+            "hop.polling.across.512" => {
+                let floor = self.ratio("floor.plain.512", "floor.cache-line")?;
+                Some(format!("512 B of plain memory behind a word come to {floor:.2} themselves"))
+            }
+            "chain.4" => {
+                let hops = 4.0 * self.get("hop.blocking.same.512")?.ns.p50.max(1) as f64;
+                let floor = self.get("floor.chain.4")?.ns.p99 as f64 / hops;
+                Some(format!("plain memory and futexes come to {floor:.2} themselves"))
+            }
+            _ => None,
+        }
     }
 
     /// Which share of a miss is the host's: the time it took away, and how late the same core woke from plain sleep
@@ -304,6 +324,21 @@ mod tests {
         let table = targets(&[measured("panda.loaded", 100_000, 150_000, 200_000)]);
         let met = find(&table, "Panda loop, under load");
         assert_eq!((met.verdict, met.host.as_ref()), (Verdict::Met, None));
+    }
+
+    #[test]
+    fn a_miss_says_what_the_bare_machine_comes_to() {
+        let table = targets(&[
+            measured("floor.cache-line", 50, 0, 0),
+            measured("floor.plain.512", 150, 0, 0),
+            measured("hop.polling.across.512", 200, 0, 0),
+            measured("hop.blocking.same.512", 2_500, 0, 0),
+            measured("floor.chain.4", 0, 16_000, 0),
+            measured("chain.4", 0, 20_000, 0),
+        ]);
+        let words = |what| find(&table, what).host.clone().unwrap();
+        assert!(words("cache-line ping-pong").ends_with("come to 3.00 themselves"));
+        assert!(words("p99 / 4 hops").ends_with("come to 1.60 themselves"));
     }
 
     #[test]

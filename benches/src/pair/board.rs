@@ -17,6 +17,16 @@ pub(super) struct Line {
     pub(super) futex: AtomicU32,
 }
 
+/// Numbers of a payload of 512 B.
+pub(super) const NUMBERS: usize = 64;
+/// Payloads that a side writes in turn.
+pub(super) const PAYLOADS: usize = 4;
+
+/// A payload in plain shared memory.
+#[derive(Debug)]
+#[repr(C, align(128))]
+pub(super) struct Payload(pub(super) [AtomicU64; NUMBERS]);
+
 /// What one of the two processes says of itself.
 #[derive(Debug)]
 #[repr(C, align(128))]
@@ -35,6 +45,7 @@ struct Head {
     /// There and back.
     lines: [Line; 2],
     sides: [Side; 2],
+    payloads: [[Payload; PAYLOADS]; 2],
 }
 
 /// The board of one measurement.
@@ -71,6 +82,11 @@ impl Board {
     /// The line on which a side sends.
     pub(super) fn line(&self, side: usize) -> &Line {
         &self.head().lines[side]
+    }
+
+    /// The payload of a round of a side.
+    pub(super) fn payload(&self, side: usize, round: u64) -> &Payload {
+        &self.head().payloads[side][round as usize % PAYLOADS]
     }
 
     /// What a side says of itself.

@@ -31,6 +31,8 @@ pub(crate) use part::{PART, run_part};
 pub enum Carrier {
     /// One word of shared memory that both cores look at: no payload.
     CacheLine,
+    /// A word that both cores look at, and 512 bytes of plain shared memory.
+    Plain,
     /// A word and a futex, nothing around them: no payload.
     Futex,
     /// A motorium topic, the receiver waits for its trigger.

@@ -8,7 +8,7 @@ use motorium::os::{Request, apply, futex_wait, futex_wake, prefault_stack};
 use motorium::plan::SchedulingClass;
 
 use super::board::Board;
-use super::floors::{Futex, cache_line};
+use super::floors::{Futex, Plain, cache_line};
 use super::link::{Link, ping, pong};
 use super::stock::Stock;
 use super::topics::{Topics, Waits};
@@ -32,6 +32,7 @@ pub(crate) fn run_part(side: &str, folder: &Path) -> Result<(), String> {
             cache_line(&board, side, throw.rounds as u64, throw.warm_up as u64);
             Ok(())
         }
+        Carrier::Plain => play.throw(&mut Plain { board: &board, side, sent: 0, heard: 0 }),
         Carrier::Futex => play.throw(&mut Futex { board: &board, side, heard: 0 }),
         Carrier::Blocking | Carrier::Polling | Carrier::Stock => with_payload(throw.bytes, play)
             .ok_or_else(|| format!("there is no payload of {} bytes", throw.bytes))?,
