@@ -21,6 +21,7 @@ pub(super) struct Accounts {
     spun_ns: u64,
     waited: WaitedForCore,
     waited_ns: Option<u64>,
+    handed_over_ns: u64,
     asleep: u64,
     waits: u64,
     since_refresh: u32,
@@ -46,6 +47,7 @@ impl Accounts {
             spun_ns: 0,
             waited: WaitedForCore::of_this_thread(),
             waited_ns: None,
+            handed_over_ns: 0,
             asleep: 0,
             waits: 0,
             since_refresh: 0,
@@ -63,6 +65,11 @@ impl Accounts {
     /// The worker has slept for the step to come; any other sleep is the component's.
     pub(super) fn slept(&mut self) {
         self.waits += 1;
+    }
+
+    /// Time for which those had the core that the step has triggered: no wait for the core that could make it late.
+    pub(super) fn handed_over(&mut self, ns: u64) {
+        self.handed_over_ns += ns;
     }
 
     /// Time spent spinning before the release of the step to come; it is the wait's, not the step's.
@@ -110,13 +117,14 @@ impl Accounts {
     }
 
     fn refresh(&mut self) {
-        (self.since_refresh, self.waits) = (0, 0);
+        (self.since_refresh, self.waits, self.handed_over_ns) = (0, 0, 0);
         self.waited_ns = self.waited.total_ns();
         self.asleep = times_asleep();
     }
 
     fn waited_since(&self) -> Option<u64> {
-        Some(self.waited.total_ns()?.saturating_sub(self.waited_ns?))
+        let waited = self.waited.total_ns()?.saturating_sub(self.waited_ns?);
+        Some(waited.saturating_sub(self.handed_over_ns))
     }
 }
 

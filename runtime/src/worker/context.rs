@@ -118,12 +118,14 @@ impl Context {
         }
     }
 
-    /// Does what the outputs have to do after a step. Those that the step has triggered on this core may run before
-    /// this returns.
+    /// Wakes those whom a step has triggered on this core. They may run before this returns.
+    pub(super) fn wake_triggered(&self) {
+        self.after_step.borrow().iter().for_each(|output| output.wake());
+    }
+
+    /// Does what else is left to do after a step.
     pub(super) fn end_step(&self) {
-        let duties = self.after_step.borrow();
-        duties.iter().for_each(|output| output.wake());
-        duties.iter().for_each(|output| output.echo());
+        self.after_step.borrow().iter().for_each(|output| output.echo());
         for (edge, age_ns) in self.ages.borrow_mut().drain(..) {
             self.region.edges()[edge].age.record(age_ns);
         }

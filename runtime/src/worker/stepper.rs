@@ -107,6 +107,8 @@ impl<C: Component> Stepper<C> {
         let real_end = os::monotonic_ns();
         let end = if context.is_lockstep() { timing.release_ns } else { real_end };
         // From here on nobody waits for this step: those it has triggered, if they are more urgent, run first.
+        context.wake_triggered();
+        self.accounts.handed_over(os::monotonic_ns() - real_end);
         context.end_step();
 
         self.own_steps += 1;
