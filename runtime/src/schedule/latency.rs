@@ -9,7 +9,7 @@
 use super::admission::{LatencyBound, Verdict};
 use super::phases::greatest_common_divisor;
 use super::response::Responses;
-use super::tasks::{Place, Release, StaticPlan};
+use super::tasks::{self, Place, Release, StaticPlan};
 use super::unknown::Unknown;
 use super::window::{Sum, after_first_stage};
 use super::{terms, words};
@@ -114,7 +114,7 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<Bounded> {
             analysis.plan.components[*last].name
         )],
     });
-    let hop_by_hop = places.and_then(|places| hop_by_hop(analysis, &places));
+    let hop_by_hop = places.and_then(|places| hop_by_hop(analysis, path, &places));
     match (since_release, hop_by_hop) {
         (Some(one), Some(other)) => Some(if one.ns < other.ns { one } else { other }),
         (one, other) => one.or(other),
@@ -122,7 +122,7 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<Bounded> {
 }
 
 /// The same as a sum: the rest of the first task, then each task after it from its own release.
-fn hop_by_hop(analysis: &Analysis<'_>, places: &[Place]) -> Option<Bounded> {
+fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<Bounded> {
     let tasks = &analysis.tasks.tasks;
     let mut total = 0;
     let mut words: Vec<String> = Vec::new();
@@ -134,7 +134,12 @@ fn hop_by_hop(analysis: &Analysis<'_>, places: &[Place]) -> Option<Bounded> {
         }
         let (sum, first): (Sum, usize) = if words.is_empty() && total == 0 && first_task(analysis, place.task)
         {
-            (rest(analysis, *place)?, 1)
+            let goes_on = goes_on(analysis, path, *place);
+            if goes_on > 0 {
+                let name = &analysis.plan.components[path[0]].name;
+                words.push(format!("{} ({name}, after it has published)", words::time(goes_on)));
+            }
+            (rest(analysis, *place, goes_on)?, 1)
         } else {
             let bounds = analysis.responses.bounds[place.task].as_ref()?;
             if let Release::Trigger { delay_ns, .. } = tasks[place.task].release
@@ -156,15 +161,25 @@ fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
     matches!(analysis.tasks.tasks[task].release, Release::Timer { .. })
 }
 
-/// From the end of the first stage of a task to the end of another.
-fn rest(analysis: &Analysis<'_>, place: Place) -> Option<Sum> {
+/// How long the component at the head of a task goes on after it has published, before those on a path through the task
+/// have all had their turn, ns: what is more urgent has it at once.
+fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
+    let task = &analysis.tasks.tasks[place.task];
+    let priority = |component: usize| tasks::priority(&analysis.plan.components[component]);
+    let in_task = |component: usize| analysis.tasks.places[component].is_some_and(|at| at.task == place.task);
+    let waits = |component: usize| in_task(component) && priority(component) <= priority(task.head());
+    if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
+}
+
+/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in between.
+fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
     if bounds.iter().any(|bound| bound.finish.total > demands[index].period) {
         return None;
     }
     let queued = bounds.first()?.finish.total;
-    after_first_stage(&demands, index, queued)?.get(place.stage).cloned()
+    after_first_stage(&demands, index, queued, goes_on as i64)?.get(place.stage).cloned()
 }
 
 /// From the release at the head of a chain to the end of a component's step, ns.

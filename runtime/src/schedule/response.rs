@@ -97,6 +97,7 @@ fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64
         jitter,
         queue: jitter.unwrap_or(0),
         stages: vec![runtime],
+        yields: false,
         orderly: false,
     }
 }
@@ -108,13 +109,16 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     // that of a triggered task grows with what is found
     let (offset, jitter, queue) = match task.release {
         // It wants the core from the moment it begins to spin; being woken late shortens the spinning.
-        Release::Timer { phase_ns, spin_ns, fixed } => {
+        Release::Timer { phase_ns, spin_ns, tuned, fixed } => {
             let offset = (phase_ns as i64 - spin_ns as i64).rem_euclid(period);
-            (fixed.then_some(offset), late_wake(spin_ns, overheads), overheads.wake_ns as i64)
+            // a margin that tunes itself covers what the machine needs: it is awake by the release
+            let queue = if tuned { overheads.wake_ns.max(spin_ns) } else { overheads.wake_ns };
+            (fixed.then_some(offset), late_wake(spin_ns, overheads), queue as i64)
         }
         Release::Trigger { delay_ns, .. } => (offset(task, plan), delay_ns as i64, delay_ns as i64),
     };
-    Demand { priority: task.priority, period, offset, jitter: Some(jitter), queue, stages, orderly: false }
+    let yields = matches!(task.release, Release::Timer { .. });
+    Demand { priority: task.priority, period, offset, jitter: Some(jitter), queue, stages, yields, orderly: false }
 }
 
 /// Offset of a triggered task: that of the releases at the head of its chain.

@@ -13,7 +13,7 @@
 use serde::Serialize;
 
 use super::Overheads;
-use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass};
+use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, Spin};
 
 /// All real-time components of a graph as tasks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -82,8 +82,10 @@ pub enum Release {
     Timer {
         /// Offset of the first release, ns.
         phase_ns: u64,
-        /// How long before a release the component begins to spin, ns.
+        /// How long before a release the component begins to spin at the earliest, ns.
         spin_ns: u64,
+        /// Whether it may begin later, as the wake errors of the machine allow.
+        tuned: bool,
         /// Whether releases never leave that grid; the overrun policy `rephase` moves it.
         fixed: bool,
     },
@@ -91,7 +93,7 @@ pub enum Release {
     Trigger {
         /// Index of that component in the plan.
         by: usize,
-        /// Longest time from the publication until the first stage may run, ns.
+        /// Longest time from the publication until the core of another component knows of it, ns.
         delay_ns: u64,
     },
 }
@@ -112,6 +114,8 @@ pub struct Step {
     pub budget_ns: Option<u64>,
     /// What the runtime and the machine add, ns.
     pub overhead_ns: u64,
+    /// How much of that comes after the step has published, ns.
+    pub after_ns: u64,
 }
 
 impl Step {
@@ -202,22 +206,23 @@ impl StaticPlan {
         let (Some(own), Some(core)) = (priority(component), core(plan, component)) else { return };
         let priority = own - component.rise.min(own);
         let spin_ns = component.spin.at_most_ns();
-        let mut step =
-            Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };
+        let mut step = step(index, component, overheads);
         let release = match component.activation {
             Activation::Periodic { period_ns, phase_ns } => Release::Timer {
                 phase_ns,
                 // who spins all the time takes all the time
                 spin_ns: spin_ns.min(period_ns),
+                tuned: matches!(component.spin, Spin::Tuned { .. }),
                 fixed: component.on_overrun != OnOverrun::Rephase,
             },
             Activation::Triggered { topic, .. } => {
                 let by = plan.topics[topic].writer;
+                let writer = &plan.components[by];
                 // who runs on any core may have run on this one
-                if has_deadline(&plan.components[by]) {
+                if has_deadline(writer) {
                     step.overhead_ns += overheads.hop_same_core_ns;
                 }
-                if self::core(plan, &plan.components[by]) == Some(core) {
+                if self::core(plan, writer) == Some(core) {
                     step.overhead_ns += overheads.hop_same_core_ns;
                     let place = self.places[by].filter(|place| {
                         let task = &self.tasks[place.task];
@@ -232,6 +237,8 @@ impl StaticPlan {
                     }
                     Release::Trigger { by, delay_ns: 0 }
                 } else {
+                    step.overhead_ns += overheads.look_ns;
+                    step.after_ns += overheads.look_ns;
                     Release::Trigger { by, delay_ns: overheads.hop_cross_core_ns }
                 }
             }
@@ -279,9 +286,19 @@ fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Opt
         // refused when the graph is read
         Activation::Triggered { .. } => return None,
     };
-    let step = Step { component: index, budget_ns: component.budget_ns, overhead_ns: overheads.worker_ns };
+    let step = step(index, component, overheads);
     let fixed = component.on_overrun != OnOverrun::Rephase;
     Some(Reservation { step, runtime_ns, period_ns, phase_ns, fixed })
+}
+
+/// A step of a component with what is added to it whoever triggers it.
+fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step {
+    let timer_ns = match component.activation {
+        Activation::Periodic { .. } => overheads.timer_ns,
+        Activation::Triggered { .. } => 0,
+    };
+    let added_ns = overheads.worker_ns + timer_ns;
+    Step { component: index, budget_ns: component.budget_ns, overhead_ns: added_ns, after_ns: added_ns }
 }
 
 /// Whether the kernel schedules a component by its deadline, on whatever core.

@@ -32,6 +32,9 @@ pub(super) struct Demand {
     pub jitter: Option<i64>,
     /// How late after it is due it may join the queue of its priority: not less than the jitter.
     pub queue: i64,
+    /// Whether it goes to the end of that queue once more as it first gets the core: what waits for the clock lets those
+    /// have their turn that it has woken. Among those who all do so that changes nothing.
+    pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
     /// Whether every job is known to finish before the next one is due, so that each goes to the end of the queue.
@@ -166,6 +169,14 @@ impl<'a> Level<'a> {
         let own = self.own();
         let start = opening.time();
         let mut joins = due + own.queue;
+        let mut turn = joins;
+        if own.yields && matches!(opening, Opening::At(_)) {
+            // it may have come late to a core that nobody else wanted before
+            let there = joins.max(start);
+            turn = settle(there + 1, |until| {
+                there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.cost()
+            })?;
+        }
         let mut work = 0;
         let mut ends = Vec::with_capacity(own.stages.len());
         for (stage, cost) in own.stages.iter().enumerate() {
@@ -176,11 +187,8 @@ impl<'a> Level<'a> {
                 _ => (ceil_div(until - due, own.period) - 1).max(0),
             };
             let count = |other: &Demand, until: i64| {
-                let waits = other.priority == own.priority && other.orderly;
-                match opening {
-                    Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
-                    _ => other.releases(opening, until),
-                }
+                let joins = if other.yields { joins } else { turn };
+                self.ahead(opening, other, until, joins)
             };
             let end = settle(start + 1, |until| {
                 let others = self.work(|other| count(other, until));
@@ -189,8 +197,18 @@ impl<'a> Level<'a> {
             let until = end.max(start + 1);
             ends.push((end, self.jobs(before + later(end), |other| count(other, until))));
             joins = joins.max(end);
+            turn = joins;
         }
         Some(ends)
+    }
+
+    /// Releases of another task before `until` that come before a job which joins the queue at `joins`.
+    fn ahead(&self, opening: Opening, other: &Demand, until: i64, joins: i64) -> i64 {
+        let waits = other.priority == self.own().priority && other.orderly;
+        match opening {
+            Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
+            _ => other.releases(opening, until),
+        }
     }
 }
 
@@ -257,15 +275,25 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
 /// Bound of the time from the end of the first stage of a job to the end of each of its stages, for a task that is
 /// through before it is due again.
 ///
-/// As the first stage ends nobody more urgent is waiting. Equals that are still ahead joined the queue after the job
-/// did: `queued` is the longest time from then to the end of the first stage.
-pub(super) fn after_first_stage(tasks: &[Demand], index: usize, queued: i64) -> Option<Vec<Sum>> {
+/// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the queue after the job
+/// did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so much before that end
+/// as it takes to do that much of the stage.
+pub(super) fn after_first_stage(
+    tasks: &[Demand],
+    index: usize,
+    queued: i64,
+    rest: i64,
+) -> Option<Vec<Sum>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
-    let mut bounds = vec![Sum { total: 0, jobs: vec![0; tasks.len()], elapsed: 0 }];
-    let mut work = 0;
-    for cost in own.stages.iter().skip(1) {
+    let mut bounds = Vec::with_capacity(own.stages.len());
+    let mut work = rest;
+    for cost in core::iter::once(&0).chain(own.stages.iter().skip(1)) {
         work += cost;
+        if work == 0 {
+            bounds.push(Sum { total: 0, jobs: vec![0; tasks.len()], elapsed: 0 });
+            continue;
+        }
         let count = |other: &Demand, until: i64| {
             let since = if other.priority > own.priority { 0 } else { queued };
             other.releases(Opening::Worst, since + until)

@@ -35,7 +35,7 @@ pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};
 pub use trigger::Trigger;
-pub(crate) use trigger::Waker;
+pub(crate) use trigger::{LOOK_NS, Waker};
 pub use variant::Shared;
 
 /// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.

@@ -14,7 +14,7 @@ use crate::plan::TopicPlan;
 use crate::state::Digest;
 
 /// So long a waiter looks at the bell of another core before it sleeps, ns: about what it costs to be woken there.
-const SPIN_NS: u64 = 20_000;
+pub(crate) const LOOK_NS: u64 = 20_000;
 /// Looks in vain before it sleeps at once this many times, doubled with every further vain look up to the largest.
 const LARGEST_PAUSE: u32 = 64;
 
@@ -78,7 +78,7 @@ impl Trigger {
         if !elsewhere || !self.patience.has_some() {
             return false;
         }
-        let end = monotonic_ns() + SPIN_NS;
+        let end = monotonic_ns() + LOOK_NS;
         let mut found = false;
         while !found && monotonic_ns() < end {
             for _ in 0..8 {

@@ -146,7 +146,7 @@ proptest! {
         worker_ns in 0u64..2,
         seed in any::<u64>(),
     ) {
-        let overheads = Overheads { wake_ns, hop_cross_core_ns, worker_ns, hop_same_core_ns: 0 };
+        let overheads = Overheads { wake_ns, hop_cross_core_ns, worker_ns, ..Overheads::NONE };
         let mut nodes: Vec<Node> = set
             .iter()
             .enumerate()

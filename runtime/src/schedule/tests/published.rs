@@ -14,6 +14,7 @@ fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {
         jitter: Some(0),
         queue: 0,
         stages: vec![*cost],
+        yields: false,
         orderly: false,
     };
     set.iter().enumerate().map(demand).collect()

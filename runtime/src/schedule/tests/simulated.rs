@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::graphs::{Node, When, graph, node};
 use super::stepwise::{Chance, Machine, Seen};
-use crate::plan::{OnOverrun, SchedulingClass};
+use crate::plan::{OnOverrun, SchedulingClass, Spin};
 use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
 
 /// A small graph: chains of components that trigger one another, on two cores, in units of 1 ns.
@@ -12,17 +12,20 @@ use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
 struct Case {
     nodes: Vec<Node>,
     spin: u64,
+    tuned: bool,
     overheads: Overheads,
     latencies: Vec<(usize, usize, u64)>,
     seed: u64,
 }
 
 fn overheads() -> impl Strategy<Value = Overheads> {
-    (0u64..6, 0u64..2, 0u64..8, 0u64..2).prop_map(
-        |(wake_ns, hop_same_core_ns, hop_cross_core_ns, worker_ns)| Overheads {
+    (0u64..6, 0u64..3, 0u64..2, 0u64..8, 0u64..3, 0u64..3).prop_map(
+        |(wake_ns, timer_ns, hop_same_core_ns, hop_cross_core_ns, look_ns, worker_ns)| Overheads {
             wake_ns,
+            timer_ns,
             hop_same_core_ns,
             hop_cross_core_ns,
+            look_ns,
             worker_ns,
         },
     )
@@ -61,7 +64,8 @@ fn chain() -> impl Strategy<Value = Chain> {
 
 fn case() -> impl Strategy<Value = Case> {
     let chains = proptest::collection::vec((chain(), any::<bool>()), 1..4);
-    (chains, 0u64..6, overheads(), any::<u64>()).prop_map(|(chains, spin, overheads, seed)| {
+    let spin = (0u64..6, any::<bool>());
+    (chains, spin, overheads(), any::<u64>()).prop_map(|(chains, (spin, tuned), overheads, seed)| {
         let mut nodes: Vec<Node> = Vec::new();
         let mut latencies = Vec::new();
         // where data that a component passes on came into being
@@ -99,7 +103,7 @@ fn case() -> impl Strategy<Value = Case> {
             }
         }
         let nodes = lowered(nodes);
-        Case { nodes, spin, overheads, latencies, seed }
+        Case { nodes, spin, tuned, overheads, latencies, seed }
     })
 }
 
@@ -121,11 +125,15 @@ fn lowered(mut nodes: Vec<Node>) -> Vec<Node> {
 
 impl Case {
     fn admit(&self) -> Admission {
-        admit(&graph(&self.nodes, self.spin, &self.latencies), &self.overheads, RtLimit::NONE)
+        let mut plan = graph(&self.nodes, self.spin, &self.latencies);
+        for component in plan.components.iter_mut().filter(|_| self.tuned) {
+            component.spin = Spin::Tuned { at_most_ns: component.spin.at_most_ns() };
+        }
+        admit(&plan, &self.overheads, RtLimit::NONE)
     }
 
     fn play(&self, chance: Chance, length: i64) -> Seen {
-        Machine::new(&self.nodes, self.spin, self.overheads, chance, self.seed).run(length)
+        Machine::new(&self.nodes, self.spin, self.overheads, chance, self.seed).tuned(self.tuned).run(length)
     }
 }
 
@@ -135,7 +143,8 @@ fn an_equal_may_come_between_the_stages_of_a_chain_more_than_once() {
         node("head", When::Every(400, 0), 60),
         node("second", When::After(0), 30),
         node("third", When::After(1), 30),
-        node("equal", When::Every(90, 5), 10),
+        node("far", When::Every(90, 4), 1).core(2),
+        node("equal", When::After(3), 10),
     ];
     let admission = admit(&graph(&nodes, 0, &[(0, 2, 1_000)]), &Overheads::NONE, RtLimit::NONE);
     let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(10_000);

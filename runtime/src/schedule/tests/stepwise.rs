@@ -54,6 +54,11 @@ struct Running {
     left: i64,
     publish_when_left: i64,
     published: bool,
+    /// What the worker does after the step.
+    tail: i64,
+    ended: bool,
+    /// Waits for the clock, and has not let others have their turn yet.
+    to_yield: bool,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -74,6 +79,8 @@ pub(super) struct Machine<'g> {
     nodes: &'g [Node],
     overheads: Overheads,
     spin: i64,
+    /// Spins for less than that where wake-ups allow.
+    tuned: bool,
     chance: Chance,
     random: u64,
     threads: Vec<Thread>,
@@ -95,6 +102,7 @@ impl<'g> Machine<'g> {
             nodes,
             overheads,
             spin: spin_ns as i64,
+            tuned: false,
             chance,
             random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1,
             threads: vec![Thread::default(); count],
@@ -102,6 +110,12 @@ impl<'g> Machine<'g> {
             now: 0,
             seen: Seen { response: vec![0; count], chain: vec![0; count], ..Seen::default() },
         }
+    }
+
+    /// With margins that tune themselves.
+    pub(super) fn tuned(mut self, tuned: bool) -> Self {
+        self.tuned = tuned;
+        self
     }
 
     /// From 0 to `most`, often one of the two ends.
@@ -119,14 +133,26 @@ impl<'g> Machine<'g> {
         }
     }
 
-    fn cost(&self, index: usize) -> i64 {
-        let mut cost = self.nodes[index].budget_ns.unwrap() + self.overheads.worker_ns;
+    /// The longest step, with the way into it.
+    fn body(&self, index: usize) -> i64 {
+        let mut cost = self.nodes[index].budget_ns.unwrap();
         if let When::After(writer) = self.nodes[index].when
             && self.nodes[writer].core == self.nodes[index].core
         {
             cost += self.overheads.hop_same_core_ns;
         }
         cost as i64
+    }
+
+    /// What the worker does after it at most.
+    fn tail(&self, index: usize) -> i64 {
+        let Overheads { worker_ns, timer_ns, look_ns, .. } = self.overheads;
+        let waiting = match self.nodes[index].when {
+            When::Every(..) => timer_ns,
+            When::After(writer) if self.nodes[writer].core != self.nodes[index].core => look_ns,
+            When::After(_) => 0,
+        };
+        (worker_ns + waiting) as i64
     }
 
     fn priority(&self, index: usize) -> u8 {
@@ -139,6 +165,12 @@ impl<'g> Machine<'g> {
 
     fn by_deadline(&self, index: usize) -> bool {
         matches!(self.nodes[index].class, SchedulingClass::Deadline { .. })
+    }
+
+    /// Whether the analysis takes one and whom it triggers for one task.
+    fn one_task(&self, writer: usize, reader: usize) -> bool {
+        let base = |index: usize| self.priority(index) - self.nodes[index].rise;
+        self.nodes[writer].core == self.nodes[reader].core && base(writer) == base(reader)
     }
 
     fn spin(&self, index: usize) -> i64 {
@@ -188,7 +220,11 @@ impl<'g> Machine<'g> {
     }
 
     fn await_release(&mut self, index: usize, release: i64) {
-        let asleep_until = release - self.spin(index);
+        let mut margin = self.spin(index);
+        if self.tuned {
+            margin -= self.up_to(margin - margin.min(self.overheads.wake_ns as i64));
+        }
+        let asleep_until = release - margin;
         // who is behind its time goes to the end of the queue at once
         let joins = if self.now < asleep_until {
             asleep_until + self.up_to(self.overheads.wake_ns as i64)
@@ -212,10 +248,7 @@ impl<'g> Machine<'g> {
             self.threads[index].coming.retain(|(at, _)| *at > self.now);
             for (at, mut token) in due {
                 let When::After(writer) = self.nodes[index].when else { unreachable!() };
-                let base = |index: usize| self.priority(index) - self.nodes[index].rise;
-                let one_task =
-                    self.nodes[writer].core == self.nodes[index].core && base(writer) == base(index);
-                if !one_task {
+                if !self.one_task(writer, index) {
                     token.task = at;
                 }
                 if self.threads[index].job.is_some() {
@@ -229,10 +262,12 @@ impl<'g> Machine<'g> {
 
     fn start(&mut self, index: usize, token: Token, spin_until: i64, order: Option<u64>) {
         self.counter += 1;
-        let most = self.cost(index);
-        let cost = if self.chance == Chance::None { most } else { 1 + self.up_to(most - 1) };
-        let publish_when_left =
-            if self.chance == Chance::TimesAndPublications { self.up_to(cost - 1) } else { 0 };
+        let (mut body, mut tail) = (self.body(index), self.tail(index));
+        if self.chance != Chance::None {
+            (body, tail) = (1 + self.up_to(body - 1), self.up_to(tail));
+        }
+        let early = if self.chance == Chance::TimesAndPublications { self.up_to(body - 1) } else { 0 };
+        let by_clock = matches!(self.nodes[index].when, When::Every(..));
         self.threads[index].job = Some(Running {
             order: order.unwrap_or(self.counter),
             deadline: match self.nodes[index].class {
@@ -242,23 +277,38 @@ impl<'g> Machine<'g> {
             token,
             spin_until,
             started: false,
-            left: cost,
-            publish_when_left,
+            left: body + tail,
+            publish_when_left: tail + early,
             published: false,
+            tail,
+            ended: false,
+            to_yield: by_clock && !self.by_deadline(index),
         });
+    }
+
+    /// Who is first of those that have a priority on a core.
+    fn first(&mut self, core: usize) -> Option<usize> {
+        loop {
+            let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
+            let (_, _, index) = ready
+                .filter(|index| !self.by_deadline(*index))
+                .filter_map(|index| {
+                    let order = self.threads[index].job.as_ref()?.order;
+                    Some((core::cmp::Reverse(self.priority(index)), order, index))
+                })
+                .min()?;
+            let job = self.threads[index].job.as_mut()?;
+            if !core::mem::take(&mut job.to_yield) {
+                return Some(index);
+            }
+            self.counter += 1;
+            job.order = self.counter;
+        }
     }
 
     /// One unit of time on a core, which somebody may have taken for his deadline; whether it was used.
     fn unit(&mut self, core: usize, taken: Option<usize>) -> bool {
-        let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
-        let by_priority = ready
-            .filter(|index| !self.by_deadline(*index))
-            .filter_map(|index| {
-                let order = self.threads[index].job.as_ref()?.order;
-                Some((core::cmp::Reverse(self.priority(index)), order, index))
-            })
-            .min();
-        let Some(index) = taken.or(by_priority.map(|(_, _, index)| index)) else { return false };
+        let Some(index) = taken.or_else(|| self.first(core)) else { return false };
         let reads = match self.nodes[index].when {
             When::After(writer) => self.threads[writer].newest,
             When::Every(..) => self.nodes[index].reads.and_then(|writer| self.threads[writer].newest),
@@ -274,12 +324,16 @@ impl<'g> Machine<'g> {
         }
         job.left -= 1;
         let (left, token) = (job.left, job.token);
-        if left <= job.publish_when_left && !job.published {
-            job.published = true;
+        let publishes = left <= job.publish_when_left && !core::mem::replace(&mut job.published, true);
+        let ends = left <= job.tail && !core::mem::replace(&mut job.ended, true);
+        if publishes {
             self.publish(index, token);
         }
-        if left == 0 {
+        if ends {
             self.wake_here(index);
+            let end = self.now + 1;
+            self.seen.response[index] = self.seen.response[index].max(end - token.task);
+            self.seen.chain[index] = self.seen.chain[index].max(end - token.chain);
         }
         if left == 0 {
             self.finish(index, token);
@@ -339,8 +393,6 @@ impl<'g> Machine<'g> {
 
     fn finish(&mut self, index: usize, token: Token) {
         let end = self.now + 1;
-        self.seen.response[index] = self.seen.response[index].max(end - token.task);
-        self.seen.chain[index] = self.seen.chain[index].max(end - token.chain);
         let order = self.threads[index].job.take().map(|job| job.order);
         match self.nodes[index].when {
             When::Every(period, _) => {

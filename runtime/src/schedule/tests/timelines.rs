@@ -125,7 +125,9 @@ proptest! {
         }
         let drawn = of(&nodes, 0, MS);
         let late = drawn.cores[0].lanes.iter().any(|lane| !lane.late_ns.is_empty());
-        prop_assume!(!late && drawn.hyperperiod_ns == Some(drawn.length_ns));
+        // beyond a full core the least urgent may not come to an end at all
+        let keeps_up = drawn.notes.is_empty();
+        prop_assume!(keeps_up && !late && drawn.hyperperiod_ns == Some(drawn.length_ns));
         let length = drawn.length_ns as i64;
         let busy = 1.0 - drawn.cores[0].idle_ns(drawn.length_ns) as f64 / length as f64;
         let once = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(100 * length).busy[&1];

@@ -33,6 +33,8 @@ struct Job {
     spin_until: i64,
     /// What is left of the step.
     left: i64,
+    /// Waits for the clock, and has not let its equals have their turn yet.
+    to_yield: bool,
 }
 
 /// One component.
@@ -123,6 +125,7 @@ impl<'p> Simulation<'p> {
         }
         while self.now < length && self.segments < MOST_SEGMENTS {
             self.deliver();
+            self.let_others_run();
             let running = self.running();
             let next = self.next(&running).min(length);
             for index in running.into_iter().flatten() {
@@ -188,10 +191,29 @@ impl<'p> Simulation<'p> {
     fn queue(&mut self, component: usize, release: i64, spin_until: i64) {
         let order = self.order();
         let thread = &mut self.threads[component];
-        thread.job = Some(Job { order, release, spin_until, left: thread.cost });
+        let to_yield = matches!(self.plan.components[component].activation, Activation::Periodic { .. });
+        thread.job = Some(Job { order, release, spin_until, left: thread.cost, to_yield });
         if thread.place.is_none() {
             let end = self.now.max(spin_until) + thread.cost;
             self.at(end, Event::End { component, release });
+        }
+    }
+
+    /// What waits for the clock goes to the end of the queue of its priority once more as it first gets the core.
+    fn let_others_run(&mut self) {
+        loop {
+            let yielding = |job: &mut Job| core::mem::take(&mut job.to_yield);
+            let first = self.running().into_iter().flatten();
+            let Some(index) = first.into_iter().find(|index| {
+                let job = self.threads[*index].job.as_mut();
+                job.is_some_and(yielding)
+            }) else {
+                return;
+            };
+            let order = self.order();
+            if let Some(job) = &mut self.threads[index].job {
+                job.order = order;
+            }
         }
     }
 
