@@ -198,6 +198,25 @@ fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoure
 }
 
 #[test]
+fn what_is_published_too_late_is_withheld_where_the_graph_says_so() {
+    let _machine = machine();
+    for (policy, withheld) in [("hold", true), ("skip", false)] {
+        let settings = format!("on_overrun = \"{policy}\"\npriority = 1");
+        let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", &settings);
+        let ended = run(&graph, &["--for", "1 s"]);
+        let report = ended.report();
+        assert_eq!(report.exit, Exit::Finished, "{policy}: {}", ended.stderr);
+        let faulty = report.components.iter().find(|c| c.name == "faulty").expect("it is reported");
+        assert!(faulty.misses.long_step > 10, "{policy}: {faulty:?}");
+        // each step that stalls ends 19 ms after its deadline, and only what it publishes then is withheld
+        let refused = if withheld { faulty.misses.long_step..=faulty.steps - 200 } else { 0..=0 };
+        assert!(refused.contains(&faulty.refused), "{policy}: {faulty:?}");
+        // publications that came meanwhile are one wake-up
+        assert!(faulty.misses.skipped > 5 * faulty.misses.long_step, "{policy}: {faulty:?}");
+    }
+}
+
+#[test]
 fn a_step_that_works_too_long_is_told_from_one_that_others_kept_waiting() {
     let _machine = machine();
     // on the shared core, so that only the faulty component is late

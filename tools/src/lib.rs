@@ -4,6 +4,7 @@ mod commands;
 mod draw;
 mod exit;
 mod metrics;
+mod out;
 mod overheads;
 mod registry;
 mod report;
@@ -12,6 +13,7 @@ mod style;
 
 use std::process::ExitCode;
 
+use crate::out::errln;
 use clap::Parser as _;
 use motorium::worker::{Program, run_worker};
 
@@ -38,7 +40,7 @@ pub fn main() -> ExitCode {
     match command.run() {
         Ok(code) => code,
         Err(error) => {
-            anstream::eprintln!("{}: {error:#}", style::error("error"));
+            errln!("{}: {error:#}", style::error("error"));
             exit::FAILED
         }
     }

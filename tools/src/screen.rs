@@ -1,6 +1,6 @@
 //! What is seen while a graph runs: one live table on a terminal, plain lines elsewhere.
 
-use std::io::Stderr;
+use std::io::{Stderr, Write as _};
 
 use motorium::launcher::{ComponentStatus, Event, Status};
 use motorium::plan::Plan;
@@ -135,11 +135,11 @@ impl Plain {
                 None => return,
             },
         };
-        if self.quiet {
-            anstream::eprintln!("{text}");
-        } else {
-            anstream::println!("{text}");
-        }
+        // That nobody reads, or that a disk is full, is no reason to stop a robot.
+        let _ = match self.quiet {
+            true => writeln!(anstream::stderr(), "{text}"),
+            false => writeln!(anstream::stdout(), "{text}"),
+        };
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod program;
 
-use program::{json, printed, run};
+use program::{json, motorium, printed, run};
 use serde_json::Value;
 
 const OVERLOADED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
@@ -17,7 +17,7 @@ fn a_graph_that_cannot_hold_is_refused_with_the_arithmetic() {
     let output = run(&["check", OVERLOADED]);
     assert_eq!(output.status.code(), Some(3));
     let errors = text(&output.stderr);
-    let sum = "0.100 (physics spinning) + 0.403 (physics) + 0.059 (encoder) + 0.059 (policy) + 0.609 (controller) = 1.230 > ";
+    let sum = "0.100 (physics spinning) + 0.496 (physics) + 0.074 (encoder) + 0.074 (policy) + 0.624 (controller) = 1.368 > ";
     assert!(errors.contains(sum), "{errors}");
     assert!(errors.contains("is asked for more time than it has"), "{errors}");
     assert!(errors.ends_with("overloaded.toml cannot hold its times\n"), "{errors}");
@@ -49,7 +49,7 @@ fn in_lockstep_the_same_graph_is_fine() {
 fn the_reaching_arm_holds_and_is_drawn() {
     let answer = printed(&["check", REACH]);
     for expected in
-        ["longest time from release to end of step", "= 427 us <= 600 us", "left to others", "can run"]
+        ["longest time from release to end of step", "= 472 us <= 600 us", "left to others", "can run"]
     {
         assert!(answer.contains(expected), "{expected}: {answer}");
     }
@@ -60,7 +60,7 @@ fn a_component_without_a_budget_is_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = std::fs::read_to_string(REACH).expect("the graph");
     let path = folder.path().join("graph.toml");
-    std::fs::write(&path, graph.replace("budget    = \"400 us\"\n", "")).expect("written");
+    std::fs::write(&path, graph.replace("budget    = \"200 us\"\n", "")).expect("written");
     let output = run(&["check", path.to_str().expect("a path of text")]);
     assert!(output.status.success());
     let warnings = text(&output.stderr);
@@ -91,4 +91,41 @@ fn a_place_for_the_timeline_needs_its_format() {
     let output = run(&["check", REACH, "--output", "nowhere.svg"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("--timeline"));
+}
+
+/// What `check` takes the machine to cost with this folder of configuration, and where it has that from.
+fn overheads(folder: &std::path::Path) -> (Value, String) {
+    let output =
+        motorium(&["check", REACH, "--json"]).env("XDG_CONFIG_HOME", folder).output().expect("it runs");
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    (answer["admission"]["overheads"].clone(), answer["overheads_origin"].as_str().expect("text").to_string())
+}
+
+#[test]
+fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cautious, origin) = overheads(folder.path());
+    assert!(origin.starts_with("cautious values; `motorium calibrate --save`"), "{origin}");
+
+    let arguments = ["calibrate", REACH, "--for", "500 ms", "--save", "--json"];
+    let output = motorium(&arguments).env("XDG_CONFIG_HOME", folder.path()).output().expect("it runs");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let (measured, origin) = overheads(folder.path());
+    assert_eq!(measured, answer["overheads"]);
+    assert_eq!(measured, answer["admission"]["overheads"]);
+    assert!(origin.starts_with("as measured on this machine"), "{origin}");
+    assert_ne!(measured, cautious);
+
+    let file = folder.path().join("motorium/overheads.json");
+    let saved = std::fs::read_to_string(&file).expect("saved");
+    std::fs::write(&file, saved.replace("\"cores\": ", "\"cores\": 9")).expect("written");
+    let (counted, origin) = overheads(folder.path());
+    assert_eq!(counted, cautious);
+    assert!(origin.contains("another machine"), "{origin}");
+    // as an older motorium left it, with fewer numbers
+    std::fs::write(&file, saved.replace("timer_ns", "other_ns")).expect("written");
+    let (counted, origin) = overheads(folder.path());
+    assert_eq!(counted, cautious);
+    assert!(origin.contains("cannot be read"), "{origin}");
 }

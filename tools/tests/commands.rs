@@ -2,6 +2,8 @@
 
 mod program;
 
+use std::io::Read as _;
+
 use program::{motorium, printed, run};
 
 #[test]
@@ -77,4 +79,39 @@ fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
     assert!(forced.stdout.contains(&0x1b));
     let refused = motorium(&["doctor", "--measure", "0s"]).env("NO_COLOR", "1").output().expect("it runs");
     assert!(!refused.stdout.contains(&0x1b));
+}
+
+/// Whose output nobody reads beyond the first byte, though there is more of it than a pipe holds.
+#[test]
+fn a_reader_that_has_had_enough_ends_a_command_quietly_and_with_its_own_exit_code() {
+    let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
+    let commands: [(&[&str], i32); 5] = [
+        (&["schema", "graph"], 0),
+        (&["robot", "list"], 0),
+        (&["completions", "zsh"], 0),
+        (&["library", "letters"], 0),
+        (&["check", overloaded, "--json"], 3),
+    ];
+    for (arguments, code) in commands {
+        let mut child = motorium(arguments).spawn().expect("it starts");
+        let mut stdout = child.stdout.take().expect("a pipe");
+        // some print all they have before they are read
+        let _ = stdout.read(&mut [0; 1]).expect("readable");
+        drop(stdout);
+        let output = child.wait_with_output().expect("it ends");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!errors.contains("panicked") && !errors.contains("ipe"), "{arguments:?}: {errors}");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    }
+}
+
+#[test]
+fn closed_from_the_start_neither_stream_is_a_reason_to_panic() {
+    for arguments in [&["schema", "graph"][..], &["robot", "list"], &["check", "no-such-graph.toml"]] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let errors = writer.try_clone().expect("another end");
+        let status = motorium(arguments).stdout(writer).stderr(errors).status().expect("it runs");
+        assert_eq!(status.code(), Some(if arguments[0] == "check" { 3 } else { 0 }), "{arguments:?}");
+    }
 }

@@ -11,8 +11,10 @@
 //! * Spinning before a release takes the core from everything that is not more urgent.
 //! * Budgets are kept. A component that outruns its budget, a host that steals time, interrupts, and a kernel that
 //!   cannot be interrupted are no part of the model: they show while the graph runs, counted by cause.
-//! * Equal priorities: a chain that is ahead in the queue is counted whole.
-//! * A component publishes at the end of its step (matters for latencies only).
+//! * Equal priorities: a chain that is ahead in the queue is counted whole. What waits for the clock goes to the end of
+//!   the queue once more as it gets the core, so that those which a publication woke meanwhile come first.
+//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds up
+//!   those that are triggered on its core, unless they are more urgent.
 //! * What is not known counts as nothing, and what rests on it as not provable.
 //!
 //! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and cores

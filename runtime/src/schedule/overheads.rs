@@ -15,41 +15,35 @@ pub struct Overheads {
     /// How late a sleeping component may be woken, ns; 150 us. It costs no time of the core. What of it falls into the
     /// time a component spins before its release is hidden by that.
     pub wake_ns: u64,
-    /// Time of the core that a component takes for every release by the clock, on top of `worker_ns`, ns; 50 us: the
+    /// Time of the core that a component takes for every release by the clock, on top of `worker_ns`, ns; 80 us: the
     /// timer and its interrupt, falling asleep, and getting back onto a core that others have had meanwhile.
     pub timer_ns: u64,
     /// Time of the core from the end of a step to the beginning of the one that it triggers on the same core, ns; 8 us.
     pub hop_same_core_ns: u64,
     /// Longest time from a publication to the moment when a component that it triggers on another core may run, ns;
-    /// 100 us, most of which an idle core takes to wake up. It costs no time of either core.
+    /// 150 us, most of which an idle core takes to wake up. It costs no time of either core.
     pub hop_cross_core_ns: u64,
     /// Time of the core for which a component that is triggered from another core looks for the next publication, after
     /// its step and before it sleeps, ns; 20 us at most.
     pub look_ns: u64,
-    /// Time of the core that the worker takes for every step besides the component's own, ns; 14 us: reading clocks,
+    /// Time of the core that the worker takes for every step besides the component's own, ns; 16 us: reading clocks,
     /// repeating for those who look on what was published, accounting.
     pub worker_ns: u64,
 }
 
 impl Overheads {
     /// A machine that costs nothing: for the analysis of task sets in the abstract.
-    pub const NONE: Self = Self {
-        wake_ns: 0,
-        timer_ns: 0,
-        hop_same_core_ns: 0,
-        hop_cross_core_ns: 0,
-        look_ns: 0,
-        worker_ns: 0,
-    };
+    pub const NONE: Self =
+        Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
     /// What is taken where nothing was measured.
     pub const CAUTIOUS: Self = Self {
         wake_ns: 150 * MICROSECOND,
-        timer_ns: 50 * MICROSECOND,
+        timer_ns: 80 * MICROSECOND,
         hop_same_core_ns: 8 * MICROSECOND,
-        hop_cross_core_ns: 100 * MICROSECOND,
+        hop_cross_core_ns: 150 * MICROSECOND,
         look_ns: crate::transport::LOOK_NS,
-        worker_ns: 14 * MICROSECOND,
+        worker_ns: 16 * MICROSECOND,
     };
 }
 

@@ -118,7 +118,16 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
         Release::Trigger { delay_ns, .. } => (offset(task, plan), delay_ns as i64, delay_ns as i64),
     };
     let yields = matches!(task.release, Release::Timer { .. });
-    Demand { priority: task.priority, period, offset, jitter: Some(jitter), queue, stages, yields, orderly: false }
+    Demand {
+        priority: task.priority,
+        period,
+        offset,
+        jitter: Some(jitter),
+        queue,
+        stages,
+        yields,
+        orderly: false,
+    }
 }
 
 /// Offset of a triggered task: that of the releases at the head of its chain.

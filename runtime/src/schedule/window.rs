@@ -278,12 +278,7 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
 /// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the queue after the job
 /// did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so much before that end
 /// as it takes to do that much of the stage.
-pub(super) fn after_first_stage(
-    tasks: &[Demand],
-    index: usize,
-    queued: i64,
-    rest: i64,
-) -> Option<Vec<Sum>> {
+pub(super) fn after_first_stage(tasks: &[Demand], index: usize, queued: i64, rest: i64) -> Option<Vec<Sum>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let mut bounds = Vec::with_capacity(own.stages.len());

@@ -14,6 +14,7 @@ use motorium::schedule::{Admission, RtLimit, Timeline, admit, timeline};
 pub(crate) use admission::{describe as describe_admission, problems};
 
 use super::loading::GraphArgs;
+use crate::out::{err, errln, out, outln};
 use crate::{draw, exit, overheads, registry, style};
 
 /// No more than this of a hyperperiod is drawn unless more is asked for.
@@ -69,11 +70,12 @@ impl Check {
                 "diagnostics": diagnostics,
                 "plan": plan,
                 "admission": admission,
+                "overheads_origin": known.origin,
             });
             if self.timeline.is_some() || self.span.is_some() {
                 answer["timeline"] = serde_json::to_value(&drawn)?;
             }
-            println!("{}", serde_json::to_string_pretty(&answer)?);
+            outln!("{}", serde_json::to_string_pretty(&answer)?);
         } else {
             self.print(plan, &admission, known.origin, drawn.as_ref().filter(|_| !to_file));
         }
@@ -96,26 +98,26 @@ impl Check {
         match drawn {
             // a picture on standard output is there alone
             Some(drawn) if picture => {
-                print!("{}", self::draw(Format::Svg, plan, drawn));
-                anstream::eprint!("{text}");
+                out!("{}", self::draw(Format::Svg, plan, drawn));
+                err!("{text}");
             }
             Some(drawn) => {
                 let drawn = self::draw(Format::Text, plan, drawn);
                 let gap = if drawn.is_empty() { "" } else { "\n" };
-                anstream::print!("{text}{gap}{drawn}");
+                out!("{text}{gap}{drawn}");
             }
-            None => anstream::print!("{text}"),
+            None => out!("{text}"),
         }
-        anstream::eprint!("{}", problems(admission));
+        err!("{}", problems(admission));
         let file = plan.file.display();
         if admission.refuses() {
             let count = admission.refusals().count();
             let errors = if count == 1 { "error" } else { "errors" };
-            anstream::eprintln!("{count} {errors}: {file} cannot hold its times");
+            errln!("{count} {errors}: {file} cannot hold its times");
         } else if drawn.is_some() && picture {
-            anstream::eprintln!("{} {file} is a graph that can run", style::good("ok:"));
+            errln!("{} {file} is a graph that can run", style::good("ok:"));
         } else {
-            anstream::println!("{} {file} is a graph that can run", style::good("ok:"));
+            outln!("{} {file} is a graph that can run", style::good("ok:"));
         }
     }
 }

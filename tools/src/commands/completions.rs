@@ -1,12 +1,12 @@
 //! `motorium completions`: completion scripts for shells.
 
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::CommandFactory as _;
 use clap_complete::Shell;
 
 use super::Cli;
+use crate::out::out;
 
 /// Print a completion script for a shell.
 ///
@@ -22,7 +22,7 @@ impl Completions {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "motorium", &mut script);
-        std::io::stdout().write_all(&script)?;
+        out!("{}", String::from_utf8_lossy(&script));
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -8,6 +8,7 @@ use motorium::component::Registry;
 use motorium::graph::{self, Checked, Override};
 
 use crate::exit;
+use crate::out::{errln, outln};
 
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
@@ -38,16 +39,16 @@ impl GraphArgs {
             Ok(checked) => {
                 if !json {
                     for warning in &checked.warnings {
-                        anstream::eprintln!("{}\n", warning.render(colour));
+                        errln!("{}\n", warning.render(colour));
                     }
                 }
                 Ok(checked)
             }
             Err(error) => {
                 if json {
-                    println!("{}", serde_json::json!({ "valid": false, "diagnostics": error.reports() }));
+                    outln!("{}", serde_json::json!({ "valid": false, "diagnostics": error.reports() }));
                 } else {
-                    anstream::eprintln!("{}", error.render(colour));
+                    errln!("{}", error.render(colour));
                 }
                 Err(exit::invalid())
             }

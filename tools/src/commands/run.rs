@@ -12,6 +12,7 @@ use motorium::schedule::{self, RtLimit};
 use super::check::problems;
 use super::loading::GraphArgs;
 use crate::metrics::{Address, Server};
+use crate::out::{err, errln, out, outln};
 use crate::screen::{Plain, Screen};
 use crate::{exit, overheads, registry, report, style};
 
@@ -69,21 +70,24 @@ impl Run {
             Err(code) => return Ok(code),
         };
         let admission = schedule::admit(&checked.plan, &overheads::known().overheads, RtLimit::detect());
-        if checked.plan.clock == ClockKind::Realtime && admission.refuses() && !self.force {
-            anstream::eprint!("{}", problems(&admission));
-            anstream::eprintln!("nothing was started; `--force` runs it all the same");
-            return Ok(exit::invalid());
+        if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
+            err!("{}", problems(&admission));
+            if !self.force {
+                errln!("nothing was started; `--force` runs it all the same");
+                return Ok(exit::invalid());
+            }
+            errln!("started all the same (`--force`)");
         }
         let mut metrics = self.metrics.map(Server::bind).transpose()?;
         if let Some(server) = &metrics {
-            anstream::eprintln!("metrics at {}", server.url());
+            errln!("metrics at {}", server.url());
         }
         let mut serve = |event: &Event<'_>| {
             if let Event::Created { run, plan } = event
                 && let Some(server) = metrics.take()
                 && let Err(error) = server.serve_created(run, plan)
             {
-                anstream::eprintln!("{} metrics are not served: {error:#}", style::warning("warning:"));
+                errln!("{} metrics are not served: {error:#}", style::warning("warning:"));
             }
         };
         let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
@@ -107,14 +111,14 @@ impl Run {
             })?
         };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {
-            anstream::print!("{}", report::summary(&report));
+            out!("{}", report::summary(&report));
         }
         Ok(match &report.exit {
             Exit::Finished | Exit::Interrupted => ExitCode::SUCCESS,
             Exit::SafeStop { reason } => {
-                anstream::eprintln!("{}: safe stop: {reason}", style::error("error"));
+                errln!("{}: safe stop: {reason}", style::error("error"));
                 exit::safe_stop()
             }
         })

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
 use super::top::Data as Top;
+use crate::out::outln;
 use crate::registry;
 
 /// Print the JSON Schema of graph files, of a report, or of what `top` prints.
@@ -36,7 +37,7 @@ impl Schema {
             Document::Report => written::<Report>(),
             Document::Top => written::<Top>(),
         };
-        println!("{}", serde_json::to_string_pretty(&schema)?);
+        outln!("{}", serde_json::to_string_pretty(&schema)?);
         Ok(ExitCode::SUCCESS)
     }
 }

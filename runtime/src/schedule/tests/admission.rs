@@ -8,6 +8,16 @@ use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
 const US: u64 = 1_000;
 const KHZ: When = When::Every(1_000 * US, 0);
 
+/// A machine with costs that are easy to tell apart in a sum.
+const MACHINE: Overheads = Overheads {
+    wake_ns: 40 * US,
+    timer_ns: 0,
+    hop_same_core_ns: 6 * US,
+    hop_cross_core_ns: 30 * US,
+    look_ns: 0,
+    worker_ns: 3 * US,
+};
+
 fn every(us: u64) -> When {
     When::Every(us * US, 0)
 }
@@ -23,7 +33,7 @@ fn reach(controller_us: u64) -> Vec<Node> {
 }
 
 fn check(nodes: &[Node], latencies: &[(usize, usize, u64)]) -> Admission {
-    admit(&graph(nodes, 100 * US, latencies), &Overheads::default(), RtLimit::KERNEL_DEFAULT)
+    admit(&graph(nodes, 100 * US, latencies), &MACHINE, RtLimit::KERNEL_DEFAULT)
 }
 
 fn errors(admission: &Admission) -> Vec<&str> {
@@ -51,8 +61,17 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
         "403 us (physics) + 59 us (encoder) + 59 us (policy) + 309 us (controller) = 830 us <= 1 ms"
     );
     let latency = &admission.latencies[0];
-    assert_eq!(latency.bound_ns, Some(427 * US));
+    assert_eq!(latency.bound_ns, Some(430 * US));
     assert_eq!(latency.path, ["physics", "encoder", "policy", "controller"]);
+    assert_eq!(
+        latency.arithmetic,
+        "3 us (physics, after it has published) + 59 us (encoder) + 59 us (policy) + 309 us (controller) = 430 us \
+         <= 600 us"
+    );
+    // more urgent ones have the core at once
+    let rising: Vec<Node> =
+        reach(300).into_iter().enumerate().map(|(index, node)| node.rising(index as u8)).collect();
+    let latency = &check(&rising, &[(0, 3, 600 * US)]).latencies[0];
     assert_eq!(
         latency.arithmetic,
         "59 us (encoder) + 59 us (policy) + 309 us (controller) = 427 us <= 600 us"
@@ -84,7 +103,7 @@ fn what_the_kernel_would_throttle_is_refused_and_the_reason_named() {
         ["core 1 is asked for more time than the kernel lets real-time components have"]
     );
     assert!(admission.cores[0].arithmetic.ends_with("= 0.955 > 0.95"), "{}", admission.cores[0].arithmetic);
-    let without = admit(&graph(&reach(325), 100 * US, &[]), &Overheads::default(), RtLimit::NONE);
+    let without = admit(&graph(&reach(325), 100 * US, &[]), &MACHINE, RtLimit::NONE);
     assert_eq!(without.verdict, Verdict::Holds);
 }
 
@@ -119,10 +138,22 @@ fn a_slow_task_that_is_too_urgent_makes_a_fast_one_late() {
 fn a_late_wake_is_hidden_by_spinning_before_the_release() {
     let spinning = check(&[node("a", KHZ, 100 * US)], &[]);
     assert_eq!(spinning.tasks[0].response_ns, Some(103 * US));
-    let sleeping =
-        admit(&graph(&[node("a", KHZ, 100 * US)], 0, &[]), &Overheads::default(), RtLimit::KERNEL_DEFAULT);
+    let sleeping = admit(&graph(&[node("a", KHZ, 100 * US)], 0, &[]), &MACHINE, RtLimit::KERNEL_DEFAULT);
     assert_eq!(sleeping.tasks[0].response_ns, Some(143 * US));
     assert_eq!(sleeping.tasks[0].arithmetic, "103 us (a) + 40 us (released late) = 143 us <= 1 ms");
+}
+
+#[test]
+fn the_clock_costs_more_than_a_hand_over_and_looking_for_the_next_publication_is_counted() {
+    let machine = Overheads { timer_ns: 20 * US, look_ns: 10 * US, ..MACHINE };
+    let nodes = [
+        node("sensor", KHZ, 100 * US),
+        node("filter", When::After(0), 50 * US),
+        node("far", When::After(0), 50 * US).core(2),
+    ];
+    let admission = admit(&graph(&nodes, 0, &[]), &machine, RtLimit::NONE);
+    let sums: Vec<_> = admission.cores.iter().map(|core| core.arithmetic.as_str()).collect();
+    assert_eq!(sums, ["0.123 (sensor) + 0.059 (filter) = 0.182 <= 1", "0.063 (far) <= 1"]);
 }
 
 #[test]
@@ -262,7 +293,7 @@ fn phases_of_a_component_that_may_leave_its_grid_count_for_nothing() {
 fn in_lockstep_nothing_has_a_deadline() {
     let mut plan = graph(&reach(900), 100 * US, &[(0, 3, 1)]);
     plan.clock = ClockKind::Lockstep;
-    let admission = admit(&plan, &Overheads::default(), RtLimit::KERNEL_DEFAULT);
+    let admission = admit(&plan, &MACHINE, RtLimit::KERNEL_DEFAULT);
     assert_eq!(admission.verdict, Verdict::BestEffort);
     assert!(!admission.refuses() && admission.problems.is_empty());
 }

@@ -186,6 +186,43 @@ fn of_several_that_one_triggers_each_may_come_last_where_priorities_rise() {
     assert_eq!(seen.response, [10, 30, 100, 70], "below left comes before right");
 }
 
+/// What is longest for "late" of two equals that are released one after the other below something more urgent, and what
+/// happens.
+fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
+    let [far, equal] = equal;
+    let nodes = [
+        node("urgent", When::Every(100, 0), 20).priority(90),
+        node("late", When::Every(100, 2), 5),
+        far,
+        equal,
+    ];
+    let admission = admit(&graph(&nodes, 0, &[]), &Overheads::NONE, RtLimit::NONE);
+    let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(1_000);
+    (admission.tasks[1].response_ns.unwrap(), seen.response[1])
+}
+
+#[test]
+fn what_waits_for_the_clock_lets_those_go_first_that_are_triggered_before_it_has_the_core() {
+    let far = node("far", When::Every(100, 3), 7).core(2);
+    // released at 2; triggered at 10; both have to wait until 20
+    assert_eq!(late_behind_an_urgent([far.clone(), node("equal", When::After(2), 10)]), (33, 33));
+    // two that wait for the clock keep their order
+    assert_eq!(late_behind_an_urgent([far, node("equal", When::Every(100, 10), 10)]), (23, 23));
+}
+
+#[test]
+fn a_margin_that_tunes_itself_may_let_a_component_join_the_queue_as_late_as_its_release() {
+    let nodes = [node("own", When::Every(100, 50), 5), node("equal", When::Every(100, 40), 10)];
+    let mut plan = graph(&nodes, 20, &[]);
+    // spinning from 30 until 50 it comes before the equal, which spins from 20 until 40 only if it always does
+    plan.components[1].spin = Spin::Fixed { ns: 0 };
+    let overheads = Overheads { wake_ns: 5, ..Overheads::NONE };
+    let response = |plan: &crate::plan::Plan| admit(plan, &overheads, RtLimit::NONE).tasks[0].response_ns;
+    assert_eq!(response(&plan), Some(5));
+    plan.components[0].spin = Spin::Tuned { at_most_ns: 20 };
+    assert_eq!(response(&plan), Some(15));
+}
+
 proptest! {
     #[test]
     fn no_response_is_ever_longer_than_its_bound(case in case(), mid in any::<bool>()) {

@@ -13,6 +13,7 @@ use motorium_benches::latency::{
 use motorium_benches::timer::Places;
 
 use super::{peers, ratchet, table};
+use crate::out::{errln, out, outln};
 use crate::{exit, registry, style};
 
 /// `SCHED_FIFO` priority of what is measured: that of the fastest component of a graph.
@@ -83,11 +84,11 @@ impl Latency {
         let began = Instant::now();
         let cases = self.choose()?;
         let machine = Machine::detect();
-        anstream::println!("{} {machine}", style::strong("machine:"));
+        outln!("{} {machine}", style::strong("machine:"));
         if cases.iter().any(|case| case.loaded) {
-            anstream::println!("{} {}, at normal priority", style::strong("load:"), bench.loader);
+            outln!("{} {}, at normal priority", style::strong("load:"), bench.loader);
         }
-        anstream::println!();
+        outln!();
         let mut written = Written {
             version: VERSION,
             machine,
@@ -98,7 +99,7 @@ impl Latency {
             skipped: Vec::new(),
             targets: Vec::new(),
         };
-        anstream::println!("{}", table::header());
+        outln!("{}", table::header());
         let core = bench.places.realtime;
         for turns in cases.chunk_by(|one, next| one.group.is_some() && one.group == next.group) {
             let measured = match turns {
@@ -122,7 +123,7 @@ impl Latency {
         written.seconds = began.elapsed().as_secs_f64();
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
-        anstream::print!("{}", table::closing(&written));
+        out!("{}", table::closing(&written));
         if let Some(file) = &self.json {
             let text = serde_json::to_string(&written)?;
             std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
@@ -164,12 +165,12 @@ impl Latency {
 
 fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize) {
     measurement.compare_with_sleeper(measurements);
-    anstream::println!("{}", table::row(&measurement, core));
+    outln!("{}", table::row(&measurement, core));
     measurements.push(measurement);
 }
 
 fn skipped(name: &str, reason: &str) -> Skipped {
-    anstream::eprintln!("{} {name}: {reason}", style::warning("not measured:"));
+    errln!("{} {name}: {reason}", style::warning("not measured:"));
     Skipped { name: name.to_string(), reason: reason.to_string() }
 }
 

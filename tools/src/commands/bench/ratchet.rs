@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use motorium_benches::MeasureError;
 use motorium_benches::latency::{Bench, catalogue};
 
+use crate::out::outln;
 use crate::{exit, style};
 
 /// Rounds of which the median counts: one that another process or the host of a virtual machine disturbs is left out.
@@ -65,7 +66,7 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
     for bound in &BOUNDS {
         let mut ratios = Vec::new();
         if bench.places.other.is_none() && (bound.to.contains("across") || bound.to.contains("line")) {
-            anstream::println!("{}: not measured, it needs a second core", bound.what);
+            outln!("{}: not measured, it needs a second core", bound.what);
             continue;
         }
         while ratios.len() < ROUNDS
@@ -77,12 +78,7 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
         let verdict = if ratio <= bound.at_most { style::good("held") } else { style::error("slower") };
         failed |= ratio > bound.at_most;
         let all: Vec<String> = ratios.iter().map(|ratio| format!("{ratio:.3}")).collect();
-        anstream::println!(
-            "{verdict} {}: {ratio:.3}, at most {} (rounds: {})",
-            bound.what,
-            bound.at_most,
-            all.join(" ")
-        );
+        outln!("{verdict} {}: {ratio:.3}, at most {} (rounds: {})", bound.what, bound.at_most, all.join(" "));
     }
     Ok(if failed { exit::slower() } else { ExitCode::SUCCESS })
 }

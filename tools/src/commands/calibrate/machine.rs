@@ -21,8 +21,8 @@ const BYTES: usize = 512;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Floor {
     wake_ns: u64,
-    hop_same_core_p50_ns: u64,
-    hop_same_core_ns: u64,
+    /// p50 and p99.
+    hop_same_core_ns: [u64; 2],
     hop_cross_core_ns: u64,
 }
 
@@ -50,8 +50,7 @@ pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> an
     let cross = if first == last { None } else { Some(hop([last, first], 500_000, 3_000)?) };
     Ok(Floor {
         wake_ns,
-        hop_same_core_p50_ns: same.p50,
-        hop_same_core_ns: same.p99,
+        hop_same_core_ns: [same.p50, same.p99],
         hop_cross_core_ns: cross.map_or(defaults.hop_cross_core_ns, |hop| hop.p99),
     })
 }
@@ -64,22 +63,102 @@ fn core_affinity() -> Vec<usize> {
 }
 
 impl Floor {
-    /// With what the worker took in the run of a graph: the core's time of a step less the component's own, and less
-    /// the hand-over that is counted by itself.
+    /// With what steps took of the core besides themselves in the run of a graph.
     pub(super) fn overheads(&self, plan: &Plan, report: &Report) -> Overheads {
-        let worker = plan.components.iter().zip(&report.components).map(|(component, measured)| {
-            let hop = match component.activation {
-                Activation::Triggered { .. } => self.hop_same_core_p50_ns,
-                Activation::Periodic { .. } => 0,
-            };
-            measured.cpu_ns.p50.saturating_sub(measured.execution_ns.p50).saturating_sub(hop)
-        });
+        let besides = plan.components.iter().zip(&report.components).enumerate();
+        let besides: Vec<Beside> = besides
+            .filter(|(_, (_, measured))| measured.steps > 0)
+            .map(|(index, (_, measured))| Beside {
+                release: Released::of(plan, index),
+                ns: [
+                    measured.cpu_ns.p50.saturating_sub(measured.execution_ns.p50),
+                    measured.cpu_ns.p99.saturating_sub(measured.execution_ns.p99),
+                ],
+            })
+            .collect();
+        let (worker_ns, timer_ns) = split(&besides, self.hop_same_core_ns);
         let microsecond = |ns: u64| ns.div_ceil(1_000) * 1_000;
         Overheads {
             wake_ns: microsecond(self.wake_ns),
-            hop_same_core_ns: microsecond(self.hop_same_core_ns),
+            timer_ns: microsecond(timer_ns),
+            hop_same_core_ns: microsecond(self.hop_same_core_ns[1]),
             hop_cross_core_ns: microsecond(self.hop_cross_core_ns),
-            worker_ns: microsecond(worker.max().unwrap_or(0).max(1)),
+            worker_ns: microsecond(worker_ns),
+            ..Overheads::default()
         }
+    }
+}
+
+/// What releases a component, as far as it matters for what that costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Released {
+    Clock,
+    SameCore,
+    OtherCore,
+}
+
+impl Released {
+    fn of(plan: &Plan, component: usize) -> Self {
+        match plan.components[component].activation {
+            Activation::Periodic { .. } => Self::Clock,
+            Activation::Triggered { topic, .. } if plan.stays_on_core(topic) => Self::SameCore,
+            Activation::Triggered { .. } => Self::OtherCore,
+        }
+    }
+}
+
+/// Core's time of a component's steps less the time of the steps, ns, p50 and p99.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    release: Released,
+    ns: [u64; 2],
+}
+
+/// What the worker takes per step, and what a release by the clock takes on top of that: the most of any component, at
+/// p50 or at p99, whichever is more. `hop` is what a hand-over on a core takes, p50 and p99.
+fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
+    let most = |release: Released, less: [u64; 2]| {
+        let of = besides.iter().filter(|beside| beside.release == release);
+        of.flat_map(|beside| [0, 1].map(|at| beside.ns[at].saturating_sub(less[at]))).max()
+    };
+    let cautious = Overheads::CAUTIOUS;
+    let clock = most(Released::Clock, [0; 2]);
+    let worker = most(Released::SameCore, hop)
+        .or_else(|| most(Released::OtherCore, [cautious.look_ns; 2]))
+        // nothing but the clock releases anything here: the two cannot be told apart
+        .unwrap_or_else(|| cautious.worker_ns.min(clock.unwrap_or(cautious.worker_ns)))
+        .max(1);
+    (worker, clock.map_or(cautious.timer_ns, |clock| clock.saturating_sub(worker)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn beside(release: Released, p50_us: u64, p99_us: u64) -> Beside {
+        Beside { release, ns: [p50_us * 1_000, p99_us * 1_000] }
+    }
+
+    #[test]
+    fn what_the_worker_takes_is_told_apart_from_the_hand_over_and_from_the_timer() {
+        let graph = [
+            beside(Released::Clock, 28, 55),
+            beside(Released::SameCore, 7, 13),
+            beside(Released::SameCore, 6, 15),
+            beside(Released::OtherCore, 30, 40),
+        ];
+        assert_eq!(split(&graph, [3_000, 5_000]), (10_000, 45_000));
+    }
+
+    #[test]
+    fn a_tail_shorter_than_the_middle_does_not_hide_the_cost() {
+        assert_eq!(split(&[beside(Released::SameCore, 9, 8)], [3_000, 5_000]).0, 6_000);
+    }
+
+    #[test]
+    fn where_nothing_is_triggered_the_sum_of_both_is_still_what_was_measured() {
+        let (worker, timer) = split(&[beside(Released::Clock, 28, 55)], [3_000, 5_000]);
+        assert_eq!((worker, worker + timer), (Overheads::CAUTIOUS.worker_ns, 55_000));
+        assert_eq!(split(&[beside(Released::Clock, 2, 5)], [3_000, 5_000]), (5_000, 0));
     }
 }

@@ -17,6 +17,7 @@ use serde::Serialize;
 use self::budgets::{Cover, Proposal};
 use super::loading::GraphArgs;
 use super::{check, line};
+use crate::out::{err, errln, out, outln};
 use crate::{exit, overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
@@ -78,16 +79,16 @@ impl Calibrate {
         let quiet = self.json;
         let report = launcher::run(checked.plan.clone(), &registry, &options, &mut |event| {
             if let (false, Some(line)) = (quiet, line(&event)) {
-                anstream::eprintln!("{line}");
+                errln!("{line}");
             }
         })?;
         if let Exit::SafeStop { reason } = &report.exit {
-            anstream::eprintln!("{}: safe stop: {reason}", style::error("error"));
+            errln!("{}: safe stop: {reason}", style::error("error"));
             return Ok(exit::safe_stop());
         }
         let answer = self.conclude(checked.plan, &report, &floor);
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&answer)?);
+            outln!("{}", serde_json::to_string_pretty(&answer)?);
         } else {
             print(&answer, &report);
         }
@@ -110,7 +111,7 @@ impl Calibrate {
 
     fn tell(&self, text: &str) {
         if !self.json {
-            anstream::eprintln!("{}", style::dim(text.to_string()));
+            errln!("{}", style::dim(text.to_string()));
         }
     }
 }
@@ -118,12 +119,13 @@ impl Calibrate {
 fn print(answer: &Answer, report: &Report) {
     let time = |ns: u64| TimeSpan { ns };
     let overheads = &answer.overheads;
-    anstream::println!("\nthis machine: {}, {} cores", answer.machine.processor, answer.machine.cores);
-    anstream::println!("  late wake-up              {}", time(overheads.wake_ns));
-    anstream::println!("  hand-over on a core       {}", time(overheads.hop_same_core_ns));
-    anstream::println!("  hand-over to another core {}", time(overheads.hop_cross_core_ns));
-    anstream::println!("  worker, per step          {}", time(overheads.worker_ns));
-    anstream::print!("\n{}", budgets::describe(&answer.components, report));
-    anstream::print!("{}", check::describe_admission(&answer.admission, "as measured just now"));
-    anstream::eprint!("{}", check::problems(&answer.admission));
+    outln!("\nthis machine: {}, {} cores", answer.machine.processor, answer.machine.cores);
+    outln!("  late wake-up              {}", time(overheads.wake_ns));
+    outln!("  hand-over on a core       {}", time(overheads.hop_same_core_ns));
+    outln!("  hand-over to another core {}", time(overheads.hop_cross_core_ns));
+    outln!("  worker, per step          {}", time(overheads.worker_ns));
+    outln!("  release by the clock      {}", time(overheads.timer_ns));
+    out!("\n{}", budgets::describe(&answer.components, report));
+    out!("{}", check::describe_admission(&answer.admission, "as measured just now"));
+    err!("{}", check::problems(&answer.admission));
 }

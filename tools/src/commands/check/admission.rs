@@ -69,10 +69,13 @@ fn assumptions(admission: &Admission, origin: &str) -> String {
     let time = |ns: u64| TimeSpan { ns };
     let overheads = &admission.overheads;
     format!(
-        "included: {} per step, {} per hand-over on a core, {} to another core, {} late wake-up unless spun away\n({origin})",
+        "included: {} per step, {} more if the clock releases it, {} per hand-over on a core, {} to another core and {} \
+         of looking there, {} late wake-up unless spun away\n({origin})",
         time(overheads.worker_ns),
+        time(overheads.timer_ns),
         time(overheads.hop_same_core_ns),
         time(overheads.hop_cross_core_ns),
+        time(overheads.look_ns),
         time(overheads.wake_ns)
     )
 }

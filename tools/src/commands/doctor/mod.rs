@@ -17,6 +17,7 @@ use iceoryx2_bb_elementary::package_version::PackageVersion;
 use motorium::graph::units::TimeSpan;
 use serde::Serialize;
 
+use crate::out::{errln, out, outln};
 use crate::{exit, style};
 use finding::{Finding, Verdict};
 use leftovers::Leftovers;
@@ -55,14 +56,14 @@ impl Doctor {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let time = Duration::from_nanos(self.measure.ns);
         if std::io::stderr().is_terminal() && !time.is_zero() {
-            anstream::eprintln!("{}", style::dim(format!("measuring wake-ups for {} ...", self.measure)));
+            errln!("{}", style::dim(format!("measuring wake-ups for {} ...", self.measure)));
         }
         let examination = examine(time, self.clean);
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&examination)?);
+            outln!("{}", serde_json::to_string_pretty(&examination)?);
         } else {
-            anstream::print!("{}", finding::lines(&examination.findings));
-            anstream::println!("\n{}", conclusion(&examination.findings));
+            out!("{}", finding::lines(&examination.findings));
+            outln!("\n{}", conclusion(&examination.findings));
         }
         Ok(if examination.fit { ExitCode::SUCCESS } else { exit::unfit() })
     }

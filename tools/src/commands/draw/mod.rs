@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 
 use super::loading::GraphArgs;
+use crate::out::{out, outln};
 use crate::{draw, registry};
 
 /// Draw a graph: components, topics, latency budgets.
@@ -57,7 +58,7 @@ impl Draw {
             },
         };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&plan)?);
+            outln!("{}", serde_json::to_string_pretty(&plan)?);
             return Ok(ExitCode::SUCCESS);
         }
         if let Some(source) = &source {
@@ -77,7 +78,7 @@ impl Draw {
             Some(path) => {
                 std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?
             }
-            None => print!("{text}"),
+            None => out!("{text}"),
         }
         Ok(ExitCode::SUCCESS)
     }

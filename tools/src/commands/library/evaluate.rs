@@ -10,6 +10,7 @@ use motorium_policies::library::{
 
 use super::source::{Shape, Source};
 use crate::commands::reproduce::chart::{Chart, Series};
+use crate::out::outln;
 
 /// Learn from one part of recordings, and measure errors and recognition on the rest.
 ///
@@ -142,10 +143,10 @@ impl Evaluate {
         }
         if self.json {
             let report = self.report(&measured, sizes, splits.len());
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
-        println!("learned from {}, measured on {}, {} time(s)", sizes.0, sizes.1, splits.len());
+        outln!("learned from {}, measured on {}, {} time(s)", sizes.0, sizes.1, splits.len());
         let mut table =
             crate::report::table(["basis", "n", "force", "position", "spread", "deviation", "worst"]);
         for row in &measured.rows {
@@ -162,17 +163,17 @@ impl Evaluate {
                 format!("{:.4}", spread(&row.worst)[0]),
             ]);
         }
-        println!("{}", table.trim_fmt());
+        outln!("{}", table.trim_fmt());
         let explained: Vec<String> = (0..5)
             .filter_map(|k| {
                 let each: Option<Vec<f64>> = measured.explained.iter().map(|e| e.get(k).copied()).collect();
                 each.map(|each| format!("{:.3}", spread(&each)[0]))
             })
             .collect();
-        println!("explained by the first eigenforces (force): {}", explained.join(" "));
+        outln!("explained by the first eigenforces (force): {}", explained.join(" "));
         for (k, n) in self.terms.iter().enumerate() {
             if let [force, position] = rates(&measured, k)[..] {
-                println!("nearest neighbour, n = {n}: {force:.3} (force), {position:.3} (position)");
+                outln!("nearest neighbour, n = {n}: {force:.3} (force), {position:.3} (position)");
             }
         }
         Ok(ExitCode::SUCCESS)

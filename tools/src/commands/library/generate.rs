@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use motorium_policies::library::{MotionLibrary, Superposition, file};
 
 use crate::commands::reproduce::chart::{Chart, Series, Tile, tiles};
+use crate::out::{out, outln};
 
 /// Generate a movement: of the library, of given weights, or between two.
 #[derive(Debug, clap::Args)]
@@ -87,7 +88,7 @@ impl Generate {
                 "goal": movement.frame.goal,
                 "positions": columns,
             });
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
         let mut csv = format!("t,{}\n", library.layout().names().join(","));
@@ -100,7 +101,7 @@ impl Generate {
         }
         match &self.output {
             Some(output) => std::fs::write(output, csv).with_context(|| output.display().to_string())?,
-            None => print!("{csv}"),
+            None => out!("{csv}"),
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use motorium_policies::library::letters::{ALPHABET, Variation, letters};
 
 use crate::commands::reproduce::chart::{Tile, tiles};
+use crate::out::outln;
 
 /// Write letters of our own strokes, with seeded variation, as recordings.
 #[derive(Debug, clap::Args)]
@@ -55,12 +56,9 @@ impl Letters {
         }
         let count = set.trajectories.len();
         if self.json {
-            println!(
-                "{}",
-                serde_json::json!({ "file": self.output, "recordings": count, "labels": ALPHABET })
-            );
+            outln!("{}", serde_json::json!({ "file": self.output, "recordings": count, "labels": ALPHABET }));
         } else {
-            println!("{count} letters ({ALPHABET}) in {}", self.output.display());
+            outln!("{count} letters ({ALPHABET}) in {}", self.output.display());
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -12,6 +12,7 @@ mod source;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use crate::out::outln;
 use anyhow::Context as _;
 use motorium_policies::library::{MotionLibrary, file};
 
@@ -85,21 +86,21 @@ fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_json::Value
 fn show(library: &MotionLibrary, path: Option<&PathBuf>, json: bool) -> anyhow::Result<ExitCode> {
     let summary = summary(library, path);
     if json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
+        outln!("{}", serde_json::to_string_pretty(&summary)?);
         return Ok(ExitCode::SUCCESS);
     }
     let names = library.layout().names();
     if let Some(path) = path {
-        println!("{}", path.display());
+        outln!("{}", path.display());
     }
-    println!(
+    outln!(
         "{} eigenforces of {} movements, metric of {}, {:.1} kB",
         library.rank(),
         library.entries().len(),
         summary["metric"].as_str().unwrap_or_default(),
         summary["bytes"].as_f64().unwrap_or(0.0) * 1e-3
     );
-    println!(
+    outln!(
         "{} degrees of freedom ({}), {} samples",
         names.len(),
         names.join(", "),
@@ -111,7 +112,7 @@ fn show(library: &MotionLibrary, path: Option<&PathBuf>, json: bool) -> anyhow::
         .map(|(label, count)| format!("{label} {count}"))
         .collect();
     if !labels.is_empty() {
-        println!("labels: {}", labels.join(", "));
+        outln!("labels: {}", labels.join(", "));
     }
     let mut table = crate::report::table(["n", "explained", "together", "left out"]);
     let (mut together, explained) = (0.0, library.explained());
@@ -127,6 +128,6 @@ fn show(library: &MotionLibrary, path: Option<&PathBuf>, json: bool) -> anyhow::
             ]);
         }
     }
-    println!("{}", table.trim_fmt());
+    outln!("{}", table.trim_fmt());
     Ok(ExitCode::SUCCESS)
 }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use motorium_policies::library::{Recogniser, file};
 
 use super::source::Source;
+use crate::out::outln;
 
 /// Say which movement of a library each recording is like, and how new it is.
 #[derive(Debug, clap::Args)]
@@ -65,11 +66,11 @@ impl Recognise {
         }
         if self.json {
             let report = serde_json::json!({ "recordings": all, "labelled": labelled, "right": right });
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {
-            println!("{}", table.trim_fmt());
+            outln!("{}", table.trim_fmt());
             if labelled > 0 {
-                println!("{right} of {labelled} labels right");
+                outln!("{right} of {labelled} labels right");
             }
         }
         Ok(ExitCode::SUCCESS)

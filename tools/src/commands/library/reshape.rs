@@ -10,6 +10,7 @@ use motorium_policies::library::{
 
 use super::build::KeepOptions;
 use super::source::Source;
+use crate::out::outln;
 
 /// Take parts of a body out of a library of the whole, without the recordings.
 ///
@@ -47,7 +48,7 @@ impl Split {
             }
         }
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&all)?);
+            outln!("{}", serde_json::to_string_pretty(&all)?);
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use crate::out::outln;
 use crate::style;
 use checkout::Checkout;
 
@@ -43,9 +44,9 @@ impl New {
         let folder = files::write(&self.path, &self.name, &files)?;
         let made = Made { name: self.name, folder, files: files.into_iter().map(|(name, _)| name).collect() };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&made)?);
+            outln!("{}", serde_json::to_string_pretty(&made)?);
         } else {
-            anstream::println!("{}", next_steps(&made, &self.path));
+            outln!("{}", next_steps(&made, &self.path));
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -10,6 +10,7 @@ use motorium::transport::ParameterTable;
 use serde::Serialize;
 
 use super::runs::{LivingRun, RunArg, suggest};
+use crate::out::{errln, outln};
 use crate::{exit, style};
 use render::Row;
 
@@ -127,11 +128,11 @@ impl List {
         let run = self.run.open()?;
         let (_, rows) = parameters(&run)?;
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&rows)?);
+            outln!("{}", serde_json::to_string_pretty(&rows)?);
         } else if rows.is_empty() {
-            anstream::eprintln!("graph `{}` has no parameters", run.plan.name);
+            errln!("graph `{}` has no parameters", run.plan.name);
         } else {
-            anstream::println!("{}", render::table(&rows));
+            outln!("{}", render::table(&rows));
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -143,9 +144,9 @@ impl Get {
         let (_, rows) = parameters(&run)?;
         let row = find(&rows, &self.path, &run.plan.name)?;
         if self.json {
-            println!("{}", serde_json::to_string_pretty(row)?);
+            outln!("{}", serde_json::to_string_pretty(row)?);
         } else {
-            println!("{}", row.value);
+            outln!("{}", row.value);
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -168,19 +169,15 @@ impl Set {
         let new = match table.set(&self.path, self.value) {
             Ok(new) => new,
             Err(error) => {
-                anstream::eprintln!(
-                    "{}: {error}; it stays {}",
-                    style::error("error"),
-                    row.with_unit(row.value)
-                );
+                errln!("{}: {error}; it stays {}", style::error("error"), row.with_unit(row.value));
                 return Ok(exit::FAILED);
             }
         };
         if self.json {
             let change = Change { name: &row.name, old: row.value, new, unit: &row.unit };
-            println!("{}", serde_json::to_string_pretty(&change)?);
+            outln!("{}", serde_json::to_string_pretty(&change)?);
         } else {
-            anstream::println!("{}: {} -> {}", style::strong(&row.name), row.value, row.with_unit(new));
+            outln!("{}: {} -> {}", style::strong(&row.name), row.value, row.with_unit(new));
         }
         Ok(ExitCode::SUCCESS)
     }

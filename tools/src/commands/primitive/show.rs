@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::plot::{self, Panel};
 use super::rollout::{Wish, roll_out};
+use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
 
@@ -87,9 +88,9 @@ impl Show {
             plot: self.plot.clone(),
         };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {
-            anstream::print!("{}", text(&report));
+            out!("{}", text(&report));
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -7,6 +7,7 @@ use motorium_policies::library::{DAMPING, SampledSpring, data};
 
 use super::sheet::Sheet;
 use super::{body, letters, perception, search};
+use crate::out::outln;
 
 /// The motion library of Delhaisse's thesis (2019), chapter 3: what figures 3.9 to 3.12 and 3.14 to 3.19 show.
 ///
@@ -62,14 +63,14 @@ impl Chapter3 {
         sheet.bar.finish_and_clear();
         if self.json {
             let report = serde_json::json!({ "claims": sheet.claims, "files": sheet.files });
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
         for claim in &sheet.claims {
             let word = if claim.holds { "holds" } else { "does not hold" };
-            println!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
+            outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
         }
-        println!("{} files in {}", sheet.files.len(), self.out.display());
+        outln!("{} files in {}", sheet.files.len(), self.out.display());
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, Vector3};
 use serde::Serialize;
 
 use super::source::RobotArgs;
+use crate::out::{errln, outln};
 use crate::report::table;
 use crate::style;
 
@@ -72,11 +73,11 @@ impl Bench {
                 "optimised": !cfg!(debug_assertions),
                 "times": times,
             });
-            println!("{}", serde_json::to_string_pretty(&answer)?);
+            outln!("{}", serde_json::to_string_pretty(&answer)?);
             return Ok(ExitCode::SUCCESS);
         }
         let base = super::facts::base(model);
-        anstream::println!("{}: nv {}, {base} base, frame {name}\n", style::strong(model.name()), model.nv());
+        outln!("{}: nv {}, {base} base, frame {name}\n", style::strong(model.name()), model.nv());
         let mut rows = table(["algorithm", "p50 us", "p99 us", "max us", "calls"]);
         for times in &times {
             let us = |ns: f64| format!("{:.3}", ns * 1e-3);
@@ -92,12 +93,9 @@ impl Bench {
         for column in rows.column_iter_mut().skip(1) {
             column.set_cell_alignment(CellAlignment::Right);
         }
-        anstream::println!("{}", rows.trim_fmt());
+        outln!("{}", rows.trim_fmt());
         if cfg!(debug_assertions) {
-            anstream::eprintln!(
-                "{}: built without optimisation; build with --release",
-                style::warning("warning")
-            );
+            errln!("{}: built without optimisation; build with --release", style::warning("warning"));
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -193,7 +191,7 @@ fn measure(model: &Model, frame: FrameId, samples: usize) -> Vec<Times> {
     if singular {
         let needs_inertia = ["forward dynamics (ABA)", "inverse mass matrix", "derivatives of ABA"];
         all.retain(|times| !needs_inertia.contains(&times.algorithm));
-        anstream::eprintln!(
+        errln!(
             "{}: the mass matrix is singular, so forward dynamics are left out; `motorium robot check` names the link",
             style::warning("warning")
         );

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::source::{RobotArgs, code, explain, place};
 use super::{facts, facts::short};
+use crate::out::{errln, outln};
 use crate::{exit, style};
 
 /// Check a robot's URDF or MJCF: every defect, named with its link or joint.
@@ -33,11 +34,11 @@ impl Check {
         let refused = loaded.as_ref().err().map(code);
         let warned = loaded.as_ref().is_ok_and(|robot| !robot.warnings.is_empty());
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&report(loaded))?);
+            outln!("{}", serde_json::to_string_pretty(&report(loaded))?);
         } else {
             match loaded {
                 Ok(robot) => print(&robot, &self.robot.robot),
-                Err(error) => anstream::eprintln!("{}: {}", style::error("error"), explain(&error)),
+                Err(error) => errln!("{}: {}", style::error("error"), explain(&error)),
             }
         }
         Ok(match refused {
@@ -72,7 +73,7 @@ fn report(loaded: Result<Loaded, motorium_robots::LoadError>) -> serde_json::Val
 
 fn print(robot: &Loaded, asked: &str) {
     for warning in &robot.warnings {
-        anstream::eprintln!("{}: {warning}", style::warning("warning"));
+        errln!("{}: {warning}", style::warning("warning"));
     }
     let count = match robot.warnings.len() {
         0 => style::good("ok:"),
@@ -80,7 +81,7 @@ fn print(robot: &Loaded, asked: &str) {
         count => format!("{} it loads with {count} warnings:", style::good("ok:")),
     };
     let file = robot.path.as_ref().map_or_else(|| asked.to_string(), |path| path.display().to_string());
-    anstream::println!("{count} {file}: {}", summary(&robot.model));
+    outln!("{count} {file}: {}", summary(&robot.model));
 }
 
 /// The robot in a line.

@@ -6,6 +6,7 @@ use std::process::{Command, ExitCode};
 use anyhow::Context as _;
 use motorium_robots::{installed, installed_folder};
 
+use crate::out::outln;
 use crate::style;
 
 /// Unpack a collection of robots into the user's data folder, where every command and graph finds them by name.
@@ -64,13 +65,13 @@ impl Install {
         let result = self.unpack(&unpacked, &folder);
         let _ = std::fs::remove_dir_all(&unpacked);
         let place = result?;
-        anstream::println!("{} {}", style::good("installed:"), place.display());
+        outln!("{} {}", style::good("installed:"), place.display());
         if self.into.is_none() || self.into == usual {
             let name = self.collection.name();
             let count = installed().iter().filter(|robot| robot.collection == name).count();
-            anstream::println!("{count} robots; `motorium robot list` names them");
+            outln!("{count} robots; `motorium robot list` names them");
         } else {
-            anstream::println!("set MOTORIUM_ROBOTS={} to find its robots by name", folder.display());
+            outln!("set MOTORIUM_ROBOTS={} to find its robots by name", folder.display());
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -7,6 +7,7 @@ use motorium_robots::{catalogue, installed, load};
 use serde_json::json;
 
 use super::facts;
+use crate::out::outln;
 use crate::report::table;
 
 /// The robots of the catalogue, and the installed ones.
@@ -39,7 +40,7 @@ impl List {
                 "catalogue": ours.collect::<Vec<_>>(),
                 "installed": theirs.collect::<Vec<_>>(),
             });
-            println!("{}", serde_json::to_string_pretty(&answer)?);
+            outln!("{}", serde_json::to_string_pretty(&answer)?);
             return Ok(ExitCode::SUCCESS);
         }
         let mut listed = table(["robot", "base", "joints", "nv", "mass kg", "what it is"]);
@@ -56,14 +57,14 @@ impl List {
         for column in listed.column_iter_mut().skip(2).take(3) {
             column.set_cell_alignment(CellAlignment::Right);
         }
-        anstream::println!("{}", listed.trim_fmt());
+        outln!("{}", listed.trim_fmt());
         if !others.is_empty() {
             let mut listed = table(["installed", "collection", "file"]);
             for robot in &others {
                 let file = robot.urdf.display().to_string();
                 listed.add_row([robot.name.clone(), robot.collection.clone(), file]);
             }
-            anstream::println!("\n{}", listed.trim_fmt());
+            outln!("\n{}", listed.trim_fmt());
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -8,6 +8,7 @@ use motorium_robots::{Coordinate, Loaded, MimicMode, Model, Posture, Profile};
 
 use super::facts::{self, short};
 use super::source::RobotArgs;
+use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
 
@@ -30,9 +31,9 @@ impl Show {
             Err(code) => return Ok(code),
         };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&facts::all(&robot))?);
+            outln!("{}", serde_json::to_string_pretty(&facts::all(&robot))?);
         } else {
-            anstream::print!("{}", describe(&robot));
+            out!("{}", describe(&robot));
         }
         Ok(ExitCode::SUCCESS)
     }

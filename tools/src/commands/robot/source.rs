@@ -7,6 +7,7 @@ use motorium_robots::{
     BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, load_with,
 };
 
+use crate::out::errln;
 use crate::{exit, style};
 
 /// A robot and how to read it.
@@ -41,7 +42,7 @@ impl RobotArgs {
     /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
     pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
         self.load(mimic).map_err(|error| {
-            anstream::eprintln!("{}: {}", style::error("error"), explain(&error));
+            errln!("{}: {}", style::error("error"), explain(&error));
             code(&error)
         })
     }

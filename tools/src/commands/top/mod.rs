@@ -21,6 +21,7 @@ use motorium::graph::units::TimeSpan;
 
 use super::runs::{LivingRun, pick};
 use crate::metrics::{Address, Sample, Server};
+use crate::out::{errln, out, outln};
 use data::Span;
 pub(super) use data::Top as Data;
 use order::Order;
@@ -51,8 +52,9 @@ pub(crate) struct Top {
     /// Print one table, over one interval, and end
     #[arg(long)]
     once: bool,
-    /// Print JSON: an object per interval and line, or with --once one for reading
-    #[arg(long)]
+    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the last interval, in
+    /// the order of the graph
+    #[arg(long, conflicts_with_all = ["sort", "last"])]
     json: bool,
     /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR", conflicts_with = "once")]
@@ -83,7 +85,7 @@ impl Top {
         let run = open(self.name.as_deref().or(self.run.as_deref()))?;
         if let Some(address) = self.metrics {
             let server = Server::bind(address)?;
-            anstream::eprintln!("metrics at {}", server.url());
+            errln!("metrics at {}", server.url());
             server.serve(open(Some(run.folder.id()))?).context("starting the thread that serves metrics")?;
         }
         run.stand_aside();
@@ -99,10 +101,10 @@ impl Top {
         let end = if !self.json && std::io::stdout().is_terminal() {
             screen::follow(&run, interval, view, &interrupted)?
         } else {
-            follow(&run, interval, self.json, &interrupted)?
+            follow(&run, interval, self.json, view.order, &interrupted)?
         };
         if end == End::RunOver {
-            anstream::eprintln!("run {} is over", run.folder.id());
+            errln!("run {} is over", run.folder.id());
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -129,15 +131,21 @@ fn once(
     }
     let top = Data::between(run, &before, &Sample::take(run));
     if json {
-        println!("{}", serde_json::to_string_pretty(&top)?);
+        outln!("{}", serde_json::to_string_pretty(&top)?);
     } else {
-        print!("{}", plain::tables(&top, view));
+        out!("{}", plain::tables(&top, view));
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// A line per interval, until the run is over or somebody stops it.
-fn follow(run: &LivingRun, interval: Duration, json: bool, interrupted: &AtomicBool) -> anyhow::Result<End> {
+fn follow(
+    run: &LivingRun,
+    interval: Duration,
+    json: bool,
+    order: Order,
+    interrupted: &AtomicBool,
+) -> anyhow::Result<End> {
     let mut before = Sample::take(run);
     loop {
         if let Some(end) = wait(run, interval, interrupted) {
@@ -146,7 +154,7 @@ fn follow(run: &LivingRun, interval: Duration, json: bool, interrupted: &AtomicB
         let now = Sample::take(run);
         let top = Data::between(run, &before, &now);
         before = now;
-        let line = if json { serde_json::to_string(&top)? } else { plain::line(&top) };
+        let line = if json { serde_json::to_string(&top)? } else { plain::line(&top, order) };
         // Whoever read it may have gone (`| head -3`).
         let mut out = std::io::stdout().lock();
         let written = std::io::Write::write_all(&mut out, format!("{line}\n").as_bytes());

@@ -2,6 +2,7 @@
 
 use super::data::{ComponentTop, Span, Top};
 use super::layout::plain;
+use super::order::Order;
 use super::view::View;
 use crate::report::microseconds;
 use crate::screen::causes;
@@ -20,8 +21,10 @@ pub(super) fn tables(top: &Top, view: View) -> String {
 }
 
 /// The interval, in a line: what each component and each chain did in it.
-pub(super) fn line(top: &Top) -> String {
-    let mut parts: Vec<String> = top.components.iter().map(component).collect();
+pub(super) fn line(top: &Top, order: Order) -> String {
+    let mut components: Vec<&ComponentTop> = top.components.iter().collect();
+    order.sort(&mut components, Span::Interval, false);
+    let mut parts: Vec<String> = components.into_iter().map(component).collect();
     for latency in &top.latencies {
         let span = latency.over(Span::Interval);
         let p99 = microseconds(span.latency_ns.p99);
@@ -67,11 +70,13 @@ mod tests {
         let mut top = top();
         (top.components[0].interval.misses.stolen, top.components[0].interval.misses.long_step) = (3, 1);
         assert_eq!(
-            line(&top),
+            line(&top, Order::Graph),
             "   12.3 s  physics 1000 Hz, late p99 0.030 us, step p99 90.0 us, missed 4 (3 stolen, 1 long step) | \
              encoder 1000 Hz, late p99 4.0 us, step p99 9.0 us, missed 0 | \
              controller 500 Hz, late p99 6.0 us, step p99 240 us, missed 0 | \
              arm/state -> arm/command p99 310 us, missed 0"
         );
+        // sorted by what the line tells
+        assert!(line(&top, Order::Execution).starts_with("   12.3 s  controller"));
     }
 }

@@ -13,6 +13,7 @@ use super::pace::Pace;
 use super::watch::{End, Watch, poll_for};
 use super::{find, readable};
 use crate::commands::runs::{LivingRun, RunArg};
+use crate::out::errln;
 use crate::style;
 
 /// Print the samples of a topic.
@@ -94,10 +95,10 @@ impl Echo {
         };
         let end = watch.follow(poll, None, take)?;
         if self.every && pace.lost() > 0 {
-            anstream::eprintln!("{} samples were overwritten before they could be read", pace.lost());
+            errln!("{} samples were overwritten before they could be read", pace.lost());
         }
         if end == End::RunOver {
-            anstream::eprintln!("run {} is over", run.folder.id());
+            errln!("run {} is over", run.folder.id());
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -107,11 +108,7 @@ impl Echo {
         let value = match decoder.decode(&sample.bytes) {
             Ok(value) => value,
             Err(error) => {
-                anstream::eprintln!(
-                    "sample {} of `{}` is malformed: {error}",
-                    sample.stamp.sequence,
-                    self.topic
-                );
+                errln!("sample {} of `{}` is malformed: {error}", sample.stamp.sequence, self.topic);
                 return Ok(true);
             }
         };

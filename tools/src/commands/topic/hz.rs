@@ -12,6 +12,7 @@ use super::find;
 use super::pace::{Pace, percentiles};
 use super::watch::{End, Watch, poll_for};
 use crate::commands::runs::RunArg;
+use crate::out::{errln, out, outln};
 use crate::report::microseconds;
 use crate::{exit, style};
 
@@ -58,7 +59,7 @@ impl Hz {
             Ok(true)
         })?;
         if end == End::RunOver {
-            anstream::eprintln!("run {} is over", run.folder.id());
+            errln!("run {} is over", run.folder.id());
         }
         let measured = Measured {
             topic: &self.topic,
@@ -70,9 +71,9 @@ impl Hz {
             clock: run.plan.clock,
         };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&measured)?);
+            outln!("{}", serde_json::to_string_pretty(&measured)?);
         } else {
-            anstream::print!("{}", describe(&measured));
+            out!("{}", describe(&measured));
         }
         Ok(if measured.received == 0 { exit::FAILED } else { ExitCode::SUCCESS })
     }

@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::list::{Row, rows};
 use super::{find, names, readable};
 use crate::commands::runs::RunArg;
+use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
 
@@ -51,9 +52,9 @@ impl Info {
         let (layout, layout_hash) = (topic.layout.clone(), topic.layout.hash());
         let detail = Detail { row, triggers, layout, layout_hash };
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&detail)?);
+            outln!("{}", serde_json::to_string_pretty(&detail)?);
         } else {
-            anstream::print!("{}", describe(&detail));
+            out!("{}", describe(&detail));
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -11,6 +11,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::{names, pattern, readable};
 use crate::commands::runs::{LivingRun, RunArg};
+use crate::out::outln;
 use crate::report::table;
 
 /// All topics: type, writer, readers, rate, age.
@@ -70,7 +71,7 @@ impl List {
         let run = self.run.open()?;
         let rows = rows(&run, Duration::from_nanos(self.time.ns));
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&rows)?);
+            outln!("{}", serde_json::to_string_pretty(&rows)?);
             return Ok(ExitCode::SUCCESS);
         }
         let mut listed = table(["topic", "type", "pattern", "writer", "readers", "Hz", "published", "age"]);
@@ -89,7 +90,7 @@ impl List {
         for column in listed.column_iter_mut().skip(5) {
             column.set_cell_alignment(CellAlignment::Right);
         }
-        anstream::println!("{}", listed.trim_fmt());
+        outln!("{}", listed.trim_fmt());
         Ok(ExitCode::SUCCESS)
     }
 }

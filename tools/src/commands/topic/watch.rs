@@ -10,6 +10,7 @@ use motorium::region::Phase;
 use motorium::transport::{Observed, Observer};
 
 use super::super::runs::LivingRun;
+use crate::out::errln;
 
 /// How often it is looked whether the run is over.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
@@ -95,7 +96,7 @@ impl<'a> Watch<'a> {
             Phase::Running => "runs, but has published nothing so far".to_string(),
             phase => format!("is {}", format!("{phase:?}").to_lowercase()),
         };
-        anstream::eprintln!("no sample of `{}` yet: its writer `{}` {why}", self.topic.name, writer.name);
+        errln!("no sample of `{}` yet: its writer `{}` {why}", self.topic.name, writer.name);
     }
 }
 

@@ -9,7 +9,7 @@ use crate::graph::read::good;
 use crate::graph::units::TimeSpan;
 use crate::graph::values::{Choice as _, Schedule};
 use crate::plan::SchedulingClass;
-use crate::schedule::assign;
+use crate::schedule::{Overheads, assign};
 
 /// Highest priority of a component: 99 is left to the kernel's own threads.
 pub(super) const HIGHEST_PRIORITY: u8 = 98;
@@ -17,7 +17,8 @@ pub(super) const HIGHEST_PRIORITY: u8 = 98;
 const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
 /// Time in each period on top of the budget, ns: what the worker itself takes, with room to spare. Without it a step
 /// that uses up its budget would be stopped before it has accounted for itself.
-const DEADLINE_ROOM_NS: u64 = 50_000;
+const DEADLINE_ROOM_NS: u64 = 120_000;
+const _: () = assert!(DEADLINE_ROOM_NS >= Overheads::CAUTIOUS.worker_ns + Overheads::CAUTIOUS.timer_ns);
 
 /// Class and priority of each component: as the file says, else by its rate.
 pub(super) fn classes(

@@ -20,6 +20,7 @@ use report::{Report, text};
 
 use super::plot::{self, Panel};
 use super::rollout::{Trajectory, Wish, roll_out};
+use crate::out::{out, outln};
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
 ///
@@ -144,9 +145,9 @@ impl Fit {
         }
         let report = Report::new(&file, &shown, &reproduced, [self.output.clone(), self.plot.clone()]);
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&report)?);
+            outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {
-            anstream::print!("{}", text(&report));
+            out!("{}", text(&report));
         }
         Ok(ExitCode::SUCCESS)
     }

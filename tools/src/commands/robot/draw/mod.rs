@@ -15,6 +15,7 @@ use anyhow::Context as _;
 use motorium_robots::{Kinematics, MimicMode};
 
 use super::source::RobotArgs;
+use crate::out::out;
 use camera::{Camera, View};
 use pose::PoseArgs;
 
@@ -94,7 +95,7 @@ impl Draw {
                 }
                 std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
             }
-            None => print!("{picture}"),
+            None => out!("{picture}"),
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::facts::short;
 use super::source::RobotArgs;
+use crate::out::{errln, outln};
 use crate::report::table;
 use crate::{exit, style};
 use layout::Layout;
@@ -67,7 +68,7 @@ impl Eval {
         let states = self.states(&robot, &document)?;
         let answer = answer::answer(&robot.model, &states)?;
         if self.json {
-            println!("{}", serde_json::to_string(&answer)?);
+            outln!("{}", serde_json::to_string(&answer)?);
             return Ok(ExitCode::SUCCESS);
         }
         Ok(self.print(&document, &answer))
@@ -103,7 +104,7 @@ impl Eval {
             for column in rows.column_iter_mut().skip(2) {
                 column.set_cell_alignment(CellAlignment::Right);
             }
-            anstream::println!("{}\n--json prints everything", rows.trim_fmt());
+            outln!("{}\n--json prints everything", rows.trim_fmt());
             return ExitCode::SUCCESS;
         }
         let mut rows = table(["quantity", "cases", "largest relative difference"]);
@@ -113,22 +114,17 @@ impl Eval {
         for column in rows.column_iter_mut().skip(1) {
             column.set_cell_alignment(CellAlignment::Right);
         }
-        anstream::println!("{}", rows.trim_fmt());
+        outln!("{}", rows.trim_fmt());
         let apart: Vec<&str> = differences
             .iter()
             .filter(|(_, (_, worst))| worst.is_nan() || *worst > self.tolerance)
             .map(|(name, _)| &**name)
             .collect();
         if apart.is_empty() {
-            anstream::println!("{} all within {:e}", style::good("ok:"), self.tolerance);
+            outln!("{} all within {:e}", style::good("ok:"), self.tolerance);
             return ExitCode::SUCCESS;
         }
-        anstream::eprintln!(
-            "{}: {} differ by more than {:e}",
-            style::error("error"),
-            apart.join(", "),
-            self.tolerance
-        );
+        errln!("{}: {} differ by more than {:e}", style::error("error"), apart.join(", "), self.tolerance);
         exit::FAILED
     }
 }

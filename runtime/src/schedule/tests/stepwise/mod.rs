@@ -1,6 +1,8 @@
 //! A machine played through unit by unit of time, with steps, wake-ups and publications that vary at random within what
 //! the graph and the overheads allow.
 
+mod told;
+
 use std::collections::HashMap;
 
 use super::graphs::{Node, When};
@@ -131,50 +133,6 @@ impl<'g> Machine<'g> {
             1 => most,
             _ => ((self.random >> 20) % (most as u64 + 1)) as i64,
         }
-    }
-
-    /// The longest step, with the way into it.
-    fn body(&self, index: usize) -> i64 {
-        let mut cost = self.nodes[index].budget_ns.unwrap();
-        if let When::After(writer) = self.nodes[index].when
-            && self.nodes[writer].core == self.nodes[index].core
-        {
-            cost += self.overheads.hop_same_core_ns;
-        }
-        cost as i64
-    }
-
-    /// What the worker does after it at most.
-    fn tail(&self, index: usize) -> i64 {
-        let Overheads { worker_ns, timer_ns, look_ns, .. } = self.overheads;
-        let waiting = match self.nodes[index].when {
-            When::Every(..) => timer_ns,
-            When::After(writer) if self.nodes[writer].core != self.nodes[index].core => look_ns,
-            When::After(_) => 0,
-        };
-        (worker_ns + waiting) as i64
-    }
-
-    fn priority(&self, index: usize) -> u8 {
-        match self.nodes[index].class {
-            SchedulingClass::Fifo(priority) => priority,
-            SchedulingClass::Deadline { .. } => u8::MAX,
-            SchedulingClass::Normal => panic!("only real-time components are simulated"),
-        }
-    }
-
-    fn by_deadline(&self, index: usize) -> bool {
-        matches!(self.nodes[index].class, SchedulingClass::Deadline { .. })
-    }
-
-    /// Whether the analysis takes one and whom it triggers for one task.
-    fn one_task(&self, writer: usize, reader: usize) -> bool {
-        let base = |index: usize| self.priority(index) - self.nodes[index].rise;
-        self.nodes[writer].core == self.nodes[reader].core && base(writer) == base(reader)
-    }
-
-    fn spin(&self, index: usize) -> i64 {
-        if self.by_deadline(index) { 0 } else { self.spin }
     }
 
     /// Who of those that are scheduled by deadlines has which core: the earliest have one each, anywhere.
@@ -370,14 +328,6 @@ impl<'g> Machine<'g> {
             };
             self.threads[reader].coming.push((time + delay, token));
         }
-    }
-
-    /// Whether all whom a component triggers are on its core.
-    fn stays(&self, index: usize) -> bool {
-        self.nodes.iter().all(|reader| match reader.when {
-            When::After(writer) if writer == index => reader.core == self.nodes[index].core,
-            _ => true,
-        })
     }
 
     /// At the end of a step those wake whom it has triggered on its own core.
