@@ -129,3 +129,18 @@ fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another()
     assert_eq!(counted, cautious);
     assert!(origin.contains("cannot be read"), "{origin}");
 }
+
+#[test]
+fn run_starts_nothing_that_cannot_hold_unless_it_is_forced_and_says_so() {
+    let run = |more: &[&str]| run(&[&["run", OVERLOADED, "--for", "300 ms"], more].concat());
+    let refused = run(&[]);
+    assert_eq!(refused.status.code(), Some(3));
+    assert!(refused.stdout.is_empty());
+    let errors = text(&refused.stderr);
+    assert!(errors.contains("(controller) = 1.368 > ") && errors.contains("nothing was started"), "{errors}");
+    let forced = run(&["--force", "--json"]);
+    assert_eq!(forced.status.code(), Some(0), "{}", text(&forced.stderr));
+    assert!(text(&forced.stderr).contains("(controller) = 1.368 > "));
+    let report: Value = serde_json::from_slice(&forced.stdout).expect("JSON");
+    assert!(report["components"][0]["steps"].as_u64().is_some_and(|steps| steps > 100), "{report}");
+}

@@ -85,11 +85,14 @@ fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
 #[test]
 fn a_reader_that_has_had_enough_ends_a_command_quietly_and_with_its_own_exit_code() {
     let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let letters = folder.path().join("letters.jsonl");
+    let letters = letters.to_str().expect("a path of text");
     let commands: [(&[&str], i32); 5] = [
         (&["schema", "graph"], 0),
         (&["robot", "list"], 0),
         (&["completions", "zsh"], 0),
-        (&["library", "letters"], 0),
+        (&["library", "letters", "--output", letters], 0),
         (&["check", overloaded, "--json"], 3),
     ];
     for (arguments, code) in commands {

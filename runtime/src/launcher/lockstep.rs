@@ -42,7 +42,7 @@ impl Launch<'_> {
                 return (Exit::Interrupted, time);
             }
             let mut stop = (self.region.header().command() == Command::SafeStop)
-                .then(|| "a component ordered the safe stop".to_string());
+                .then(|| super::ordered::reason(&self.plan, &self.region));
             for &index in &order {
                 if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
                     stop = self.tick(index, time, &mut care[index], services, observe);

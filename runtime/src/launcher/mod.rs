@@ -12,6 +12,7 @@ mod ending;
 mod event;
 pub mod guard;
 mod lockstep;
+mod ordered;
 mod report;
 mod restart;
 mod status;

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::restart::History;
-use super::{Event, Exit, Launch, Services, ending::Signals};
+use super::{Event, Exit, Launch, Services, ending::Signals, ordered};
 use crate::os::monotonic_ns;
 use crate::plan::OnFailure;
 use crate::region::{Command, Phase};
@@ -59,9 +59,9 @@ impl Launch<'_> {
             }
             self.relay_output(observe);
             if self.region.header().command() == Command::SafeStop {
-                let reason = "a component ordered the safe stop (a latency budget or an overrun policy)";
-                self.safe_stop(reason, observe);
-                return Exit::SafeStop { reason: reason.to_string() };
+                let reason = ordered::reason(&self.plan, &self.region);
+                self.safe_stop(&reason, observe);
+                return Exit::SafeStop { reason };
             }
             for (index, care) in care.iter_mut().enumerate() {
                 let verdict = self.look_after(index, care, services, observe);

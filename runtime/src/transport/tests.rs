@@ -124,6 +124,32 @@ fn wrench(x: f64) -> Wrench {
 }
 
 #[test]
+fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_no_other_policy() {
+    for policy in
+        [OnOverrun::Hold, OnOverrun::Skip, OnOverrun::CatchUp, OnOverrun::Rephase, OnOverrun::SafeStop]
+    {
+        let mut bench = Bench::new(Wrench::layout(), TopicPattern::State);
+        bench.plan.components[0].on_overrun = policy;
+        let context = bench.context(0);
+        let mut input = bench.input::<Wrench>();
+        let mut output =
+            Output::open(&bench.node, (0, bench.topic()), "output", Vec::new(), context.clone()).unwrap();
+        let holds = policy == OnOverrun::Hold;
+        context.enter_step(1_000, 2_000);
+        assert_eq!([1_999, 2_000, 2_001].map(|now| context.withholds(now)), [false, false, holds]);
+        // the deadline lies ahead, then long ago
+        for (deadline_ns, x) in [(u64::MAX, 1.0), (2_000, 2.0)] {
+            context.enter_step(1_000, deadline_ns);
+            output.send(&wrench(x)).unwrap();
+        }
+        let newest = input.latest().unwrap().force[0];
+        assert_eq!(newest, if holds { 1.0 } else { 2.0 }, "{policy:?}");
+        let refused = context.block().refused.load(std::sync::atomic::Ordering::Relaxed);
+        assert_eq!(refused, u64::from(holds), "{policy:?}");
+    }
+}
+
+#[test]
 fn a_state_topic_gives_the_newest_value_and_a_second_look_gives_it_again() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());

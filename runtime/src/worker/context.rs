@@ -137,7 +137,7 @@ impl Context {
     }
 
     /// Prepares a step: its time in lockstep, its deadline, and no cause yet.
-    pub(super) fn enter_step(&self, time_ns: u64, deadline_ns: u64) {
+    pub(crate) fn enter_step(&self, time_ns: u64, deadline_ns: u64) {
         self.time_ns.set(time_ns);
         self.deadline_ns.set(deadline_ns);
         self.cause_ns.set(None);

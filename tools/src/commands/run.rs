@@ -69,10 +69,12 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
-        let admission = schedule::admit(&checked.plan, &overheads::known().overheads, RtLimit::detect());
+        let known = overheads::known();
+        let admission = schedule::admit(&checked.plan, &known.overheads, RtLimit::detect());
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
             err!("{}", problems(&admission));
             if !self.force {
+                errln!("{}", style::dim(format!("what the machine takes: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it all the same");
                 return Ok(exit::invalid());
             }

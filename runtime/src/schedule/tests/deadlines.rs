@@ -140,26 +140,30 @@ proptest! {
     #[test]
     fn nothing_takes_longer_than_its_bound(
         set in proptest::collection::vec(any_node(), 2..6),
-        follows in proptest::option::of(1u64..4),
+        follows in proptest::collection::vec(1u64..4, 0..4),
         wake_ns in 0u64..4,
         hop_cross_core_ns in 0u64..4,
-        worker_ns in 0u64..2,
+        hop_same_core_ns in 0u64..2,
+        (worker_ns, timer_ns, look_ns) in (0u64..2, 0u64..2, 0u64..3),
         seed in any::<u64>(),
     ) {
-        let overheads = Overheads { wake_ns, hop_cross_core_ns, worker_ns, ..Overheads::NONE };
+        let overheads = Overheads { wake_ns, timer_ns, hop_same_core_ns, hop_cross_core_ns, look_ns, worker_ns };
         let mut nodes: Vec<Node> = set
             .iter()
             .enumerate()
             .map(|(index, (period, phase, cost, class, core))| {
                 let node = node(&format!("n{index}"), When::Every(*period, phase % period), *cost).core(*core);
                 match class {
-                    Ok(room) => node.by_deadline(cost + worker_ns, *room),
-                    Err(priority) => node.priority(*priority),
+                    Ok(room) => node.by_deadline(cost + worker_ns + timer_ns, *room),
+                    Err(priority) => node.priority(10 * priority),
                 }
             })
             .collect();
-        if let Some(cost) = follows {
-            nodes.push(node("after", When::After(0), cost).core(1).priority(2));
+        // a chain whose priorities rise, set off by whatever comes first
+        for (rise, cost) in follows.into_iter().enumerate() {
+            let writer = if rise == 0 { 0 } else { nodes.len() - 1 };
+            let after = node(&format!("after {rise}"), When::After(writer), cost).core(1);
+            nodes.push(after.priority(20).rising(rise as u8));
         }
         let admission = admit(&graph(&nodes, 0, &[]), &overheads, RtLimit::NONE);
         let seen = Machine::new(&nodes, 0, overheads, Chance::Times, seed).run(2_000);

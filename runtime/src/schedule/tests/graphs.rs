@@ -12,7 +12,7 @@ use crate::state::{JointState, StateBuffer as _};
 
 /// When a component steps.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum When {
+pub(crate) enum When {
     /// Every period, after a phase, ns.
     Every(u64, u64),
     /// When the component of this index publishes.
@@ -21,7 +21,7 @@ pub(super) enum When {
 
 /// One component.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
+pub(crate) struct Node {
     pub name: String,
     pub when: When,
     pub budget_ns: Option<u64>,
@@ -34,7 +34,7 @@ pub(super) struct Node {
 }
 
 /// A real-time component on core 1 at priority 80; times in ns.
-pub(super) fn node(name: &str, when: When, budget_ns: u64) -> Node {
+pub(crate) fn node(name: &str, when: When, budget_ns: u64) -> Node {
     Node {
         name: name.to_string(),
         when,
@@ -48,49 +48,49 @@ pub(super) fn node(name: &str, when: When, budget_ns: u64) -> Node {
 }
 
 impl Node {
-    pub(super) fn priority(mut self, priority: u8) -> Self {
+    pub(crate) fn priority(mut self, priority: u8) -> Self {
         self.class = SchedulingClass::Fifo(priority);
         self
     }
 
     /// So far above the head of its chain.
-    pub(super) fn rising(mut self, rise: u8) -> Self {
+    pub(crate) fn rising(mut self, rise: u8) -> Self {
         let SchedulingClass::Fifo(priority) = self.class else { panic!("only priorities rise") };
         (self.class, self.rise) = (SchedulingClass::Fifo(priority - self.rise + rise), rise);
         self
     }
 
-    pub(super) fn core(mut self, core: usize) -> Self {
+    pub(crate) fn core(mut self, core: usize) -> Self {
         self.core = Some(core);
         self
     }
 
-    pub(super) fn not_realtime(mut self) -> Self {
+    pub(crate) fn not_realtime(mut self) -> Self {
         (self.class, self.core) = (SchedulingClass::Normal, None);
         self
     }
 
     /// Scheduled by its deadline, with so much more than it needs.
-    pub(super) fn by_deadline(mut self, needs_ns: u64, room_ns: u64) -> Self {
+    pub(crate) fn by_deadline(mut self, needs_ns: u64, room_ns: u64) -> Self {
         let When::Every(period_ns, _) = self.when else { panic!("deadlines are those of periods") };
         self.class = SchedulingClass::Deadline { runtime_ns: (needs_ns + room_ns).min(period_ns), period_ns };
         self.core = None;
         self
     }
 
-    pub(super) fn no_budget(mut self) -> Self {
+    pub(crate) fn no_budget(mut self) -> Self {
         self.budget_ns = None;
         self
     }
 
-    pub(super) fn reading(mut self, writer: usize) -> Self {
+    pub(crate) fn reading(mut self, writer: usize) -> Self {
         self.reads = Some(writer);
         self
     }
 }
 
 /// A graph in which every component writes the topic of its own index. Latency budgets go from topic to topic.
-pub(super) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
+pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
     let head = |mut index: usize| loop {
         match nodes[index].when {
             When::Every(period, _) => return period,

@@ -2,7 +2,7 @@
 
 mod admission;
 mod deadlines;
-mod graphs;
+pub(crate) mod graphs;
 mod published;
 mod simulated;
 mod stepwise;
