@@ -15,7 +15,6 @@ use super::eager::{fetch_to_write, learn};
 use super::echo::{AfterStep as _, Echo};
 use super::slots::Slots;
 use super::topic::{open, refused};
-use super::trigger::open_bell;
 use super::{PortError, Shared};
 use crate::component::StepError;
 use crate::plan::{OnMiss, TopicPlan};
@@ -97,7 +96,7 @@ impl<T: StateBuffer> Output<T> {
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let bell = Rc::new(open_bell(node, topic)?);
+        let bell = context.bell(node, topic)?;
         let publisher = Rc::new(publisher);
         let slots = Slots::of(&bell, topic);
         // In lockstep nobody waits for a topic.
@@ -274,7 +273,7 @@ impl<T: StateBuffer> Wired<T> {
         add(&block.published, 1);
         block.last_publish_ns.store(stamp.publish_time, Relaxed);
         if let Some(bell) = &self.bell {
-            bell.count();
+            bell.count(context.core());
             if self.wakes_late {
                 self.echo.owe_wake();
             } else {
