@@ -10,6 +10,7 @@ use iceoryx2::sample::Sample;
 
 use super::bell::Bell;
 use super::eager::{fetch_sent_over, fetch_to_read};
+use super::echo::own_name;
 use super::output::FETCHED;
 use super::slots::{Copied, Slots};
 use super::topic::{open, refused};
@@ -137,8 +138,10 @@ impl<T: StateBuffer> Input<T> {
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
         let stream = matches!(topic.pattern, TopicPattern::Stream { .. }).then_some(index);
+        let name = own_name().map_err(|error| refused(&topic.name, "naming a subscriber")(&error))?;
         let subscriber = open::<T>(node, topic, port)?
             .subscriber_builder()
+            .name(&name)
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
         let bell = context.bell(node, topic)?;

@@ -91,7 +91,8 @@ impl<T: StateBuffer> Output<T> {
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
-        let publisher = open::<T>(node, topic, port)?
+        let samples = open::<T>(node, topic, port)?;
+        let publisher = samples
             .publisher_builder()
             .max_loaned_samples(1)
             .create()
@@ -101,7 +102,7 @@ impl<T: StateBuffer> Output<T> {
         let slots = Slots::of(&bell, topic);
         // In lockstep nobody waits for a topic.
         let rings = (!context.is_lockstep()).then(|| bell.clone());
-        let echo = Rc::new(Echo::new(publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
+        let echo = Rc::new(Echo::new(samples, publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
         let wired = Wired {
             topic: index,
             publisher,
@@ -281,7 +282,9 @@ impl<T: StateBuffer> Wired<T> {
             }
         }
         if let Some(slots) = &self.slots {
-            slots.fetch_next();
+            if !self.wakes_late {
+                slots.fetch_next();
+            }
             if !self.ends_steps {
                 self.echo.echo();
             }

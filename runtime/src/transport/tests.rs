@@ -221,6 +221,30 @@ fn a_stock_iceoryx2_program_exchanges_samples_with_the_variant_in_both_direction
 }
 
 #[test]
+fn small_states_are_repeated_over_iceoryx2_only_while_somebody_listens_there() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, _input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    let stock = bench.stock_node();
+    let service = stock
+        .service_builder(&service_name("topic", "test/topic").unwrap())
+        .publish_subscribe::<Wrench>()
+        .user_header::<Stamp>()
+        .open()
+        .unwrap();
+    // Like a component's own: it shows what is sent and is no reason to send.
+    let own = service.subscriber_builder().name(&super::echo::own_name().unwrap()).create().unwrap();
+    output.send(&wrench(1.0)).unwrap();
+    assert!(own.receive().unwrap().is_none());
+    let guest = service.subscriber_builder().create().unwrap();
+    output.send(&wrench(2.0)).unwrap();
+    assert_eq!(guest.receive().unwrap().unwrap().force[0], 2.0);
+    assert_eq!(own.receive().unwrap().unwrap().force[0], 2.0);
+    drop(guest);
+    output.send(&wrench(3.0)).unwrap();
+    assert!(own.receive().unwrap().is_none());
+}
+
+#[test]
 fn a_sample_without_a_sequence_or_with_a_nan_is_refused_by_the_reader_and_counted() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut input = bench.input::<Wrench>();
