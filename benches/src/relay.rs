@@ -24,9 +24,10 @@ fn default_bytes() -> usize {
 }
 
 /// Reads all of a payload and writes all of the next. Without an input it is the head of a chain, without an output
-/// its tail.
+/// its tail, and the one that measures.
 pub struct Relay {
     ports: Box<dyn Ports>,
+    passes_on: bool,
     way: Histogram,
     hop: Histogram,
 }
@@ -36,8 +37,11 @@ trait Ports {
     /// Reads what came in: source time and publish time, ns. `None` without input.
     fn read(&mut self) -> Result<Option<(u64, u64)>, StepError>;
 
-    /// Publishes.
+    /// Publishes, if there is anybody to publish for.
     fn write(&mut self) -> Result<(), StepError>;
+
+    /// Whether it publishes.
+    fn passes_on(&self) -> bool;
 }
 
 struct Sized<P: Payload> {
@@ -62,6 +66,10 @@ impl<P: Payload> Ports for Sized<P> {
         let mut loan = self.output.loan()?;
         loan.write(monotonic_ns());
         loan.publish()
+    }
+
+    fn passes_on(&self) -> bool {
+        self.output.is_wired()
     }
 }
 
@@ -103,14 +111,18 @@ impl Component for Relay {
     fn configure(config: RelayConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let ports = with_payload(config.bytes, OpenPorts(setup))
             .ok_or_else(|| ConfigureError::failed("no payload of this size"))??;
-        Ok(Self { ports, way: Histogram::default(), hop: Histogram::default() })
+        let passes_on = ports.passes_on();
+        Ok(Self { ports, passes_on, way: Histogram::default(), hop: Histogram::default() })
     }
 
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
-        let read = self.ports.read()?.map(|times| (monotonic_ns(), times));
-        // Passed on before it is recorded: recording is no part of the way.
-        self.ports.write()?;
-        if let Some((now, (source, published))) = read {
+        let read = self.ports.read()?;
+        if self.passes_on {
+            // The next on its core runs when this step is over: recording here would be part of the way.
+            return self.ports.write();
+        }
+        if let Some((source, published)) = read {
+            let now = monotonic_ns();
             self.way.record(now.saturating_sub(source));
             self.hop.record(now.saturating_sub(published));
         }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use memmap2::{MmapOptions, MmapRaw};
 
-use crate::os::{current_core, futex_wait, futex_wake};
+use crate::os::{futex_wait, futex_wake};
 
 const PAGE: usize = 4096;
 /// What lies before the values, bytes.
@@ -39,7 +39,7 @@ const _: () = assert!(size_of::<Words>() == WORDS_BYTES);
 /// The bell of one topic. Any number ring it, any number wait, and no ring is lost: a waiter names the last ring it
 /// has heard, and sleeps only while there was none since.
 #[derive(Debug)]
-pub(super) struct Bell(MmapRaw);
+pub(crate) struct Bell(MmapRaw);
 
 impl Bell {
     /// Makes the file of a bell with room for values of so many bytes.
@@ -87,16 +87,16 @@ impl Bell {
         unsafe { &*self.0.as_ptr().cast::<Words>() }
     }
 
-    /// Rings: wakes all who wait. A system call only if somebody sleeps.
-    pub(super) fn ring(&self) {
-        self.count();
+    /// Rings from a core: wakes all who wait. A system call only if somebody sleeps.
+    pub(super) fn ring(&self, core: usize) {
+        self.count(core);
         self.wake();
     }
 
-    /// Counts a ring, which those see who look; [`wake`](Self::wake) is to follow.
-    pub(super) fn count(&self) {
+    /// Counts a ring from a core, which those see who look; [`wake`](Self::wake) is to follow.
+    pub(super) fn count(&self, core: usize) {
         let words = self.words();
-        let core = current_core() as u32 + 1;
+        let core = core as u32 + 1;
         if words.core.load(Relaxed) != core {
             words.core.store(core, Relaxed);
         }

@@ -139,7 +139,9 @@ impl Seat {
     pub fn trigger(&self) -> Result<Trigger, ExchangeError> {
         let component = &self.plan.components[self.index];
         match component.activation {
-            Activation::Triggered { topic, .. } => Ok(open_trigger(&self.node, &self.plan.topics[topic])?),
+            Activation::Triggered { topic, .. } => {
+                Ok(open_trigger(&self.node, &self.plan.topics[topic], &self.context)?)
+            }
             Activation::Periodic { .. } => Err(ExchangeError::NoTrigger(component.name.clone())),
         }
     }

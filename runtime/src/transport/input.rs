@@ -10,10 +10,10 @@ use iceoryx2::sample::Sample;
 
 use super::bell::Bell;
 use super::eager::{fetch_sent_over, fetch_to_read};
+use super::echo::own_name;
 use super::output::FETCHED;
 use super::slots::{Copied, Slots};
 use super::topic::{open, refused};
-use super::trigger::open_bell;
 use super::{Connect, PortError, Shared};
 use crate::component::TopicPattern;
 use crate::plan::TopicPlan;
@@ -33,8 +33,10 @@ pub struct Input<T: StateBuffer> {
     slots: Option<Slots<T>>,
     /// Number of the value copied last.
     copied: u64,
-    /// The value copied last, and one to copy the next into.
+    /// The value copied last and one to copy the next into, which take turns.
     copies: Box<[Copied<T>; 2]>,
+    /// Which of them was copied last.
+    last_copy: usize,
     /// Incarnation and sequence of the value copied last.
     own: (u32, u64),
     /// What was read last.
@@ -66,7 +68,7 @@ pub struct Input<T: StateBuffer> {
 #[derive(Debug)]
 enum Current<T: StateBuffer> {
     Nothing,
-    /// The first of the copies.
+    /// The value copied last.
     Copy,
     /// In place.
     Sample(Sample<Shared, T, Stamp>),
@@ -108,6 +110,7 @@ impl<T: StateBuffer> Input<T> {
             copied: 0,
             own: (0, 0),
             copies: Box::new([Copied::nothing(), Copied::nothing()]),
+            last_copy: 0,
             current: Current::Nothing,
             has_guests: false,
             writer: 0,
@@ -135,11 +138,13 @@ impl<T: StateBuffer> Input<T> {
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
         let stream = matches!(topic.pattern, TopicPattern::Stream { .. }).then_some(index);
+        let name = own_name().map_err(|error| refused(&topic.name, "naming a subscriber")(&error))?;
         let subscriber = open::<T>(node, topic, port)?
             .subscriber_builder()
+            .name(&name)
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        let bell = Rc::new(open_bell(node, topic)?);
+        let bell = context.bell(node, topic)?;
         Ok(Self {
             subscriber: Some(Rc::new(subscriber)),
             is_cause,
@@ -204,16 +209,17 @@ impl<T: StateBuffer> Input<T> {
     /// Copies the newest value that the topic's component has left, if it is news and valid.
     fn copy(&mut self) {
         let Some(slots) = &self.slots else { return };
-        let Some(number) = slots.read(self.copied, &mut self.copies[1]) else { return };
+        let next = 1 - self.last_copy;
+        let Some(number) = slots.read(self.copied, &mut self.copies[next]) else { return };
         self.copied = number;
-        let Copied { stamp, payload } = &self.copies[1];
+        let Copied { stamp, payload } = &self.copies[next];
         // Seen already if it came as an echo.
         self.own = (stamp.incarnation, stamp.sequence);
         let known = (stamp.origin, stamp.incarnation) == self.last_origin
             && stamp.sequence == self.last_sequence
             && stamp.sequence > 0;
         if known || self.admit(*stamp, payload.check().is_ok()) {
-            self.copies.swap(0, 1);
+            self.last_copy = next;
             self.current = Current::Copy;
         }
     }
@@ -270,7 +276,10 @@ impl<T: StateBuffer> Input<T> {
     pub fn current(&self) -> Option<Reading<'_, T>> {
         let (stamp, payload) = match &self.current {
             Current::Nothing => return None,
-            Current::Copy => (&self.copies[0].stamp, &self.copies[0].payload),
+            Current::Copy => {
+                let copy = &self.copies[self.last_copy];
+                (&copy.stamp, &copy.payload)
+            }
             Current::Sample(sample) => (sample.user_header(), sample.payload()),
         };
         Some(Reading { stamp, payload, context: &self.context })
@@ -306,8 +315,7 @@ impl<T: StateBuffer> Input<T> {
         }
         (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
         if let Some(edge) = self.edge {
-            let age = self.context.now_ns().saturating_sub(stamp.publish_time);
-            self.context.note_age(edge, age);
+            self.context.note_age(edge, stamp.publish_time);
         }
         true
     }

@@ -23,6 +23,7 @@ mod topic;
 mod trigger;
 mod variant;
 
+pub(crate) use bell::Bell;
 pub use domain::{Domain, DomainError};
 pub(crate) use echo::AfterStep;
 pub use exchange::{Exchange, ExchangeError, Seat};
@@ -35,7 +36,7 @@ pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};
 pub use trigger::Trigger;
-pub(crate) use trigger::{LOOK_NS, Waker};
+pub(crate) use trigger::{LOOK_NS, Waker, open_bell};
 pub use variant::Shared;
 
 /// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.

@@ -15,7 +15,6 @@ use super::eager::{fetch_to_write, learn};
 use super::echo::{AfterStep as _, Echo};
 use super::slots::Slots;
 use super::topic::{open, refused};
-use super::trigger::open_bell;
 use super::{PortError, Shared};
 use crate::component::StepError;
 use crate::plan::{OnMiss, TopicPlan};
@@ -92,17 +91,18 @@ impl<T: StateBuffer> Output<T> {
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
         let (index, topic) = topic;
-        let publisher = open::<T>(node, topic, port)?
+        let samples = open::<T>(node, topic, port)?;
+        let publisher = samples
             .publisher_builder()
             .max_loaned_samples(1)
             .create()
             .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let bell = Rc::new(open_bell(node, topic)?);
+        let bell = context.bell(node, topic)?;
         let publisher = Rc::new(publisher);
         let slots = Slots::of(&bell, topic);
         // In lockstep nobody waits for a topic.
         let rings = (!context.is_lockstep()).then(|| bell.clone());
-        let echo = Rc::new(Echo::new(publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
+        let echo = Rc::new(Echo::new(samples, publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
         let wired = Wired {
             topic: index,
             publisher,
@@ -274,7 +274,7 @@ impl<T: StateBuffer> Wired<T> {
         add(&block.published, 1);
         block.last_publish_ns.store(stamp.publish_time, Relaxed);
         if let Some(bell) = &self.bell {
-            bell.count();
+            bell.count(context.core());
             if self.wakes_late {
                 self.echo.owe_wake();
             } else {
@@ -282,7 +282,9 @@ impl<T: StateBuffer> Wired<T> {
             }
         }
         if let Some(slots) = &self.slots {
-            slots.fetch_next();
+            if !self.wakes_late {
+                slots.fetch_next();
+            }
             if !self.ends_steps {
                 self.echo.echo();
             }

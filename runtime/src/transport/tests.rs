@@ -135,11 +135,11 @@ fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_
         let mut output =
             Output::open(&bench.node, (0, bench.topic()), "output", Vec::new(), context.clone()).unwrap();
         let holds = policy == OnOverrun::Hold;
-        context.enter_step(1_000, 2_000);
+        context.enter_step(1_000, 1_000, 2_000);
         assert_eq!([1_999, 2_000, 2_001].map(|now| context.withholds(now)), [false, false, holds]);
         // the deadline lies ahead, then long ago
         for (deadline_ns, x) in [(u64::MAX, 1.0), (2_000, 2.0)] {
-            context.enter_step(1_000, deadline_ns);
+            context.enter_step(1_000, 1_000, deadline_ns);
             output.send(&wrench(x)).unwrap();
         }
         let newest = input.latest().unwrap().force[0];
@@ -244,6 +244,30 @@ fn a_stock_iceoryx2_program_exchanges_samples_with_the_variant_in_both_direction
     *sample.user_header_mut() = Stamp { sequence: 1, origin: 9, ..Stamp::default() };
     sample.send().unwrap();
     assert_eq!(input.latest().unwrap().force[0], 6.0);
+}
+
+#[test]
+fn small_states_are_repeated_over_iceoryx2_only_while_somebody_listens_there() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, _input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    let stock = bench.stock_node();
+    let service = stock
+        .service_builder(&service_name("topic", "test/topic").unwrap())
+        .publish_subscribe::<Wrench>()
+        .user_header::<Stamp>()
+        .open()
+        .unwrap();
+    // Like a component's own: it shows what is sent and is no reason to send.
+    let own = service.subscriber_builder().name(&super::echo::own_name().unwrap()).create().unwrap();
+    output.send(&wrench(1.0)).unwrap();
+    assert!(own.receive().unwrap().is_none());
+    let guest = service.subscriber_builder().create().unwrap();
+    output.send(&wrench(2.0)).unwrap();
+    assert_eq!(guest.receive().unwrap().unwrap().force[0], 2.0);
+    assert_eq!(own.receive().unwrap().unwrap().force[0], 2.0);
+    drop(guest);
+    output.send(&wrench(3.0)).unwrap();
+    assert!(own.receive().unwrap().is_none());
 }
 
 #[test]

@@ -14,6 +14,7 @@ use super::{Shared, Trigger, Waker};
 use crate::component::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
+use crate::worker::Context;
 
 /// Readers beyond those of the graph: the tools that look on.
 pub(super) const OBSERVERS: usize = 4;
@@ -159,6 +160,10 @@ pub(super) fn open<T: StateBuffer>(
 }
 
 /// The waiting side of a topic's wake-up.
-pub(crate) fn open_trigger(node: &Node<Shared>, topic: &TopicPlan) -> Result<Trigger, PortError> {
-    Trigger::open(node, topic)
+pub(crate) fn open_trigger(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+    context: &Context,
+) -> Result<Trigger, PortError> {
+    context.bell(node, topic).map(Trigger::new)
 }

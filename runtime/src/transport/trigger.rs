@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::path::PathBuf;
+use std::rc::Rc;
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::SemanticString as _;
@@ -29,7 +30,7 @@ pub(crate) struct Waker(Bell);
 /// component that waits for a millisecond at a time spends less than 0.1 % of its core on looking.
 #[derive(Debug)]
 pub struct Trigger {
-    bell: Bell,
+    bell: Rc<Bell>,
     heard: Cell<u32>,
     patience: Patience,
 }
@@ -43,16 +44,12 @@ impl Waker {
 
     /// Wakes all that wait.
     pub(crate) fn wake(&self) {
-        self.0.ring();
+        self.0.ring(current_core());
     }
 }
 
 impl Trigger {
-    pub(super) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        open_bell(node, topic).map(Self::new)
-    }
-
-    fn new(bell: Bell) -> Self {
+    pub(super) fn new(bell: Rc<Bell>) -> Self {
         let heard = Cell::new(bell.rings());
         Self { bell, heard, patience: Patience::default() }
     }
@@ -119,7 +116,7 @@ impl Patience {
 }
 
 /// Opens the bell of a topic.
-pub(super) fn open_bell(node: &Node<Shared>, topic: &TopicPlan) -> Result<Bell, PortError> {
+pub(crate) fn open_bell(node: &Node<Shared>, topic: &TopicPlan) -> Result<Bell, PortError> {
     Bell::open(&file(node, topic), slots::bytes(topic))
         .map_err(|error| refused(&topic.name, "opening its bell")(&error))
 }
@@ -149,12 +146,13 @@ mod tests {
     #[test]
     fn a_ring_before_the_wait_ends_it_at_once_and_only_once() {
         let (_folder, [path]) = bells("early");
-        let (bell, trigger) = (Bell::open(&path, 0).unwrap(), Trigger::new(Bell::open(&path, 0).unwrap()));
-        bell.ring();
-        bell.ring();
+        let (bell, trigger) =
+            (Bell::open(&path, 0).unwrap(), Trigger::new(Rc::new(Bell::open(&path, 0).unwrap())));
+        bell.ring(0);
+        bell.ring(0);
         trigger.wait();
         assert!(!trigger.is_due(), "two rings are one wake-up");
-        bell.ring();
+        bell.ring(0);
         assert!(trigger.is_due());
         assert!(!trigger.is_due());
     }
@@ -171,22 +169,22 @@ mod tests {
             let (there, back) = (&there, &back);
             scope.spawn(move || {
                 let (trigger, bell) =
-                    (Trigger::new(Bell::open(there, 0).unwrap()), Bell::open(back, 0).unwrap());
+                    (Trigger::new(Rc::new(Bell::open(there, 0).unwrap())), Bell::open(back, 0).unwrap());
                 ready.wait();
                 for round in 0..ROUNDS {
                     trigger.wait();
                     // Sometimes the other side has time to fall asleep, sometimes not.
                     (0..round % 97 * 10).for_each(|_| core::hint::spin_loop());
                     answers.fetch_add(1, SeqCst);
-                    bell.ring();
+                    bell.ring(0);
                 }
             });
             scope.spawn(move || {
                 let (trigger, bell) =
-                    (Trigger::new(Bell::open(back, 0).unwrap()), Bell::open(there, 0).unwrap());
+                    (Trigger::new(Rc::new(Bell::open(back, 0).unwrap())), Bell::open(there, 0).unwrap());
                 ready.wait();
                 for round in 0..ROUNDS {
-                    bell.ring();
+                    bell.ring(0);
                     (0..round % 89 * 10).for_each(|_| core::hint::spin_loop());
                     trigger.wait();
                 }
@@ -219,7 +217,7 @@ mod tests {
         std::thread::scope(|scope| {
             for _ in 0..8 {
                 scope.spawn(|| {
-                    let trigger = Trigger::new(Bell::open(&path, 0).unwrap());
+                    let trigger = Trigger::new(Rc::new(Bell::open(&path, 0).unwrap()));
                     ready.wait();
                     trigger.wait();
                     heard.fetch_add(1, SeqCst);
@@ -227,7 +225,7 @@ mod tests {
             }
             ready.wait();
             std::thread::sleep(Duration::from_millis(20));
-            Bell::open(&path, 0).unwrap().ring();
+            Bell::open(&path, 0).unwrap().ring(0);
         });
         assert_eq!(heard.load(SeqCst), 8);
     }

@@ -1,18 +1,22 @@
 //! What the ports and the loop of one component share.
 
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 
-use crate::os::monotonic_ns;
-use crate::plan::{ClockKind, OnOverrun, Plan};
+use iceoryx2::node::Node;
+
+use crate::os::{current_core, monotonic_ns};
+use crate::plan::{ClockKind, OnOverrun, Plan, TopicPlan};
 use crate::region::{Command, ComponentBlock, Region};
-use crate::transport::AfterStep;
+use crate::transport::{AfterStep, Bell, PortError, Shared, open_bell};
 
 /// So many ages of samples wait for the end of a step; further ones are recorded at once.
 const AGES: usize = 32;
+/// At every so manieth publication the core is looked up.
+const CORE_LOOKED_UP: u32 = 64;
 
 /// What the ports and the loop of one component share: whose they are, and what time it is.
 #[derive(Debug)]
@@ -29,9 +33,14 @@ pub struct Context {
     cause_ns: Cell<Option<u64>>,
     signals: Arc<Signals>,
     after_step: RefCell<Vec<Rc<dyn AfterStep>>>,
-    /// Ages of samples to be recorded when the step is over, by edge, ns; empty outside of a worker.
+    /// Ages of samples to be recorded when the step is over, by edge, ns.
     ages: RefCell<Vec<(usize, u64)>>,
-    steps: Cell<bool>,
+    /// When the step began, on the clock of stamps, ns.
+    woken_ns: Cell<u64>,
+    /// The core as it was seen last, and how often it was asked for.
+    core: Cell<(usize, u32)>,
+    /// The bells of the topics that its ports have joined, by topic.
+    bells: RefCell<Vec<(String, Weak<Bell>)>>,
 }
 
 /// What the watcher thread tells the stepping thread.
@@ -65,7 +74,9 @@ impl Context {
             signals: Arc::default(),
             after_step: RefCell::default(),
             ages: RefCell::new(Vec::with_capacity(AGES)),
-            steps: Cell::new(false),
+            woken_ns: Cell::new(0),
+            core: Cell::new((0, 0)),
+            bells: RefCell::default(),
         }
     }
 
@@ -103,15 +114,40 @@ impl Context {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
     }
 
+    /// The core of this thread, looked up now and then: threads are pinned, or it matters little.
+    pub(crate) fn core(&self) -> usize {
+        let (mut core, asked) = self.core.get();
+        if asked.is_multiple_of(CORE_LOOKED_UP) {
+            core = current_core();
+        }
+        self.core.set((core, asked.wrapping_add(1)));
+        core
+    }
+
+    /// The bell of a topic, mapped once for all ports of the component.
+    pub(crate) fn bell(&self, node: &Node<Shared>, topic: &TopicPlan) -> Result<Rc<Bell>, PortError> {
+        let mut bells = self.bells.borrow_mut();
+        let open = bells.iter().find(|(name, _)| *name == topic.name).and_then(|(_, bell)| bell.upgrade());
+        if let Some(bell) = open {
+            return Ok(bell);
+        }
+        let bell = Rc::new(open_bell(node, topic)?);
+        bells.retain(|(name, _)| *name != topic.name);
+        bells.push((topic.name.clone(), Rc::downgrade(&bell)));
+        Ok(bell)
+    }
+
     /// Takes in what an output has to do after every step.
     pub(crate) fn after_the_step(&self, duties: Rc<dyn AfterStep>) {
         self.after_step.borrow_mut().push(duties);
     }
 
-    /// Records how old a sample was when it was first looked at: after the step, which has better things to do.
-    pub(crate) fn note_age(&self, edge: usize, age_ns: u64) {
+    /// Records how old a sample is that was just looked at for the first time, as of the beginning of the step: after
+    /// the step, which has better things to do. One published since then has no age yet.
+    pub(crate) fn note_age(&self, edge: usize, publish_ns: u64) {
+        let age_ns = self.woken_ns.get().saturating_sub(publish_ns);
         let mut ages = self.ages.borrow_mut();
-        if self.steps.get() && ages.len() < AGES {
+        if ages.len() < AGES {
             ages.push((edge, age_ns));
         } else {
             self.region.edges()[edge].age.record(age_ns);
@@ -132,13 +168,13 @@ impl Context {
     }
 
     pub(super) fn begin(&self) {
-        self.steps.set(true);
         self.time_ns.set(self.start_ns());
     }
 
-    /// Prepares a step: its time in lockstep, its deadline, and no cause yet.
-    pub(crate) fn enter_step(&self, time_ns: u64, deadline_ns: u64) {
+    /// Prepares a step: its time in lockstep, when it began, its deadline, and no cause yet.
+    pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
         self.time_ns.set(time_ns);
+        self.woken_ns.set(if self.lockstep { time_ns } else { woken_ns });
         self.deadline_ns.set(deadline_ns);
         self.cause_ns.set(None);
     }

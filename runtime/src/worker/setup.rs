@@ -45,7 +45,7 @@ impl Setup {
         let parameters = ParameterReader::open(&node, component).map_err(|error| error.to_string())?;
         let trigger = match (plan.clock, &component.activation) {
             (ClockKind::Realtime, Activation::Triggered { topic, .. }) => {
-                Some(open_trigger(&node, &plan.topics[*topic]).map_err(|error| error.to_string())?)
+                Some(open_trigger(&node, &plan.topics[*topic], &context).map_err(|error| error.to_string())?)
             }
             _ => None,
         };

@@ -98,7 +98,7 @@ impl<C: Component> Stepper<C> {
         if self.own_steps == WARM_UP {
             self.faults_before = os::page_faults();
         }
-        context.enter_step(timing.release_ns, timing.deadline_ns);
+        context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
         let before = allocations();
         self.parameters.refresh();
         let component = &mut self.component;
