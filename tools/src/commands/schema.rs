@@ -3,13 +3,14 @@
 use std::process::ExitCode;
 
 use motorium::launcher::Report;
+use motorium_benches::latency::Written as Bench;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
 use super::top::Data as Top;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, or of what `top` prints.
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -27,6 +28,8 @@ enum Document {
     Report,
     /// What `motorium top --json` prints
     Top,
+    /// What `motorium bench latency --json` writes
+    Bench,
 }
 
 impl Schema {
@@ -35,6 +38,7 @@ impl Schema {
             Document::Graph => motorium::graph::schema(&registry::registry()),
             Document::Report => written::<Report>(),
             Document::Top => written::<Top>(),
+            Document::Bench => written::<Bench>(),
         };
         println!("{}", serde_json::to_string_pretty(&schema)?);
         Ok(ExitCode::SUCCESS)
