@@ -30,7 +30,10 @@ fn is_told_by_its_buckets(name: &str, ns: &Json) {
         let again = bucket.expect("a bucket").0.min(longest);
         let told = ns[key].as_u64().expect("a number");
         // Single samples: exact below 16 us, to 1/8192 above.
-        assert!(again >= told && again - told <= told / 8_192, "{name}: {key} {told}, of the buckets {again}");
+        assert!(
+            again >= told && again - told <= told / 8_192,
+            "{name}: {key} {told}, of the buckets {again}"
+        );
         assert!(told >= 16_384 || again == told, "{name}: {key} {told}, of the buckets {again}");
     }
 }

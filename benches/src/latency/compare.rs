@@ -135,6 +135,7 @@ fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
         ("chain.", "floor.futex.same"),
         ("fan-out.", "floor.futex.same"),
         ("panda", "floor.futex.same"),
+        ("peer.cyclictest", "floor.timer"),
         ("peer.", "floor.futex.across"),
     ];
     let floor = FLOORS.iter().find(|(family, _)| name.starts_with(family)).map(|(_, floor)| *floor)?;

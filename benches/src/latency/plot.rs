@@ -33,8 +33,8 @@ const FAMILIES: [Family; 3] = [
     Family {
         title: "floors of this machine",
         dashes: " stroke-dasharray=\"2 3\"",
-        colours: &["#000000", "#777777", "#b08000", "#5a4fa0"],
-        is_member: |name| name.starts_with("floor."),
+        colours: &["#000000", "#777777", "#b08000", "#5a4fa0", "#0077bb"],
+        is_member: is_floor,
     },
     Family {
         title: "motorium",
@@ -43,7 +43,7 @@ const FAMILIES: [Family; 3] = [
             "#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ddaa33", "#332288", "#117733",
             "#882255", "#999933",
         ],
-        is_member: |name| !name.starts_with("floor.") && !is_peer(name),
+        is_member: |name| !is_floor(name) && !is_peer(name),
     },
     Family {
         title: "other systems",
@@ -56,8 +56,13 @@ const FAMILIES: [Family; 3] = [
     },
 ];
 
+/// The machine itself; cyclictest measures it too.
+fn is_floor(name: &str) -> bool {
+    name.starts_with("floor.") || name == "peer.cyclictest"
+}
+
 fn is_peer(name: &str) -> bool {
-    name.starts_with("peer.") || name.starts_with("iceoryx2.")
+    !is_floor(name) && (name.starts_with("peer.") || name.starts_with("iceoryx2."))
 }
 
 /// The frame that the curves are drawn in: nines to the right, decades upwards.

@@ -74,10 +74,10 @@ impl Latency {
             samples: self
                 .samples
                 .map_or(if self.quick { 20_000 } else { 100_000 }, |samples| samples as usize),
-            paced: if self.quick { 2_000 } else { 10_000 },
+            paced: if self.quick { 2_000 } else { 6_000 },
             seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 4 }),
             fast_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 25 }),
-            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 51 }),
+            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
         if self.ratchet {
@@ -85,11 +85,13 @@ impl Latency {
         }
         let began = Instant::now();
         let cases = self.choose()?;
-        // A file that cannot be written is better known now than in five minutes.
+        // A file that cannot be written is better known now than in five minutes; what it holds stays until then.
         let open = |file: &Option<PathBuf>| {
-            let create =
-                |file: &PathBuf| File::create(file).with_context(|| format!("writing {}", file.display()));
-            file.as_ref().map(create).transpose()
+            let open = |file: &PathBuf| {
+                let opened = File::options().write(true).create(true).truncate(false).open(file);
+                opened.with_context(|| format!("writing {}", file.display()))
+            };
+            file.as_ref().map(open).transpose()
         };
         let (json, svg) = (open(&self.json)?, open(&self.svg)?);
         let machine = Machine::detect();
@@ -136,14 +138,13 @@ impl Latency {
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
         anstream::print!("{}", table::closing(&written));
-        if let Some(mut file) = json {
-            let text = serde_json::to_string(&written)?;
-            file.write_all(text.as_bytes()).context("writing the JSON file")?;
+        if let Some(file) = json {
+            fill(file, &serde_json::to_string(&written)?).context("writing the JSON file")?;
         }
-        if let Some(mut file) = svg {
+        if let Some(file) = svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
             let text = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
-            file.write_all(text.as_bytes()).context("writing the picture")?;
+            fill(file, &text).context("writing the picture")?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
@@ -173,6 +174,15 @@ impl Latency {
         cases = order.into_iter().map(|i| cases[i].clone()).collect();
         Ok(cases)
     }
+}
+
+/// Leaves nothing but this in a file.
+fn fill(mut file: File, text: &str) -> std::io::Result<()> {
+    // A pipe cannot be emptied, and holds nothing.
+    if file.metadata()?.is_file() {
+        file.set_len(0)?;
+    }
+    file.write_all(text.as_bytes())
 }
 
 fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize) {
