@@ -1,9 +1,10 @@
 //! The machine line: what the figures were measured on.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The machine, as far as it matters to latencies.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
     /// Kernel release and preemption, such as `6.18.0 PREEMPT_DYNAMIC`.
     pub kernel: String,
