@@ -4,9 +4,10 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
+use motorium::os::IdleLimit;
 use motorium_benches::MeasureError;
 use motorium_benches::host::{Loader, Machine};
 use motorium_benches::latency::{
@@ -81,6 +82,8 @@ impl Latency {
             panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
+        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line says whether it holds.
+        let _idle_limit = IdleLimit::hold(Duration::ZERO);
         if self.ratchet {
             return ratchet::run(&bench);
         }
