@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         samples: 20_000,
         paced: 5_000,
         seconds: 1,
+        fast_seconds: 1,
         panda_seconds: 1,
         loader: Loader::detect(),
     };

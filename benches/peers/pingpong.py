@@ -90,7 +90,13 @@ PEERS = {"lcm": Lcm, "zenoh": Zenoh, "zenoh.shm": ZenohShared, "cyclonedds": Cyc
 
 def pong(peer):
     link = None
-    link = peer("motorium_bench_back", "motorium_bench_there", lambda data: link.send(data))
+
+    def answer(data):
+        # The first may come before the way back is there; ping sends again until it hears something.
+        if link is not None:
+            link.send(data)
+
+    link = peer("motorium_bench_back", "motorium_bench_there", answer)
     while True:
         time.sleep(1)
 

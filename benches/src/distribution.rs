@@ -3,10 +3,14 @@
 use std::collections::BTreeMap;
 
 use motorium::telemetry::Histogram;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Bits of precision of the buckets of single samples: exact below 2^14 ns, no wider than 1/8192 of a duration beyond.
+const FINE_BITS: u32 = 14;
+
 /// A distribution of durations, ns. Nothing is trimmed: `max` is the longest there was.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Distribution {
     /// Number of samples.
     pub count: u64,
@@ -21,30 +25,38 @@ pub struct Distribution {
     /// The longest, ns.
     pub max: u64,
     /// The raw histogram: the largest duration that each bucket takes (ns) and how many samples lie in it. Empty
-    /// buckets are left out; no bucket is wider than 1/32 of its durations.
+    /// buckets are left out. Buckets of single samples are exact below 16 us and no wider than 1/8192 of their
+    /// durations beyond; those of histograms that a graph kept are no wider than 1/32.
     pub buckets: Vec<(u64, u64)>,
 }
 
 impl Distribution {
     /// The distribution of single samples; percentiles are exact.
     pub fn of(mut samples: Vec<u64>) -> Self {
-        let histogram = Histogram::default();
-        samples.iter().for_each(|sample| histogram.record(*sample));
         samples.sort_unstable();
-        let rank = |share: f64| {
-            let rank = (share * samples.len() as f64).ceil() as usize;
-            samples.get(rank.max(1) - 1).copied().unwrap_or(0)
-        };
+        let rank =
+            |share: f64| samples.get(rank(share, samples.len() as u64) as usize - 1).copied().unwrap_or(0);
+        let mut buckets: Vec<(u64, u64)> = Vec::new();
+        for bound in samples.iter().map(|sample| fine_bound(*sample)) {
+            match buckets.last_mut() {
+                Some((last, count)) if *last == bound => *count += 1,
+                _ => buckets.push((bound, 1)),
+            }
+        }
+        let sum: f64 = samples.iter().map(|sample| *sample as f64).sum();
         Self {
+            count: samples.len() as u64,
+            mean: sum / samples.len().max(1) as f64,
             p50: rank(0.5),
             p99: rank(0.99),
             p99_9: rank(0.999),
             max: samples.last().copied().unwrap_or(0),
-            ..Self::from_histogram(&histogram)
+            buckets,
         }
     }
 
-    /// The distribution a histogram holds; percentiles are exact to 3 %.
+    /// The distribution a histogram holds. Percentiles are the bounds of their buckets: never too low, and up to 3 %
+    /// too high.
     pub fn from_histogram(histogram: &Histogram) -> Self {
         let percentiles = histogram.percentiles();
         Self {
@@ -58,7 +70,7 @@ impl Distribution {
         }
     }
 
-    /// Takes in another distribution; percentiles are then exact to 3 %.
+    /// Takes in another distribution; percentiles are then the bounds of their buckets.
     pub fn add(&mut self, other: &Self) {
         let mut buckets: BTreeMap<u64, u64> = self.buckets.iter().copied().collect();
         other.buckets.iter().for_each(|(bound, count)| *buckets.entry(*bound).or_default() += count);
@@ -68,16 +80,19 @@ impl Distribution {
         }
         (self.count, self.max) = (count, self.max.max(other.max));
         self.buckets = buckets.into_iter().collect();
-        let rank = |share: f64| {
-            let at_least = (share * count as f64).ceil() as u64;
-            let mut seen = 0;
-            let bucket = self.buckets.iter().find(|(_, count)| {
-                seen += count;
-                seen >= at_least
-            });
-            bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
-        };
-        (self.p50, self.p99, self.p99_9) = (rank(0.5), rank(0.99), rank(0.999));
+        (self.p50, self.p99, self.p99_9) = (self.quantile(0.5), self.quantile(0.99), self.quantile(0.999));
+    }
+
+    /// The bound of the first bucket that at least this share of all samples does not exceed, ns: what its percentiles
+    /// are, as far as the buckets tell.
+    pub fn quantile(&self, share: f64) -> u64 {
+        let rank = rank(share, self.count);
+        let mut seen = 0;
+        let bucket = self.buckets.iter().find(|(_, count)| {
+            seen += count;
+            seen >= rank
+        });
+        bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
     /// The curve of latency against percentile: for each bucket the share of all samples that are at most its bound,
@@ -92,6 +107,17 @@ impl Distribution {
             })
             .collect()
     }
+}
+
+/// Which of so many sorted samples, counted from 1, is the first that at least this share of them does not exceed.
+fn rank(share: f64, count: u64) -> u64 {
+    ((share * count as f64).ceil() as u64).max(1)
+}
+
+/// The largest duration of the fine bucket that takes this one, ns.
+fn fine_bound(nanoseconds: u64) -> u64 {
+    let shift = (u64::BITS - nanoseconds.leading_zeros()).saturating_sub(FINE_BITS);
+    nanoseconds | ((1 << shift) - 1)
 }
 
 #[cfg(test)]
@@ -109,12 +135,27 @@ mod tests {
 
     #[test]
     fn the_buckets_hold_every_sample_in_its_place() {
-        let samples = vec![5, 5, 70, 1_000, 1_000_000];
+        let samples = vec![5, 5, 70, 1_000, 16_383, 16_384, 1_000_000, u64::MAX];
         let seen = Distribution::of(samples.clone());
-        assert_eq!(seen.buckets.iter().map(|(_, count)| count).sum::<u64>(), 5);
+        assert_eq!(seen.buckets.iter().map(|(_, count)| count).sum::<u64>(), 8);
         for sample in samples {
             let (bound, _) = seen.buckets.iter().find(|(bound, _)| *bound >= sample).unwrap();
-            assert!(bound - sample <= sample / 32, "{sample} in the bucket up to {bound}");
+            let width = if sample < 16_384 { 0 } else { sample / 8_192 };
+            assert!(bound - sample <= width, "{sample} in the bucket up to {bound}");
+        }
+    }
+
+    #[test]
+    fn percentiles_can_be_computed_again_from_the_buckets() {
+        // Three ways to spread: evenly, over many decades, and all in one place.
+        let spreads: [fn(u64) -> u64; 3] = [|n| 200 + n, |n| 900 + n * n * n / 7_000, |_| 55_555];
+        for spread in spreads {
+            let seen = Distribution::of((1..=10_007).map(spread).collect());
+            for (share, stored) in [(0.5, seen.p50), (0.99, seen.p99), (0.999, seen.p99_9), (1.0, seen.max)] {
+                let again = seen.quantile(share);
+                assert!(again >= stored && again - stored <= stored / 8_192, "{share}: {again} for {stored}");
+                assert!(stored >= 16_384 || again == stored, "{share}: {again} for {stored}");
+            }
         }
     }
 

@@ -62,6 +62,8 @@ pub struct SchedulingPlan {
     pub shared_cores: Vec<usize>,
     /// What to do without privileges.
     pub on_denied: OnDenied,
+    /// Longest time that a core may take to leave its idle state while the graph runs in real time, ns.
+    pub idle_exit_ns: u64,
 }
 
 /// How long before its release a waiting component stops sleeping and spins.

@@ -241,6 +241,15 @@ fn every_field_of_the_report_is_in_the_book() {
 }
 
 #[test]
+fn every_field_of_the_file_of_a_benchmark_is_in_the_book() {
+    let schema = json(&["schema", "bench"]);
+    let mut wanted = BTreeSet::new();
+    keys(&schema, &schema, &mut wanted);
+    assert!(wanted.len() > 40, "{wanted:?}");
+    assert_documented(&wanted, &["latency.md", "report.md"]);
+}
+
+#[test]
 fn every_command_has_its_place_in_the_book() {
     let page = read("docs/src/commands.md");
     let help = String::from_utf8(motorium(&["--help"]).stdout).expect("text");

@@ -25,6 +25,11 @@ fn the_schema_of_reports_is_current() {
 }
 
 #[test]
+fn the_schema_of_benchmarks_is_current() {
+    is_current("bench");
+}
+
+#[test]
 fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
     let schema = program::json(&["schema"]);
     let kinds = schema["definitions"]["Component"]["properties"]["kind"]["oneOf"].as_array().expect("kinds");

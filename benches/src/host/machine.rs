@@ -1,9 +1,13 @@
 //! The machine line: what the figures were measured on.
 
+use std::fs::File;
+use std::io::Read as _;
+
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The machine, as far as it matters to latencies.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
     /// Kernel release and preemption, such as `6.18.0 PREEMPT_DYNAMIC`.
     pub kernel: String,
@@ -19,6 +23,9 @@ pub struct Machine {
     pub governor: Option<String>,
     /// What puts idle cores to sleep, as `driver/governor`; `None` where it cannot be read.
     pub idle: Option<String>,
+    /// Longest time that a core may take to leave its idle state, us; `None` where nothing limits it or it cannot be read.
+    #[serde(default)]
+    pub idle_exit_us: Option<u64>,
     /// Load average over one minute when the measurements began.
     pub load: f64,
     /// Share of time real-time threads may use, us per s; `None` without a limit.
@@ -57,6 +64,7 @@ impl Machine {
             load: read("/proc/loadavg")
                 .and_then(|text| text.split_whitespace().next()?.parse().ok())
                 .unwrap_or(0.0),
+            idle_exit_us: idle_exit_us(),
             realtime_us_per_s: throttling(),
         }
     }
@@ -74,11 +82,22 @@ impl core::fmt::Display for Machine {
         if let Some(idle) = &self.idle {
             write!(f, ", idle {idle}")?;
         }
+        if let Some(limit) = self.idle_exit_us {
+            write!(f, ", idle states limited to {limit} us")?;
+        }
         if let Some(limit) = self.realtime_us_per_s {
             write!(f, ", real time limited to {limit} us/s")?;
         }
         write!(f, ", load {:.2}", self.load)
     }
+}
+
+/// What those who hold `/dev/cpu_dma_latency` open have limited idle states to.
+fn idle_exit_us() -> Option<u64> {
+    let mut bytes = [0; 4];
+    File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
+    // Without a limit the kernel shows 2000 s.
+    u64::try_from(i32::from_ne_bytes(bytes)).ok().filter(|limit| *limit < 1_000_000)
 }
 
 fn read(path: &str) -> Option<String> {
@@ -116,6 +135,7 @@ mod tests {
             governor: None,
             idle: Some("haltpoll/haltpoll".into()),
             load: 0.5,
+            idle_exit_us: Some(0),
             realtime_us_per_s: Some(950_000),
         };
         assert_eq!(

@@ -7,4 +7,4 @@ mod share;
 pub(crate) use load::{LOAD, run_load};
 pub use load::{Load, Loader};
 pub use machine::{Machine, cores};
-pub use share::{Causes, HostShare, Watch};
+pub use share::{Causes, FloorShare, HostShare, Watch};

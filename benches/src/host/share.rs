@@ -3,10 +3,11 @@
 use std::time::Instant;
 
 use motorium::launcher::{CoreReport, CoreWatch, Report};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the host took during a measurement, and what else came in between.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HostShare {
     /// How long the measurement took, s.
     pub seconds: f64,
@@ -20,14 +21,23 @@ pub struct HostShare {
     /// Of a graph: why its components were late.
     #[serde(default)]
     pub causes: Option<Causes>,
-    /// Of what a timer releases: the share of its tail (p99.9 above p50) that a bare sleeper on the same core, idle
-    /// besides, has in the same run.
+    /// Of releases and chains: how much of their tail the bare machine has in the same turns.
     #[serde(default)]
-    pub sleeper_share: Option<f64>,
+    pub floor: Option<FloorShare>,
+}
+
+/// How much of a tail the bare machine has too: a sleeper on a core that is idle besides, or bare processes that wake
+/// one another by a futex.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FloorShare {
+    /// The measurement of the bare machine.
+    pub name: String,
+    /// How far its p99.9 lies above its p50, as a share of the same of what is measured; 1 where it lies farther.
+    pub share: f64,
 }
 
 /// Why the components of a graph were late, all of them together, as their workers count it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
     /// Steps whose core was taken away: ready to run, and nothing of this system ran.
     pub stolen: u64,
@@ -103,15 +113,15 @@ impl HostShare {
         }
     }
 
-    /// In a few words: time that was stolen, misses by cause, stalls, the sleeper's share of the tail, and interrupts
-    /// of devices on the core of the measurement. Empty if nothing of that was there.
+    /// In a few words: time that was stolen, the floor's share of the tail, misses by cause, stalls, and interrupts of
+    /// devices on the core of the measurement. Empty if nothing of that was there.
     pub fn in_words(&self, core: usize) -> String {
         let mut words = Vec::new();
         if self.steal_ms > 0.0 {
             words.push(format!("steal {:.2} %", 100.0 * self.steal_share));
         }
-        if let Some(share) = self.sleeper_share {
-            words.push(format!("sleeper {:.0} %", 100.0 * share));
+        if let Some(FloorShare { name, share }) = &self.floor {
+            words.push(format!("{name} {:.0} %", 100.0 * share));
         }
         if let Some(causes) = self.causes {
             let counts = [
@@ -211,7 +221,7 @@ mod tests {
         let mut share = taken(1, 10.0, &[("LOC", 4_000), ("virtio1-req.0", 12)]);
         assert_eq!(share.in_words(1), "steal 1.00 %, 12 irq");
         assert_eq!(share.in_words(0), "steal 1.00 %");
-        share.sleeper_share = Some(0.93);
+        share.floor = Some(FloorShare { name: "floor.timer".to_string(), share: 0.93 });
         share.causes = Some(Causes {
             stolen: 3,
             long_step: 1,
@@ -223,7 +233,7 @@ mod tests {
         });
         assert_eq!(
             share.in_words(0),
-            "steal 1.00 %, sleeper 93 %, 3 stolen, 1 long, stalled 1.00 %, longest 700 us"
+            "steal 1.00 %, floor.timer 93 %, 3 stolen, 1 long, stalled 1.00 %, longest 700 us"
         );
     }
 }

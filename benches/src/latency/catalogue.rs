@@ -43,22 +43,31 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
+    ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
     ("chain of 8", &["floor.chain.8", "chain.8"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
+    ("Panda loop", &["panda", "panda.loaded"]),
+    ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
+    ("blocking on one core, under load", &["floor.futex.same.loaded", "hop.blocking.same.512.loaded"]),
 ];
+
+/// The group in which a measurement takes turns, if it does.
+pub(super) fn group(name: &str) -> Option<&'static str> {
+    GROUPS.iter().find(|(_, names)| names.contains(&name)).map(|(group, _)| *group)
+}
 
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
     use Carrier::{Blocking, CacheLine, Futex, Plain, Polling, Stock};
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
-        let group = GROUPS.iter().find(|(_, names)| names.contains(&name.as_str())).map(|(group, _)| *group);
+        let group = group(&name);
         cases.push(Case { name, what, loaded: false, quick, group, kind });
     };
     let throw = |carrier, across, bytes, paced| Kind::Throw { carrier, across, bytes, paced };
     let words = |across| if across { ("across", "across cores") } else { ("same", "on one core") };
-    add("floor.clock".into(), "one look at the clock".into(), true, Kind::Clock);
+    add("floor.clock".into(), "one look at the clock, mean of 100".into(), true, Kind::Clock);
     add("floor.timer".into(), "wake-up by clock_nanosleep, 1 kHz".into(), true, Kind::Timer);
     let line = "cache line, half of to and fro across cores".to_string();
     add("floor.cache-line".into(), line, true, throw(CacheLine, true, 64, false));
@@ -124,7 +133,7 @@ pub fn catalogue() -> Vec<Case> {
             what: format!("{}, under load", case.what),
             loaded: true,
             quick: false,
-            group: None,
+            group: group(&format!("{name}.loaded")),
             ..case
         }));
     }
@@ -145,9 +154,9 @@ impl Case {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
 
-    /// Whether it is a chain of processes, which takes a while to start.
-    pub(super) fn is_chain(&self) -> bool {
-        matches!(self.kind, Kind::Chain { .. } | Kind::RawChain { .. })
+    /// Whether it is a graph, or a chain of processes, which takes a while to start.
+    pub(super) fn is_graph(&self) -> bool {
+        !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Throw { .. })
     }
 
     /// Measures it: all samples, and the priority that was granted.
@@ -181,7 +190,8 @@ impl Case {
                 Ok(Outcome::of(thrown.samples, thrown.fifo))
             }
             Kind::Release { rate_hz } => {
-                let ran = bench.launch(graphs::release(*rate_hz, bench.seconds, core))?;
+                let seconds = if *rate_hz > 1_000 { bench.fast_seconds } else { bench.seconds };
+                let ran = bench.launch(graphs::release(*rate_hz, seconds, core))?;
                 Ok(graph(&ran, ran.lateness.first().cloned().unwrap_or_default()))
             }
             Kind::Chain { processes } => {
@@ -242,6 +252,17 @@ mod tests {
         let cases = catalogue();
         let names: BTreeSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
         assert_eq!(names.len(), cases.len());
+    }
+
+    #[test]
+    fn what_is_compared_side_by_side_is_in_the_catalogue() {
+        let cases = catalogue();
+        for (group, names) in GROUPS {
+            for name in *names {
+                let case = cases.iter().find(|case| case.name == *name);
+                assert_eq!(case.and_then(|case| case.group), Some(*group), "{name}");
+            }
+        }
     }
 
     #[test]

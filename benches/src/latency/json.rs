@@ -1,25 +1,32 @@
 //! The file of a run: the machine, every raw histogram, and the table of targets.
 
+use std::path::Path;
+
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Measurement, Target};
 use crate::host::Machine;
 
 /// Version of the file's format; raised when a field changes its meaning or goes.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// What is written to the file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
     /// Version of this format.
     pub version: u32,
+    /// Version of motorium.
+    pub motorium: String,
+    /// What the program was called with, without its own name.
+    pub arguments: Vec<String>,
+    /// When it began, s since 1970.
+    pub began_unix_s: u64,
     /// What it was measured on.
     pub machine: Machine,
     /// What kept the machine busy where a name ends in `.loaded`, with its options.
-    #[serde(default)]
     pub load: String,
     /// How long it took in all, s.
-    #[serde(default)]
     pub seconds: f64,
     /// What was denied, in words; empty if everything ran at real-time priority on its own core.
     pub denied: Vec<String>,
@@ -32,10 +39,83 @@ pub struct Written {
 }
 
 /// Something that was not measured.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Skipped {
     /// Its name.
     pub name: String,
     /// Why.
     pub reason: String,
+}
+
+/// A file that is none of a benchmark.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// It could not be read.
+    #[error("{file} could not be read: {error}")]
+    File {
+        /// Which.
+        file: String,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// It is of another version of the format, or of none.
+    #[error("{file} is of version {found} of the format; this program reads {VERSION}: measure again")]
+    Version {
+        /// Which.
+        file: String,
+        /// Its version, `unknown` where it names none.
+        found: String,
+    },
+    /// It is not what `motorium bench latency --json` writes.
+    #[error("{file} is not a file that `motorium bench latency --json` wrote: {error}")]
+    Content {
+        /// Which.
+        file: String,
+        /// What is wrong, and where.
+        error: serde_json::Error,
+    },
+}
+
+impl Written {
+    /// Reads a file that was written earlier.
+    ///
+    /// # Errors
+    /// It is not there, or it is something else.
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let file = || path.display().to_string();
+        let text = std::fs::read(path).map_err(|error| ReadError::File { file: file(), error })?;
+        let content = |error| ReadError::Content { file: file(), error };
+        // The version first: of a file of another version other fields may be missing.
+        let any: serde_json::Value = serde_json::from_slice(&text).map_err(content)?;
+        let version = any.get("version").and_then(serde_json::Value::as_u64);
+        if any.get("measurements").is_some() && version != Some(u64::from(VERSION)) {
+            let found = version.map_or("unknown".to_string(), |version| version.to_string());
+            return Err(ReadError::Version { file: file(), found });
+        }
+        serde_json::from_value(any).map_err(content)
+    }
+
+    /// A measurement by its name.
+    pub fn get(&self, name: &str) -> Option<&Measurement> {
+        self.measurements.iter().find(|measurement| measurement.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_file_of_a_benchmark_is_refused_with_what_it_is() {
+        let path = std::env::temp_dir().join(format!("motorium-bench-json-{}", std::process::id()));
+        let refusal = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            Written::read(&path).unwrap_err().to_string()
+        };
+        assert!(refusal(r#"{"version": 1, "measurements": []}"#).contains("of version 1 of the format"));
+        assert!(refusal(r#"{"components": []}"#).contains("is not a file that"));
+        assert!(refusal("name,p50").contains("line 1 column 2"));
+        std::fs::remove_file(&path).unwrap();
+        assert!(Written::read(&path).unwrap_err().to_string().contains("could not be read"));
+    }
 }

@@ -1,21 +1,25 @@
 //! `motorium bench latency`: what is measured, in which order, and what is made of it.
 
 mod catalogue;
+mod compare;
 mod json;
+mod miss;
 mod plot;
 mod targets;
 
 use std::path::PathBuf;
 
 use motorium::component::Registry;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use catalogue::{Case, catalogue};
-pub use json::{Skipped, VERSION, Written};
+pub use compare::{Change, Comparison, Direction, compare};
+pub use json::{ReadError, Skipped, VERSION, Written};
 pub use plot::plot;
 pub use targets::{Target, Verdict, targets};
 
-use crate::host::{Causes, HostShare, Load, Loader, Watch};
+use crate::host::{Causes, FloorShare, HostShare, Load, Loader, Watch};
 use crate::timer::Places;
 use crate::{Distribution, MeasureError};
 
@@ -36,6 +40,8 @@ pub struct Bench<'a> {
     pub paced: usize,
     /// How long each graph runs, s.
     pub seconds: u32,
+    /// How long the releases at 4 kHz run, s.
+    pub fast_seconds: u32,
     /// How long the Panda loop runs, s: its p99.9 wants many samples.
     pub panda_seconds: u32,
     /// What keeps the machine busy where that is asked for.
@@ -43,7 +49,7 @@ pub struct Bench<'a> {
 }
 
 /// One finished measurement.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Measurement {
     /// Its name, for `--only`.
     pub name: String,
@@ -62,18 +68,22 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Says which share of the tail a bare sleeper has too, where a timer releases what is measured.
-    pub fn compare_with_sleeper(&mut self, all: &[Self]) {
-        let released = ["release.", "chain.", "fan-out.", "panda"];
-        if !released.iter().any(|family| self.name.starts_with(family)) {
-            return;
-        }
-        let sleeper = if self.name.ends_with(".loaded") { "floor.timer.loaded" } else { "floor.timer" };
+    /// Says which share of the tail the bare machine has too: a sleeper beside what a timer releases, bare processes with
+    /// a futex beside a chain.
+    pub fn compare_with_floor(&mut self, all: &[Self]) {
+        let floor = match self.name.as_str() {
+            "release.1khz" | "release.4khz" => "floor.timer",
+            "release.1khz.loaded" => "floor.timer.loaded",
+            "chain.4" => "floor.chain.4",
+            "chain.8" => "floor.chain.8",
+            _ => return,
+        };
         let tail = |ns: &Distribution| ns.p99_9.saturating_sub(ns.p50) as f64;
-        let sleeper = all.iter().find(|measurement| measurement.name == sleeper);
-        self.host.sleeper_share = sleeper
-            .filter(|_| tail(&self.ns) > 0.0)
-            .map(|sleeper| (tail(&sleeper.ns) / tail(&self.ns)).min(1.0));
+        let floor = all.iter().find(|measurement| measurement.name == floor);
+        self.host.floor = floor.filter(|_| tail(&self.ns) > 0.0).map(|floor| FloorShare {
+            name: floor.name.clone(),
+            share: (tail(&floor.ns) / tail(&self.ns)).min(1.0),
+        });
     }
 }
 
@@ -117,8 +127,8 @@ impl Samples {
 
 /// Turns that the cases of a group take.
 const SLICES: usize = 10;
-/// The same where each turn starts a graph.
-const GRAPH_SLICES: usize = 3;
+/// The same where each turn starts a graph, or other work for the machine.
+const SLOW_SLICES: usize = 3;
 
 impl Bench<'_> {
     /// Measures one case.
@@ -126,23 +136,29 @@ impl Bench<'_> {
     /// # Errors
     /// It could not be measured here.
     pub fn measure(&self, case: &Case) -> Result<Measurement, MeasureError> {
-        let load = case.loaded.then(|| Load::start(&self.loader, &self.program)).transpose();
-        let _load = load.map_err(|error| MeasureError::system("starting the load", error))?;
-        let watch = Watch::start();
-        let outcome = case.run(self)?;
+        let (outcome, host) = self.turn(case)?;
         Ok(Measurement {
             name: case.name.clone(),
             what: case.what.clone(),
             ns: outcome.samples.distribution(),
             fifo: outcome.fifo,
-            host: HostShare { causes: outcome.causes, ..watch.stop() },
+            host: HostShare { causes: outcome.causes, ..host },
             slices_p50: Vec::new(),
         })
     }
 
+    fn turn(&self, case: &Case) -> Result<(Outcome, HostShare), MeasureError> {
+        let load = case.loaded.then(|| Load::start(&self.loader, &self.program)).transpose();
+        let _load = load.map_err(|error| MeasureError::system("starting the load", error))?;
+        let watch = Watch::start();
+        let outcome = case.run(self)?;
+        Ok((outcome, watch.stop()))
+    }
+
     /// Measures cases that are compared with each other, in turns of a slice each.
     pub fn measure_in_turns(&self, cases: &[Case]) -> Vec<Result<Measurement, MeasureError>> {
-        let slices = if cases.iter().any(Case::is_chain) { GRAPH_SLICES } else { SLICES };
+        let is_slow = |case: &Case| case.is_graph() || case.loaded;
+        let slices = if cases.iter().any(is_slow) { SLOW_SLICES } else { SLICES };
         let slice = Bench {
             program: self.program.clone(),
             registry: self.registry,
@@ -150,8 +166,9 @@ impl Bench<'_> {
             fifo: self.fifo,
             samples: self.samples.div_ceil(slices),
             paced: self.paced.div_ceil(slices),
-            seconds: self.seconds.div_ceil(GRAPH_SLICES as u32),
-            panda_seconds: self.panda_seconds,
+            seconds: self.seconds.div_ceil(SLOW_SLICES as u32),
+            fast_seconds: self.fast_seconds.div_ceil(SLOW_SLICES as u32),
+            panda_seconds: self.panda_seconds.div_ceil(SLOW_SLICES as u32),
             loader: self.loader.clone(),
         };
         let mut turns: Vec<Result<Turns, MeasureError>> =
@@ -159,9 +176,8 @@ impl Bench<'_> {
         for _ in 0..slices {
             for (case, turns) in cases.iter().zip(&mut turns) {
                 let Ok(taken) = turns else { continue };
-                let watch = Watch::start();
-                match case.run(&slice) {
-                    Ok(outcome) => taken.add(outcome, watch.stop()),
+                match slice.turn(case) {
+                    Ok((outcome, host)) => taken.add(outcome, host),
                     Err(error) => *turns = Err(error),
                 }
             }

@@ -1,12 +1,13 @@
 //! What must be reached: ratios within one run, each filled from the measurements or left open.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Measurement;
-use crate::Distribution;
+use super::miss::Miss;
 
 /// Whether a target was reached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It was.
@@ -18,7 +19,7 @@ pub enum Verdict {
 }
 
 /// A target and what was measured of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
     /// What is compared with what.
     pub what: String,
@@ -32,6 +33,9 @@ pub struct Target {
     pub verdict: Verdict,
     /// Of a target that was missed: how much the machine and its host did, in words.
     pub host: Option<String>,
+    /// Of a target that was missed: which share of what lies above it the bare machine has itself, in the same measure
+    /// and the same run; from 0 to 1. `None` where nothing bare can be measured in its place.
+    pub host_share: Option<f64>,
 }
 
 type Value = fn(&Seen<'_>) -> Option<f64>;
@@ -132,27 +136,27 @@ pub fn targets(measured: &[Measurement]) -> Vec<Target> {
             Some(value) if value <= *at_most => Verdict::Met,
             Some(_) => Verdict::Missed,
         };
-        let host = (verdict == Verdict::Missed).then(|| seen.blame(blamed)).flatten();
-        let host = match seen.floor(blamed).filter(|_| verdict == Verdict::Missed) {
-            Some(floor) => host.map(|host| format!("{host}; {floor}")),
-            None => host,
-        };
+        let miss = measured
+            .filter(|_| verdict == Verdict::Missed)
+            .and_then(|measured| Miss::new(&seen, blamed, *at_most, measured));
         Target {
             what: (*what).to_string(),
             at_most: *at_most,
             unit: (*unit).to_string(),
             measured,
             verdict,
-            host,
+            host: miss.as_ref().map(Miss::in_words),
+            host_share: miss.as_ref().and_then(|miss| miss.share),
         }
     };
     TARGETS.iter().map(fill).collect()
 }
 
-struct Seen<'a>(&'a [Measurement]);
+/// What was measured in one run.
+pub(super) struct Seen<'a>(pub(super) &'a [Measurement]);
 
 impl Seen<'_> {
-    fn get(&self, name: &str) -> Option<&Measurement> {
+    pub(super) fn get(&self, name: &str) -> Option<&Measurement> {
         self.0.iter().find(|measurement| measurement.name == name)
     }
 
@@ -161,7 +165,7 @@ impl Seen<'_> {
     }
 
     /// The ratio of two medians: the median over their turns, where they took turns.
-    fn ratio(&self, of: &str, to: &str) -> Option<f64> {
+    pub(super) fn ratio(&self, of: &str, to: &str) -> Option<f64> {
         let (of, to) = (self.get(of)?, self.get(to)?);
         let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
         let turns = of.slices_p50.iter().zip(&to.slices_p50).map(|(of, to)| ratio(*of, *to));
@@ -180,81 +184,12 @@ impl Seen<'_> {
         turns.sort_by(f64::total_cmp);
         Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| overhead(chain.ns.p50, floor.ns.p50)))
     }
-
-    /// What the bare machine takes for what a target is about, in the same measure, in words.
-    fn floor(&self, name: &str) -> Option<String> {
-        match name {
-            "hop.polling.across.512" => {
-                let floor = self.ratio("floor.plain.512", "floor.cache-line")?;
-                Some(format!("512 B of plain memory behind a word come to {floor:.2} themselves"))
-            }
-            "chain.4" => {
-                let hops = 4.0 * self.get("hop.blocking.same.512")?.ns.p50.max(1) as f64;
-                let floor = self.get("floor.chain.4")?.ns.p99 as f64 / hops;
-                Some(format!("plain memory and futexes come to {floor:.2} themselves"))
-            }
-            _ => None,
-        }
-    }
-
-    /// Which share of a miss is the host's: the time it took away, and how late the same core woke from plain sleep
-    /// with nothing else to do.
-    fn blame(&self, name: &str) -> Option<String> {
-        let missed = self.get(name)?;
-        let steal = format!(
-            "host took {:.0} ms of {:.1} s ({:.2} %)",
-            missed.host.steal_ms,
-            missed.host.seconds,
-            100.0 * missed.host.steal_share
-        );
-        // Medians are moved by neither: what moves them is where the host has put the cores.
-        if let Some(floor) = tail_of(name).is_none().then(|| self.get("floor.cache-line")).flatten() {
-            let (near, far) = (floor.slices_p50.iter().min(), floor.slices_p50.iter().max());
-            let moved = near.zip(far).map_or(String::new(), |(near, far)| {
-                format!("; a cache line took {near} to {far} ns from core to core meanwhile")
-            });
-            return Some(format!("{steal}, which does not move a median{moved}"));
-        }
-        let steal = match missed.host.causes.filter(|causes| causes.misses() > 0) {
-            Some(causes) => format!(
-                "{steal}; steps late: {} stolen, {} woken late, {} long, {} for their input",
-                causes.stolen, causes.late_wake, causes.long_step, causes.late_input
-            ),
-            None => steal,
-        };
-        let loaded = name.ends_with(".loaded");
-        let Some(timer) = self.get(if loaded { "floor.timer.loaded" } else { "floor.timer" }) else {
-            return Some(steal);
-        };
-        // How far the tail of a bare sleeper lies above its median: the machine's and its host's, not ours.
-        let tail_of = tail_of(name).unwrap_or(|ns| ns.p99_9);
-        let (tail, floor) = (
-            tail_of(&missed.ns).saturating_sub(missed.ns.p50),
-            tail_of(&timer.ns).saturating_sub(timer.ns.p50),
-        );
-        let share = if tail == 0 { 0.0 } else { (floor as f64 / tail as f64).min(1.0) };
-        Some(format!(
-            "{steal}; of its tail above p50, {:.0} % ({:.0} of {:.0} us) are late wake-ups that a bare sleeper on \
-             this core has too (floor.timer)",
-            100.0 * share,
-            (share * tail as f64) * 1e-3,
-            tail as f64 * 1e-3
-        ))
-    }
-}
-
-/// The tail that the target of a measurement is about; `None` for a median.
-fn tail_of(name: &str) -> Option<fn(&Distribution) -> u64> {
-    match name {
-        "release.1khz" | "chain.4" | "chain.17" => Some(|ns| ns.p99),
-        "panda" | "panda.loaded" => Some(|ns| ns.p99_9),
-        _ => None,
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Distribution;
     use crate::host::HostShare;
 
     fn measured(name: &str, p50: u64, p99: u64, p99_9: u64) -> Measurement {
@@ -307,38 +242,14 @@ mod tests {
     fn a_miss_says_what_the_host_did_and_a_target_that_is_met_does_not() {
         let table = targets(&[
             measured("panda", 100_000, 150_000, 500_000),
-            measured("floor.timer", 20_000, 40_000, 120_000),
             measured("panda.loaded", 100_000, 150_000, 200_000),
         ]);
         let missed = find(&table, "Panda loop, idle");
         assert_eq!((missed.verdict, missed.measured), (Verdict::Missed, Some(500.0)));
-        let host = missed.host.as_deref().unwrap();
-        assert!(host.contains("40 ms of 2.0 s (1.00 %)") && host.contains("25 % (100 of 400 us)"), "{host}");
-        let table = targets(&[
-            measured("hop.blocking.same.512", 9_000, 0, 0),
-            measured("floor.futex.same", 1_000, 0, 0),
-            Measurement { slices_p50: vec![60, 280], ..measured("floor.cache-line", 60, 0, 0) },
-        ]);
-        let host = find(&table, "raw futex hand-off").host.clone().unwrap();
-        assert!(host.contains("does not move a median; a cache line took 60 to 280 ns"), "{host}");
-        let table = targets(&[measured("panda.loaded", 100_000, 150_000, 200_000)]);
+        assert!(missed.host.as_deref().unwrap().contains("40 ms of 2.0 s (1.00 %)"), "{missed:?}");
+        assert_eq!(missed.host_share, None, "there is no bare Panda");
         let met = find(&table, "Panda loop, under load");
-        assert_eq!((met.verdict, met.host.as_ref()), (Verdict::Met, None));
-    }
-
-    #[test]
-    fn a_miss_says_what_the_bare_machine_comes_to() {
-        let table = targets(&[
-            measured("floor.cache-line", 50, 0, 0),
-            measured("floor.plain.512", 150, 0, 0),
-            measured("hop.polling.across.512", 200, 0, 0),
-            measured("hop.blocking.same.512", 2_500, 0, 0),
-            measured("floor.chain.4", 0, 16_000, 0),
-            measured("chain.4", 0, 20_000, 0),
-        ]);
-        let words = |what| find(&table, what).host.clone().unwrap();
-        assert!(words("cache-line ping-pong").ends_with("come to 3.00 themselves"));
-        assert!(words("p99 / 4 hops").ends_with("come to 1.60 themselves"));
+        assert_eq!((met.verdict, &met.host, met.host_share), (Verdict::Met, &None, None));
     }
 
     #[test]

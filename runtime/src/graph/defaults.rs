@@ -12,6 +12,7 @@ pub(super) const SEED: u64 = 0;
 pub(super) const SPIN: SpinChoice = SpinChoice::Auto;
 pub(super) const SPIN_SHARE: Share = Share(0.1);
 pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;
+pub(super) const IDLE_EXIT: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const SCHEDULE: Schedule = Schedule::Fifo;
 pub(super) const ON_OVERRUN: OnOverrun = OnOverrun::Skip;

@@ -103,6 +103,9 @@ pub(super) struct RealtimeTable {
     /// Without the privilege for priorities, cores or locked memory: go on and say so, or refuse to run.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
+    /// Idle states that take longer than this to leave are kept from all cores while the graph runs.
+    #[schemars(extend("default" = defaults::IDLE_EXIT))]
+    pub idle_exit: Option<At<TimeSpan>>,
 }
 
 impl<'i> Read<'i> for RealtimeTable {
@@ -112,6 +115,7 @@ impl<'i> Read<'i> for RealtimeTable {
             spin: keys.take("spin"),
             spin_share: keys.take("spin_share"),
             on_denied: keys.take("on_denied"),
+            idle_exit: keys.take("idle_exit"),
         };
         keys.finish("`[realtime]`");
         Some(table)

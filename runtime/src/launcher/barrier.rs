@@ -99,9 +99,11 @@ impl Launch<'_> {
             ("locked memory", memory),
             ("the core asked for", core),
         ];
+        let idle = self.idling.is_denied.then(|| "a limit on idle states (/dev/cpu_dma_latency)".to_string());
         lost.into_iter()
             .filter(|(_, names)| !names.is_empty())
             .map(|(what, names)| format!("{what} ({})", names.join(", ")))
+            .chain(idle)
             .collect()
     }
 

@@ -11,6 +11,7 @@ mod cores;
 mod ending;
 mod event;
 pub mod guard;
+mod idling;
 mod lockstep;
 mod ordered;
 mod report;
@@ -32,6 +33,7 @@ use crate::region::{Command, Region};
 use crate::run_folder::{RunFolder, RunFolderError};
 use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService, Waker};
 use child::Child;
+use idling::Idling;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use event::Event;
@@ -122,6 +124,7 @@ pub fn run(
         children: Vec::new(),
         guard: None,
         lost: Vec::new(),
+        idling: Idling::default(),
     };
     let result = launch.live(&signals, observe);
     launch.clean_up();
@@ -138,6 +141,7 @@ struct Launch<'a> {
     children: Vec<Child>,
     guard: Option<Child>,
     lost: Vec<String>,
+    idling: Idling,
 }
 
 /// Everything in shared memory that must outlive the components.
@@ -155,6 +159,7 @@ impl Launch<'_> {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<Report, LaunchError> {
         self.place_launcher();
+        self.limit_idling();
         if self.options.hosting == Hosting::Processes {
             self.start_guard()?;
         }
@@ -186,6 +191,7 @@ impl Launch<'_> {
         let wall = monotonic_ns().saturating_sub(start);
         let simulated = if lockstep { simulated_ns } else { wall };
         let cores = watch.stop();
+        self.idling.end();
         self.end(&services, observe);
         let mut report = self.report(exit, simulated);
         report.cores = cores;

@@ -49,6 +49,10 @@ pub struct Report {
     pub exit: Exit,
     /// What the system denied, in words; empty when everything asked for was granted.
     pub lost: Vec<String>,
+    /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where nothing was
+    /// asked for (lockstep, no real-time component) or the system denied it.
+    #[serde(default)]
+    pub idle_exit_ns: Option<u64>,
     /// Each component, in the order of the graph file.
     pub components: Vec<ComponentReport>,
     /// Each latency budget, in the order of the graph file.
@@ -179,6 +183,7 @@ impl Launch<'_> {
             state_hash: lockstep.then(|| self.state_hash()),
             exit,
             lost: self.lost.clone(),
+            idle_exit_ns: self.idling.exit_ns,
             components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
             latencies: latencies(&self.plan, &self.region),
             edges: edges(&self.plan, &self.region),

@@ -78,7 +78,7 @@ impl Bench {
             components: vec![component("writer"), component("reader")],
             topics: vec![topic],
             latencies: Vec::new(),
-            scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
+            scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
             safety: SafetyPlan { stale_after_ns: 1, safe_state: SafeState::Hold, settle_ns: 1 },
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();

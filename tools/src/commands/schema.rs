@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use motorium::launcher::Report;
+use motorium_benches::latency::Written as Bench;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
@@ -10,7 +11,7 @@ use super::top::Data as Top;
 use crate::out::outln;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, or of what `top` prints.
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -28,6 +29,8 @@ enum Document {
     Report,
     /// What `motorium top --json` prints
     Top,
+    /// What `motorium bench latency --json` writes
+    Bench,
 }
 
 impl Schema {
@@ -36,6 +39,7 @@ impl Schema {
             Document::Graph => motorium::graph::schema(&registry::registry()),
             Document::Report => written::<Report>(),
             Document::Top => written::<Top>(),
+            Document::Bench => written::<Bench>(),
         };
         outln!("{}", serde_json::to_string_pretty(&schema)?);
         Ok(ExitCode::SUCCESS)

@@ -94,7 +94,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         components,
         latencies: latencies.collect(),
         topics,
-        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
+        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
         safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
     }
 }

@@ -166,7 +166,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
                 output: 0,
             })
             .collect(),
-        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn },
+        scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
         safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
     }
 }

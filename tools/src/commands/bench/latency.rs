@@ -1,10 +1,13 @@
 //! `motorium bench latency`: floors of the machine, motorium and peers side by side.
 
+use std::fs::File;
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
+use motorium::os::IdleLimit;
 use motorium_benches::MeasureError;
 use motorium_benches::host::{Loader, Machine};
 use motorium_benches::latency::{
@@ -73,16 +76,28 @@ impl Latency {
             samples: self
                 .samples
                 .map_or(if self.quick { 20_000 } else { 100_000 }, |samples| samples as usize),
-            paced: if self.quick { 2_000 } else { 10_000 },
+            paced: if self.quick { 2_000 } else { 6_000 },
             seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 4 }),
-            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 50 }),
+            fast_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 25 }),
+            panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
+        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line says whether it holds.
+        let _idle_limit = IdleLimit::hold(Duration::ZERO);
         if self.ratchet {
             return ratchet::run(&bench);
         }
         let began = Instant::now();
         let cases = self.choose()?;
+        // A file that cannot be written is better known now than in five minutes; what it holds stays until then.
+        let open = |file: &Option<PathBuf>| {
+            let open = |file: &PathBuf| {
+                let opened = File::options().write(true).create(true).truncate(false).open(file);
+                opened.with_context(|| format!("writing {}", file.display()))
+            };
+            file.as_ref().map(open).transpose()
+        };
+        let (json, svg) = (open(&self.json)?, open(&self.svg)?);
         let machine = Machine::detect();
         outln!("{} {machine}", style::strong("machine:"));
         if cases.iter().any(|case| case.loaded) {
@@ -91,6 +106,9 @@ impl Latency {
         outln!();
         let mut written = Written {
             version: VERSION,
+            motorium: env!("CARGO_PKG_VERSION").to_string(),
+            arguments: std::env::args().skip(1).collect(),
+            began_unix_s: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             machine,
             load: bench.loader.to_string(),
             seconds: 0.0,
@@ -124,14 +142,13 @@ impl Latency {
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
         out!("{}", table::closing(&written));
-        if let Some(file) = &self.json {
-            let text = serde_json::to_string(&written)?;
-            std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
+        if let Some(file) = json {
+            fill(file, &serde_json::to_string(&written)?).context("writing the JSON file")?;
         }
-        if let Some(file) = &self.svg {
+        if let Some(file) = svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
             let text = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
-            std::fs::write(file, text).with_context(|| format!("writing {}", file.display()))?;
+            fill(file, &text).context("writing the picture")?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
@@ -163,8 +180,17 @@ impl Latency {
     }
 }
 
+/// Leaves nothing but this in a file.
+fn fill(mut file: File, text: &str) -> std::io::Result<()> {
+    // A pipe cannot be emptied, and holds nothing.
+    if file.metadata()?.is_file() {
+        file.set_len(0)?;
+    }
+    file.write_all(text.as_bytes())
+}
+
 fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize) {
-    measurement.compare_with_sleeper(measurements);
+    measurement.compare_with_floor(measurements);
     outln!("{}", table::row(&measurement, core));
     measurements.push(measurement);
 }

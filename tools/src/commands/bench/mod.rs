@@ -1,5 +1,6 @@
 //! `motorium bench`: measures motorium on this machine.
 
+mod compare;
 mod latency;
 mod peers;
 mod ratchet;
@@ -17,12 +18,14 @@ pub(crate) struct Bench {
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Latency(latency::Latency),
+    Compare(compare::Compare),
 }
 
 impl Bench {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         match self.what {
             What::Latency(latency) => latency.run(),
+            What::Compare(compare) => compare.run(),
         }
     }
 }

@@ -8,7 +8,7 @@ use motorium_benches::latency::{Measurement, Target, Verdict, Written};
 use crate::{report, style};
 
 const NAME: usize = 27;
-const WHAT: usize = 60;
+const WHAT: usize = 63;
 
 /// The head of the table.
 pub(super) fn header() -> String {
@@ -68,15 +68,27 @@ pub(super) fn closing(written: &Written) -> String {
         column.set_cell_alignment(CellAlignment::Right);
     }
     let _ = write!(text, "\n{}\n{why}", table.trim_fmt());
+    text.push_str(&beside_a_sleeper(written).unwrap_or_default());
     text.push_str(&beside_copper(written).unwrap_or_default());
     let _ = writeln!(text, "took {:.0} s", written.seconds);
     text
 }
 
+/// The hop across cores when its receiver has gone to sleep: thrown to and fro without a pause it never does.
+fn beside_a_sleeper(written: &Written) -> Option<String> {
+    let of = |name: &str| written.get(name).map(|measurement| measurement.ns.p50);
+    let (hop, floor) = (of("hop.blocking.across.1khz.512")?, of("floor.futex.across.1khz")?);
+    Some(format!(
+        "beside: blocking hop across cores once a millisecond, so that its receiver sleeps: p50 {} us, {:.2} times the \
+         raw futex at that pace\n",
+        microseconds(hop),
+        hop as f64 / floor.max(1) as f64
+    ))
+}
+
 /// The same chain as calls in one process: what isolation costs.
 fn beside_copper(written: &Written) -> Option<String> {
-    let find = |name: &str| written.measurements.iter().find(|measurement| measurement.name == name);
-    let (ours, copper) = (find("chain.17")?, find("peer.copper.17")?);
+    let (ours, copper) = (written.get("chain.17")?, written.get("peer.copper.17")?);
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
     Some(format!(
         "beside: copper's caterpillar, 17 tasks in one process: p50 {} us, p99 {} us; ours, 17 processes, takes {:.1} \
@@ -139,9 +151,14 @@ mod tests {
             measured("iceoryx2.same.512", 9_000),
             measured("chain.17", 100_000),
             measured("peer.copper.17", 50_000),
+            measured("hop.blocking.across.1khz.512", 30_000),
+            measured("floor.futex.across.1khz", 24_000),
         ];
         let written = Written {
             version: VERSION,
+            motorium: String::new(),
+            arguments: Vec::new(),
+            began_unix_s: 0,
             machine: Machine::default(),
             load: String::new(),
             seconds: 12.4,
@@ -159,6 +176,7 @@ mod tests {
         assert!(text.contains("not measured: peer.lcm: not installed"), "{text}");
         assert!(text.contains("missed: blocking hop, one core"), "{text}");
         assert!(text.contains("host took 20 ms"), "{text}");
+        assert!(text.contains("receiver sleeps: p50 30.0 us, 1.25 times the raw futex"), "{text}");
         assert!(text.contains("takes 2.0 and 2.0 times that") && text.ends_with("took 12 s\n"), "{text}");
     }
 }

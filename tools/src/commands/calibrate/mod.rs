@@ -10,6 +10,7 @@ use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::graph::units::TimeSpan;
 use motorium::launcher::{self, Exit, Hosting, Options, Report};
+use motorium::os::IdleLimit;
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{Admission, Overheads, RtLimit, admit};
 use serde::Serialize;
@@ -73,7 +74,10 @@ impl Calibrate {
         debug_assert_eq!(checked.plan.clock, ClockKind::Realtime);
         let program = std::env::current_exe().context("finding this program's own file")?;
         self.tell("measuring how this machine wakes threads and hands over ...");
+        // As while the graph runs; where it is denied then, it is denied now.
+        let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
         let floor = machine::measure(&program, &registry, Duration::from_secs(2))?;
+        drop(idle_limit);
         self.tell(&format!("running the graph for {duration} ..."));
         let options = Options { hosting: Hosting::Processes, program };
         let quiet = self.json;

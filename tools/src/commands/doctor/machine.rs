@@ -3,6 +3,9 @@
 use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
+use std::time::Duration;
+
+use motorium::os::IdleLimit;
 
 use super::finding::Finding;
 use super::read;
@@ -28,7 +31,11 @@ pub(super) fn check() -> Vec<Finding> {
         ),
         judge_siblings(read("/sys/devices/system/cpu/smt/active").as_deref()),
         judge_governors(&governors),
-        judge_idle(&idle_states(Path::new("/sys/devices/system/cpu/cpu0/cpuidle")), latency_limit()),
+        judge_idle(
+            &idle_states(Path::new("/sys/devices/system/cpu/cpu0/cpuidle")),
+            latency_limit(),
+            IdleLimit::hold(Duration::from_secs(1)).is_ok(),
+        ),
     ]
 }
 
@@ -144,7 +151,8 @@ fn latency_limit() -> Option<u64> {
     u64::try_from(i32::from_ne_bytes(bytes)).ok()
 }
 
-fn judge_idle(states: &[IdleState], limit_us: Option<u64>) -> Finding {
+/// `may_limit`: whether this user may keep cores from idle states, as graphs do while they run.
+fn judge_idle(states: &[IdleState], limit_us: Option<u64>, may_limit: bool) -> Finding {
     let name = "idle states";
     let allowed = states.iter().filter(|state| limit_us.is_none_or(|limit| state.latency_us <= limit));
     let limit = match limit_us {
@@ -159,7 +167,11 @@ fn judge_idle(states: &[IdleState], limit_us: Option<u64>) -> Finding {
     if deepest.latency_us <= 20 {
         return Finding::pass(name, found);
     }
-    let fix = "while graphs run: sudo sh -c 'exec 3>/dev/cpu_dma_latency; printf \"\\0\\0\\0\\0\" >&3; sleep infinity'";
+    if may_limit {
+        return Finding::pass(name, format!("{found}; graphs keep the cores out of it while they run"));
+    }
+    let fix = "as root, or echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"' | sudo tee \
+               /etc/udev/rules.d/90-motorium.rules   (graphs then keep the cores out of it while they run)";
     Finding::warn(name, found, fix)
 }
 
@@ -210,15 +222,16 @@ mod tests {
     }
 
     #[test]
-    fn deep_idle_states_are_a_warning_unless_somebody_forbids_them() {
+    fn deep_idle_states_are_a_warning_unless_somebody_forbids_them_or_graphs_may() {
         let states = [("POLL", 0), ("C1", 2), ("C6", 133)]
             .map(|(name, latency_us)| IdleState { name: name.into(), latency_us });
-        let free = judge_idle(&states, Some(2_000_000_000));
+        let free = judge_idle(&states, Some(2_000_000_000), false);
         assert_eq!(free.verdict, Verdict::Warn);
-        assert!(free.found.contains("C6") && free.fix.unwrap().contains("/dev/cpu_dma_latency"));
-        assert_eq!(judge_idle(&states, Some(0)).verdict, Verdict::Pass);
-        assert_eq!(judge_idle(&states[..2], None).verdict, Verdict::Pass);
-        assert_eq!(judge_idle(&[], None).verdict, Verdict::Pass);
+        assert!(free.found.contains("C6") && free.fix.unwrap().contains("cpu_dma_latency"));
+        assert_eq!(judge_idle(&states, Some(2_000_000_000), true).verdict, Verdict::Pass);
+        assert_eq!(judge_idle(&states, Some(0), false).verdict, Verdict::Pass);
+        assert_eq!(judge_idle(&states[..2], None, false).verdict, Verdict::Pass);
+        assert_eq!(judge_idle(&[], None, false).verdict, Verdict::Pass);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use motorium::os::{Request, apply, monotonic_ns, prefault_stack, sleep_until};
+use motorium::os::{IdleLimit, Request, apply, monotonic_ns, prefault_stack, sleep_until};
 use motorium::plan::SchedulingClass;
 use motorium::run_folder::RunFolder;
 use motorium::telemetry::{Histogram, Percentiles};
@@ -29,7 +29,7 @@ pub(super) struct Measured {
 }
 
 /// Sleeps to absolute deadlines a millisecond apart, at real-time priority if that is granted, on the core that
-/// graphs choose for real-time components. Beside a running graph it gives way to all of its components.
+/// graphs choose for real-time components, with idle states limited as they do where that is granted. Beside a running graph it gives way to all of its components.
 pub(super) fn measure(time: Duration) -> Option<Measured> {
     let beside = RunFolder::list().iter().any(RunFolder::is_alive);
     let priority = if beside { 1 } else { privileges::PRIORITY };
@@ -39,6 +39,7 @@ pub(super) fn measure(time: Duration) -> Option<Measured> {
 fn measure_here(time: Duration, priority: u8) -> Measured {
     let core = machine::online().last().copied();
     let class = SchedulingClass::Fifo(priority);
+    let _idle_limit = IdleLimit::hold(Duration::ZERO);
     let (applied, _) = apply(&Request { class, cores: core.into_iter().collect(), lock_memory: false });
     prefault_stack();
     let late = Histogram::default();

@@ -49,8 +49,10 @@ pub(super) fn resolve(
     let spins = spin::spins(realtime, drafts, &schedules, timing, report);
     let on_denied =
         realtime.map_or(defaults::ON_DENIED, |table| good_or(&table.on_denied, defaults::ON_DENIED));
+    let idle_exit =
+        realtime.map_or(defaults::IDLE_EXIT, |table| good_or(&table.idle_exit, defaults::IDLE_EXIT));
     Scheduling {
-        plan: SchedulingPlan { shared_cores: cores.shared, on_denied },
+        plan: SchedulingPlan { shared_cores: cores.shared, on_denied, idle_exit_ns: idle_exit.ns },
         classes,
         rises,
         cores: pinned,

@@ -1,0 +1,156 @@
+//! Which share of a target that was missed is the machine's and its host's.
+
+use super::Measurement;
+use super::targets::Seen;
+
+/// A target that was missed.
+pub(super) struct Miss {
+    steal: String,
+    median: Option<String>,
+    late: Option<String>,
+    bare: Option<(f64, String)>,
+    /// Of what lies above the target, the share that the bare machine has itself; 0 where its own value meets the target.
+    pub(super) share: Option<f64>,
+}
+
+impl Miss {
+    /// From what was seen: `blamed` is the measurement whose host share counts.
+    pub(super) fn new(seen: &Seen<'_>, blamed: &str, at_most: f64, measured: f64) -> Option<Self> {
+        let missed = seen.get(blamed)?;
+        let steal = format!(
+            "the host took {:.0} ms of {:.1} s ({:.2} %)",
+            missed.host.steal_ms,
+            missed.host.seconds,
+            100.0 * missed.host.steal_share
+        );
+        let bare = bare(seen, blamed);
+        let of_bare = |bare: f64| ((bare - at_most) / (measured - at_most)).clamp(0.0, 1.0);
+        Some(Self {
+            steal,
+            median: is_median(blamed).then(|| placement(seen)),
+            late: late(missed),
+            share: bare.as_ref().map(|(bare, _)| of_bare(*bare)),
+            bare,
+        })
+    }
+
+    /// In one line.
+    pub(super) fn in_words(&self) -> String {
+        let mut words = vec![self.steal.clone()];
+        words.extend(self.median.clone());
+        words.extend(self.late.clone());
+        words.extend(self.bare.as_ref().zip(self.share).map(|((bare, what), share)| {
+            format!("{what} come to {bare:.2} themselves: {:.0} % of the miss", 100.0 * share)
+        }));
+        words.join("; ")
+    }
+}
+
+/// What the bare machine comes to in the same measure as a target, and what that is.
+fn bare(seen: &Seen<'_>, blamed: &str) -> Option<(f64, String)> {
+    let (value, what) = match blamed {
+        "hop.polling.across.512" => (
+            seen.ratio("floor.plain.512", "floor.cache-line")?,
+            "512 B of plain memory behind a word (floor.plain.512)",
+        ),
+        "chain.4" => {
+            let hops = 4.0 * seen.get("hop.blocking.same.512")?.ns.p50.max(1) as f64;
+            let floor = seen.get("floor.chain.4")?.ns.p99 as f64 / hops;
+            (floor, "bare processes with plain memory and futexes (floor.chain.4)")
+        }
+        // How far beyond its usual a bare sleeper is late on the same core, idle besides: no waiting hides that.
+        "release.1khz" => {
+            let timer = &seen.get("floor.timer")?.ns;
+            let late = timer.p99.saturating_sub(timer.p50) as f64 / timer.p50.max(1) as f64;
+            (late, "wake-ups of a bare sleeper that are late on an idle core (floor.timer, p99 above p50)")
+        }
+        _ => return None,
+    };
+    Some((value, what.to_string()))
+}
+
+/// Medians are moved by no stolen time: what moves them is where the host has put the cores.
+fn placement(seen: &Seen<'_>) -> String {
+    let turns = seen.get("floor.cache-line").map(|floor| &floor.slices_p50);
+    let moved = turns.and_then(|turns| turns.iter().min().zip(turns.iter().max()));
+    let moved = moved.map_or(String::new(), |(near, far)| {
+        format!("; a cache line took {near} to {far} ns from core to core meanwhile")
+    });
+    format!("that does not move a median{moved}")
+}
+
+/// Why steps of a graph were late, as its workers counted it.
+fn late(missed: &Measurement) -> Option<String> {
+    let causes = missed.host.causes.filter(|causes| causes.misses() > 0)?;
+    Some(format!(
+        "steps late: {} stolen, {} woken late, {} long, {} for their input",
+        causes.stolen, causes.late_wake, causes.long_step, causes.late_input
+    ))
+}
+
+fn is_median(name: &str) -> bool {
+    name.starts_with("hop.") || name == "chain.8"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Distribution;
+    use crate::host::HostShare;
+
+    fn measured(name: &str, p50: u64, p99: u64) -> Measurement {
+        Measurement {
+            name: name.to_string(),
+            what: String::new(),
+            ns: Distribution { count: 1_000, p50, p99, p99_9: p99, max: p99, ..Distribution::default() },
+            fifo: 80,
+            host: HostShare { seconds: 2.0, steal_ms: 40.0, steal_share: 0.01, ..HostShare::default() },
+            slices_p50: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_release_blames_the_wake_ups_that_a_bare_sleeper_finds_late_too() {
+        // The sleeper's p99 lies 1.8 medians above its median, the release's at 2.01 of them: of the 2.00 above the
+        // target, 1.79 are the machine's.
+        let all = [measured("floor.timer", 50_000, 140_000), measured("release.1khz", 20, 100_500)];
+        let miss = Miss::new(&Seen(&all), "release.1khz", 0.01, 2.01).unwrap();
+        assert!((miss.share.unwrap() - 1.79 / 2.0).abs() < 1e-9, "{:?}", miss.share);
+        let words = miss.in_words();
+        assert!(words.starts_with("the host took 40 ms of 2.0 s (1.00 %); wake-ups"), "{words}");
+        assert!(words.ends_with("come to 1.80 themselves: 90 % of the miss"), "{words}");
+    }
+
+    #[test]
+    fn a_bare_chain_that_meets_the_target_takes_no_share_of_the_miss() {
+        let all = [
+            measured("hop.blocking.same.512", 2_500, 0),
+            measured("floor.chain.4", 0, 14_000),
+            measured("chain.4", 0, 20_000),
+        ];
+        let miss = Miss::new(&Seen(&all), "chain.4", 1.5, 2.0).unwrap();
+        assert_eq!(miss.share, Some(0.0));
+        assert!(miss.in_words().ends_with("come to 1.40 themselves: 0 % of the miss"));
+    }
+
+    #[test]
+    fn a_polling_hop_says_what_plain_memory_comes_to_and_where_the_cores_were() {
+        let all = [
+            Measurement { slices_p50: vec![60, 50, 280], ..measured("floor.cache-line", 50, 0) },
+            Measurement { slices_p50: vec![210, 175, 980], ..measured("floor.plain.512", 175, 0) },
+            measured("hop.polling.across.512", 200, 0),
+        ];
+        let miss = Miss::new(&Seen(&all), "hop.polling.across.512", 3.0, 4.0).unwrap();
+        assert!((miss.share.unwrap() - 0.5).abs() < 1e-9);
+        let words = miss.in_words();
+        assert!(words.contains("that does not move a median; a cache line took 50 to 280 ns"), "{words}");
+    }
+
+    #[test]
+    fn what_nothing_bare_stands_beside_has_no_share() {
+        let all = [measured("panda", 100_000, 500_000)];
+        let miss = Miss::new(&Seen(&all), "panda", 300.0, 500.0).unwrap();
+        assert_eq!((miss.share, miss.in_words().as_str()), (None, "the host took 40 ms of 2.0 s (1.00 %)"));
+        assert!(Miss::new(&Seen(&all), "panda.loaded", 300.0, 500.0).is_none());
+    }
+}
