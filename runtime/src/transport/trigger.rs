@@ -56,11 +56,18 @@ impl Trigger {
 
     /// Waits for the topic to be published, for the launcher to want something, or for a signal.
     pub fn wait(&self) {
+        self.wait_or_sleep();
+    }
+
+    /// As [`wait`](Self::wait); whether it went to sleep.
+    pub(crate) fn wait_or_sleep(&self) -> bool {
         let heard = self.heard.get();
-        if self.bell.rings() == heard && !self.look(heard) {
+        let sleeps = self.bell.rings() == heard && !self.look(heard);
+        if sleeps {
             self.bell.sleep(heard);
         }
         self.heard.set(self.bell.rings());
+        sleeps
     }
 
     /// Whether there was a publication since the last look or wait; never waits.

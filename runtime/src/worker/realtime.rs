@@ -93,8 +93,9 @@ pub(super) fn run_triggered<C: Component>(
     stepper.open_accounts();
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
-        trigger.wait();
-        stepper.slept();
+        if trigger.wait_or_sleep() {
+            stepper.slept();
+        }
         let wake_ns = monotonic_ns();
         if stepper.context().must_leave() {
             return Ok(());
