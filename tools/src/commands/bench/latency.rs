@@ -202,8 +202,7 @@ fn skipped(name: &str, reason: &str) -> Skipped {
 
 /// What the system denied: figures without real-time priority say little about a robot.
 fn denied(measurements: &[Measurement]) -> Vec<String> {
-    let is_ours =
-        |m: &&Measurement| !m.name.starts_with("peer.") && m.name != "floor.clock" && m.name != "panda";
+    let is_ours = |m: &&Measurement| !m.name.starts_with("peer.") && m.name != "floor.clock";
     let without: Vec<&str> = measurements
         .iter()
         .filter(is_ours)

@@ -65,7 +65,7 @@ const BOUNDS: [Bound; 6] = [
         of: "chain.4",
         to: "floor.chain.4",
         share: 0.5,
-        at_most: 2.0,
+        at_most: 2.5,
     },
 ];
 
