@@ -118,7 +118,7 @@ fn compares_with_itself_and_with_a_slower_one(written: &Json, folder: &Path) {
     };
     let before = save("before.json", written);
     let same = program::printed(&["bench", "compare", &before, &before]);
-    assert!(same.ends_with("2 compared: 0 slower, 0 faster\n"), "{same}");
+    assert!(same.ends_with("3 compared: 0 slower, 0 faster\n"), "{same}");
     let mut slow = written.clone();
     let measurements = slow["measurements"].as_array_mut().expect("measurements");
     let hop = measurements.iter_mut().find(|m| m["name"] == "hop.blocking.same.512").expect("the hop");

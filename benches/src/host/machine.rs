@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(
             machine.to_string(),
             "Linux 6.18.0 PREEMPT_DYNAMIC, 2 cores (EPYC), virtual, clock tsc, no frequency scaling, \
-             idle haltpoll/haltpoll, real time limited to 950000 us/s, load 0.50"
+             idle haltpoll/haltpoll, idle states limited to 0 us, real time limited to 950000 us/s, load 0.50"
         );
     }
 

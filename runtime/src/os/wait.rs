@@ -24,11 +24,12 @@ pub fn sleep_until(deadline_ns: u64) {
 
 /// Waits until `word` is no longer `value`, somebody wakes it, a signal arrives, or the timeout passes.
 ///
-/// The word may lie in memory shared with other processes.
-pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) {
+/// The word may lie in memory shared with other processes. Returns whether it was a signal that ended the wait. Without
+/// one the word may be as it was too: who rings late may wake whoever waits for the next ring.
+pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
-    // Every outcome means the same to the caller: look at the word again.
-    let _ = futex::wait(word, futex::Flags::empty(), value, timeout.as_ref());
+    // Every other outcome means the same to the caller: look at the word again.
+    futex::wait(word, futex::Flags::empty(), value, timeout.as_ref()) == Err(rustix::io::Errno::INTR)
 }
 
 /// Wakes all processes that wait on `word`.

@@ -136,7 +136,7 @@ impl Bell {
     pub(super) fn sleep(&self, heard: u32) {
         let words = self.words();
         words.sleepers.fetch_add(1, SeqCst);
-        futex_wait(&words.rings, heard, None);
+        while !futex_wait(&words.rings, heard, None) && words.rings.load(Acquire) == heard {}
         words.sleepers.fetch_sub(1, SeqCst);
     }
 }

@@ -238,6 +238,26 @@ mod tests {
     }
 
     #[test]
+    fn a_wake_up_that_comes_late_for_an_older_ring_does_not_end_a_wait() {
+        let (_folder, [path]) = bells("late");
+        let returned = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let waiter = scope.spawn(|| {
+                Trigger::new(Rc::new(Bell::open(&path, 0).unwrap())).wait();
+                returned.store(true, SeqCst);
+            });
+            let bell = Bell::open(&path, 0).unwrap();
+            for _ in 0..10 {
+                std::thread::sleep(Duration::from_millis(5));
+                bell.wake();
+            }
+            assert!(!returned.load(SeqCst));
+            bell.ring(0);
+            waiter.join().unwrap();
+        });
+    }
+
+    #[test]
     fn a_bell_that_was_cut_short_is_refused() {
         let (_folder, [path]) = bells("short");
         std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(10).unwrap();

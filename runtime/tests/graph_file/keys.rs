@@ -17,6 +17,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Cores.shared", &["cores.shared=[1, 0]"]),
     ("Realtime.spin", &["realtime.spin=50 us"]),
     ("Realtime.spin_share", &["realtime.spin_share=0.3"]),
+    ("Realtime.idle_exit", &["realtime.idle_exit=5 us"]),
     ("Realtime.on_denied", &["realtime.on_denied=warn"]),
     ("Robot.urdf", &["robot.panda.urdf=ur5"]),
     ("Component.kind", &["phases.kind=log.recorder", "phases.subscribe={ episodes = \"episodes\" }"]),

@@ -180,6 +180,7 @@ fn defaults_of_the_schema_are_those_of_the_plan() {
         ("/properties/seed/default", data(&plan.seed)),
         ("/definitions/Realtime/properties/spin/default", json!(if tuned { "auto" } else { "fixed" })),
         ("/definitions/Realtime/properties/spin_share/default", json!(spin_share)),
+        ("/definitions/Realtime/properties/idle_exit/default", shown(plan.scheduling.idle_exit_ns)),
         ("/definitions/Realtime/properties/on_denied/default", data(&plan.scheduling.on_denied)),
         ("/definitions/Component/properties/on_overrun/default", data(&component.on_overrun)),
         ("/definitions/Component/properties/on_error/default", data(&component.on_error)),
