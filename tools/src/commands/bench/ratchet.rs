@@ -37,7 +37,7 @@ const BOUNDS: [Bound; 6] = [
         of: "hop.blocking.across.512",
         to: "floor.futex.across",
         share: 0.5,
-        at_most: 0.3,
+        at_most: 0.6,
     },
     Bound {
         what: "polling hop across cores / cache line",
