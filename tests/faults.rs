@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::io::Read as _;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -69,6 +70,32 @@ fn when_the_launcher_is_killed_the_guard_sees_the_robot_to_safety_and_cleans_up(
     let ended = run.finish();
     assert!(ended.stderr.contains("`physics` in its safe state (hold)"), "{}", ended.stderr);
     assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+/// Longest time that a core may take to leave its idle state, us; `None` if this user may not ask for one.
+fn idle_exit_us() -> Option<i32> {
+    let mut limits = std::fs::File::options().read(true).write(true).open("/dev/cpu_dma_latency").ok()?;
+    let mut bytes = [0; 4];
+    limits.read_exact(&mut bytes).ok()?;
+    Some(i32::from_ne_bytes(bytes))
+}
+
+#[test]
+fn the_cores_stay_awake_while_a_graph_runs_and_idle_again_when_its_launcher_is_killed() {
+    let _machine = machine();
+    let Some(before) = idle_exit_us() else {
+        return eprintln!("skipped: this user may not limit idle states");
+    };
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "realtime.idle_exit=7 us"]);
+    assert_eq!(idle_exit_us(), Some(before.min(7)));
+    let guard = run.guard();
+    kill(run.launcher());
+    await_end(guard);
+    assert_eq!(idle_exit_us(), Some(before));
+    run.finish();
+    let run = Run::start(&panda_reach(), &["--for", "1 s", "--set", "realtime.idle_exit=1 s"]);
+    assert_eq!(idle_exit_us(), Some(before));
+    assert_eq!(run.finish().report().idle_exit_ns, None);
 }
 
 #[test]

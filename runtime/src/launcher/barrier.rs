@@ -99,7 +99,8 @@ impl Launch<'_> {
             ("locked memory", memory),
             ("the core asked for", core),
         ];
-        let idle = self.idling.is_denied.then(|| "a limit on idle states (/dev/cpu_dma_latency)".to_string());
+        let idle =
+            self.idling.denied.as_ref().map(|_| "a limit on idle states (/dev/cpu_dma_latency)".to_string());
         lost.into_iter()
             .filter(|(_, names)| !names.is_empty())
             .map(|(what, names)| format!("{what} ({})", names.join(", ")))

@@ -159,7 +159,7 @@ impl Launch<'_> {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<Report, LaunchError> {
         self.place_launcher();
-        self.limit_idling();
+        self.limit_idling()?;
         if self.options.hosting == Hosting::Processes {
             self.start_guard()?;
         }

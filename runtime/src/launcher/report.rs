@@ -135,8 +135,8 @@ pub struct EdgeReport {
     pub reader: String,
     /// Samples it read.
     pub read: u64,
-    /// Age of each sample when it was first looked at, since its publication, ns; 0 in lockstep, where a tick takes no
-    /// time.
+    /// Age of each sample, since its publication, at the beginning of the step that first looked at it, ns; 0 in
+    /// lockstep, where a tick takes no time.
     pub age_ns: Percentiles,
 }
 

@@ -333,7 +333,7 @@ pub struct TopicBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EdgeBlock {
-    /// Age of each sample when the reader first looked at it, since its publication, ns.
+    /// Age of each sample, since its publication, at the beginning of the step that first looked at it, ns.
     pub age: Histogram,
 }
 

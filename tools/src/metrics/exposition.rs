@@ -255,7 +255,10 @@ impl<'a> View<'a> {
         let edges = self.plan.edges();
         let reader = |index: usize| self.plan.components[index].name.as_str();
         families.durations(
-            &Family::seconds("edge_age", "Age of samples when their reader first looked at them."),
+            &Family::seconds(
+                "edge_age",
+                "Age of samples at the beginning of the step that first looked at them.",
+            ),
             edges
                 .iter()
                 .zip(&self.sample.edges)

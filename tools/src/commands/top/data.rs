@@ -154,7 +154,7 @@ pub(crate) struct EdgeTop {
 pub(crate) struct EdgeSpan {
     /// Samples read.
     pub(crate) read: u64,
-    /// Age of each when it was first looked at, since its publication, ns.
+    /// Age of each, since its publication, at the beginning of the step that first looked at it, ns.
     pub(crate) age_ns: Percentiles,
 }
 
