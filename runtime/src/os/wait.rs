@@ -7,6 +7,7 @@ use rustix::thread::{ClockId, futex};
 use rustix::time::Timespec;
 
 /// Now on `CLOCK_MONOTONIC`, ns. Reads the vDSO: no system call.
+#[inline]
 pub fn monotonic_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64

@@ -348,6 +348,7 @@ pub struct LatencyBlock {
 }
 
 /// Adds to a counter that has one writer.
+#[inline]
 pub(crate) fn add(cell: &AtomicU64, value: u64) {
     cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
 }

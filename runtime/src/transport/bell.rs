@@ -62,25 +62,30 @@ impl Bell {
     }
 
     /// Length of the mapping, bytes.
+    #[inline]
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// The memory of the values.
+    #[inline]
     pub(super) fn behind_words(&self) -> *mut u8 {
         self.0.as_mut_ptr().wrapping_add(WORDS_BYTES)
     }
 
     /// Number of the newest value; 0 for none.
+    #[inline]
     pub(super) fn newest(&self) -> u64 {
         self.words().newest.load(Acquire)
     }
 
     /// Says which value is the newest; to be followed by a ring.
+    #[inline]
     pub(super) fn say_newest(&self, number: u64) {
         self.words().newest.store(number, Release);
     }
 
+    #[inline]
     fn words(&self) -> &Words {
         // SAFETY: the mapping is page-aligned and as long as a page (checked when it was made or opened); the words
         // are all atomics, valid for any bytes and shareable between processes.
@@ -94,6 +99,7 @@ impl Bell {
     }
 
     /// Counts a ring from a core, which those see who look; [`wake`](Self::wake) is to follow.
+    #[inline]
     pub(super) fn count(&self, core: usize) {
         let words = self.words();
         let core = core as u32 + 1;
@@ -105,6 +111,7 @@ impl Bell {
     }
 
     /// Wakes all who wait for a ring that was counted.
+    #[inline]
     pub(super) fn wake(&self) {
         let words = self.words();
         if words.sleepers.load(SeqCst) != 0 {
@@ -113,16 +120,19 @@ impl Bell {
     }
 
     /// Says where the newest sample lies; to be followed by a ring.
+    #[inline]
     pub(super) fn point_to(&self, place: u64) {
         self.words().place.store(place, Relaxed);
     }
 
     /// Where the newest sample lies, if it has not been overwritten by a newer one meanwhile.
+    #[inline]
     pub(super) fn place(&self) -> u64 {
         self.words().place.load(Relaxed)
     }
 
     /// The rings so far.
+    #[inline]
     pub(super) fn rings(&self) -> u32 {
         self.words().rings.load(Acquire)
     }

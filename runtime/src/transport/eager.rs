@@ -68,6 +68,7 @@ pub(super) fn fetch_sent_over() {
 }
 
 /// Asks the processor for the cache lines of a range, to be written to soon. A hint: any address may be named.
+#[inline]
 pub(super) fn fetch_to_write(address: usize, bytes: usize) {
     lines(address, bytes, |line| {
         // SAFETY: a prefetch neither faults nor changes memory; processors without this one take it as nothing. Written
@@ -81,6 +82,7 @@ pub(super) fn fetch_to_write(address: usize, bytes: usize) {
 }
 
 /// Asks the processor for the cache lines of a range, to be read soon. A hint: any address may be named.
+#[inline]
 pub(super) fn fetch_to_read(address: usize, bytes: usize) {
     lines(address, bytes, |line| {
         // SAFETY: a prefetch neither faults nor changes memory.
@@ -93,6 +95,7 @@ pub(super) fn fetch_to_read(address: usize, bytes: usize) {
     });
 }
 
+#[inline]
 fn lines(address: usize, bytes: usize, each: impl Fn(usize)) {
     let first = address / LINE;
     let last = address.saturating_add(bytes.max(1) - 1) / LINE;

@@ -80,22 +80,27 @@ impl Context {
         }
     }
 
+    #[inline]
     pub(crate) fn region(&self) -> &Region {
         &self.region
     }
 
+    #[inline]
     pub(crate) fn block(&self) -> &ComponentBlock {
         &self.region.components()[self.index]
     }
 
+    #[inline]
     pub(crate) fn index(&self) -> usize {
         self.index
     }
 
+    #[inline]
     pub(crate) fn incarnation(&self) -> u32 {
         self.incarnation
     }
 
+    #[inline]
     pub(crate) fn is_lockstep(&self) -> bool {
         self.lockstep
     }
@@ -105,6 +110,7 @@ impl Context {
     }
 
     /// Now on the clock of stamps: `CLOCK_MONOTONIC`, or simulated time in lockstep; ns.
+    #[inline]
     pub(crate) fn now_ns(&self) -> u64 {
         if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
     }
@@ -115,6 +121,7 @@ impl Context {
     }
 
     /// The core of this thread, looked up now and then: threads are pinned, or it matters little.
+    #[inline]
     pub(crate) fn core(&self) -> usize {
         let (mut core, asked) = self.core.get();
         if asked.is_multiple_of(CORE_LOOKED_UP) {
@@ -144,6 +151,7 @@ impl Context {
 
     /// Records how old a sample is that was just looked at for the first time, as of the beginning of the step: after
     /// the step, which has better things to do. One published since then has no age yet.
+    #[inline]
     pub(crate) fn note_age(&self, edge: usize, publish_ns: u64) {
         let age_ns = self.woken_ns.get().saturating_sub(publish_ns);
         let mut ages = self.ages.borrow_mut();
@@ -172,6 +180,7 @@ impl Context {
     }
 
     /// Prepares a step: its time in lockstep, when it began, its deadline, and no cause yet.
+    #[inline]
     pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
         self.time_ns.set(time_ns);
         self.woken_ns.set(if self.lockstep { time_ns } else { woken_ns });
@@ -180,15 +189,18 @@ impl Context {
     }
 
     /// Takes over the source time of the input that causes this step's outputs.
+    #[inline]
     pub(crate) fn inherit(&self, source_ns: u64) {
         self.cause_ns.set(Some(source_ns));
     }
 
+    #[inline]
     pub(crate) fn source_time_or(&self, now_ns: u64) -> u64 {
         self.cause_ns.get().unwrap_or(now_ns)
     }
 
     /// Whether a sample made now is too late to be published under the overrun policy `hold`.
+    #[inline]
     pub(crate) fn withholds(&self, now_ns: u64) -> bool {
         self.hold_late_outputs && now_ns > self.deadline_ns.get()
     }
