@@ -1,46 +1,17 @@
 //! The motion library against numpy and scipy, and its own promises.
 
+mod recorded;
+
 use std::path::Path;
 
 use motorium_policies::library::{
     DAMPING, Generator, Keep, MergeError, Metric, MotionLibrary, Movement, Recogniser, Recordings,
-    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, Trajectory, data, letters,
-    merge_movements, merge_parts,
+    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, data, letters, merge_movements,
+    merge_parts,
 };
 use nalgebra::{DMatrix, DVector};
-use serde_json::Value;
 
-fn golden() -> Value {
-    serde_json::from_str(include_str!("golden/library.json")).unwrap()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-fn recordings(golden: &Value) -> Recordings {
-    let trajectories = golden["paths"].as_array().unwrap().iter().enumerate().map(|(k, movement)| {
-        let dofs: Vec<Vec<f64>> = movement.as_array().unwrap().iter().map(numbers).collect();
-        Trajectory {
-            id: format!("m{k}"),
-            label: Some(if k % 2 == 0 { "even" } else { "odd" }.into()),
-            duration: 2.0,
-            positions: DMatrix::from_fn(dofs[0].len(), dofs.len(), |i, d| dofs[d][i]),
-        }
-    });
-    Recordings {
-        names: ["l_arm", "leg", "r_arm"].map(String::from).to_vec(),
-        trajectories: trajectories.collect(),
-    }
-}
-
-fn spring() -> SampledSpring {
-    SampledSpring::new(48, DAMPING).unwrap()
-}
-
-fn library(metric: Metric) -> MotionLibrary {
-    MotionLibrary::build(&recordings(&golden()), spring(), metric, Keep::All).unwrap()
-}
+use recorded::{golden, library, numbers, recordings, spring};
 
 /// The largest difference, relative to the largest of the known values.
 fn off(found: &[f64], known: &[f64]) -> f64 {

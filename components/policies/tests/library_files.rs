@@ -1,42 +1,10 @@
 //! The files of the motion library, and recordings read from files.
 
-use motorium_policies::library::{
-    BuildError, DAMPING, Keep, Metric, MotionLibrary, Recordings, SampledSpring, Trajectory, data, file,
-};
-use nalgebra::DMatrix;
-use serde_json::Value;
+mod recorded;
 
-fn golden() -> Value {
-    serde_json::from_str(include_str!("golden/library.json")).unwrap()
-}
+use motorium_policies::library::{BuildError, Keep, Metric, MotionLibrary, data, file};
 
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-fn recordings(golden: &Value) -> Recordings {
-    let trajectories = golden["paths"].as_array().unwrap().iter().enumerate().map(|(k, movement)| {
-        let dofs: Vec<Vec<f64>> = movement.as_array().unwrap().iter().map(numbers).collect();
-        Trajectory {
-            id: format!("m{k}"),
-            label: Some(if k % 2 == 0 { "even" } else { "odd" }.into()),
-            duration: 2.0,
-            positions: DMatrix::from_fn(dofs[0].len(), dofs.len(), |i, d| dofs[d][i]),
-        }
-    });
-    Recordings {
-        names: ["l_arm", "leg", "r_arm"].map(String::from).to_vec(),
-        trajectories: trajectories.collect(),
-    }
-}
-
-fn spring() -> SampledSpring {
-    SampledSpring::new(48, DAMPING).unwrap()
-}
-
-fn library(metric: Metric) -> MotionLibrary {
-    MotionLibrary::build(&recordings(&golden()), spring(), metric, Keep::All).unwrap()
-}
+use recorded::{golden, library, recordings, spring};
 
 #[test]
 fn a_library_survives_its_file() {

@@ -12,7 +12,7 @@ const ANY_NS: u64 = 1_000_000_000;
 /// What became of the limit on idle states that a plan asks for.
 #[derive(Debug, Default)]
 pub(super) struct Idling {
-    limit: Option<IdleLimit>,
+    _limit: Option<IdleLimit>,
     /// Nothing was asked for, or it was denied: `None`; ns.
     pub(super) exit_ns: Option<u64>,
     /// Why it was denied.
@@ -20,7 +20,7 @@ pub(super) struct Idling {
 }
 
 impl Idling {
-    /// Asks for the limit of a plan; it holds until [`end`](Self::end) or until this process dies.
+    /// Asks for the limit of a plan; it holds until this is dropped, when all components have ended, or this process dies.
     pub(super) fn begin(plan: &Plan) -> Self {
         let exit_ns = plan.scheduling.idle_exit_ns;
         let waits = plan.components.iter().any(|component| component.class != SchedulingClass::Normal);
@@ -28,14 +28,9 @@ impl Idling {
             return Self::default();
         }
         match IdleLimit::hold(Duration::from_nanos(exit_ns)) {
-            Ok(limit) => Self { limit: Some(limit), exit_ns: Some(exit_ns), denied: None },
+            Ok(limit) => Self { _limit: Some(limit), exit_ns: Some(exit_ns), denied: None },
             Err(error) => Self { denied: Some(error.to_string()), ..Self::default() },
         }
-    }
-
-    /// Lets the cores idle as they like.
-    pub(super) fn end(&mut self) {
-        self.limit = None;
     }
 }
 

@@ -191,7 +191,6 @@ impl Launch<'_> {
         let wall = monotonic_ns().saturating_sub(start);
         let simulated = if lockstep { simulated_ns } else { wall };
         let cores = watch.stop();
-        self.idling.end();
         self.end(&services, observe);
         let mut report = self.report(exit, simulated);
         report.cores = cores;

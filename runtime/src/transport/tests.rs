@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use iceoryx2::node::NodeBuilder;
 use iceoryx2::prelude::{SignalHandlingMode, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::topic::service_name;
 use super::*;
@@ -119,6 +120,15 @@ impl Drop for Bench {
     }
 }
 
+/// The topic as a program with stock iceoryx2 opens it.
+fn stock_topic(node: &iceoryx2::node::Node<ipc::Service>) -> PortFactory<ipc::Service, Wrench, Stamp> {
+    node.service_builder(&service_name("topic", "test/topic").unwrap())
+        .publish_subscribe::<Wrench>()
+        .user_header::<Stamp>()
+        .open()
+        .unwrap()
+}
+
 fn wrench(x: f64) -> Wrench {
     Wrench { force: [x, 0.0, 0.0], torque: [0.0; 3] }
 }
@@ -229,12 +239,7 @@ fn a_stock_iceoryx2_program_exchanges_samples_with_the_variant_in_both_direction
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     let stock = bench.stock_node();
-    let service = stock
-        .service_builder(&service_name("topic", "test/topic").unwrap())
-        .publish_subscribe::<Wrench>()
-        .user_header::<Stamp>()
-        .open()
-        .unwrap();
+    let service = stock_topic(&stock);
     let subscriber = service.subscriber_builder().create().unwrap();
     output.send(&wrench(5.0)).unwrap();
     let sample = subscriber.receive().unwrap().unwrap();
@@ -251,12 +256,7 @@ fn small_states_are_repeated_over_iceoryx2_only_while_somebody_listens_there() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, _input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     let stock = bench.stock_node();
-    let service = stock
-        .service_builder(&service_name("topic", "test/topic").unwrap())
-        .publish_subscribe::<Wrench>()
-        .user_header::<Stamp>()
-        .open()
-        .unwrap();
+    let service = stock_topic(&stock);
     // Like a component's own: it shows what is sent and is no reason to send.
     let own = service.subscriber_builder().name(&super::echo::own_name().unwrap()).create().unwrap();
     output.send(&wrench(1.0)).unwrap();
@@ -275,15 +275,7 @@ fn a_sample_without_a_sequence_or_with_a_nan_is_refused_by_the_reader_and_counte
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut input = bench.input::<Wrench>();
     let stock = bench.stock_node();
-    let publisher = stock
-        .service_builder(&service_name("topic", "test/topic").unwrap())
-        .publish_subscribe::<Wrench>()
-        .user_header::<Stamp>()
-        .open()
-        .unwrap()
-        .publisher_builder()
-        .create()
-        .unwrap();
+    let publisher = stock_topic(&stock).publisher_builder().create().unwrap();
     for (sequence, x) in [(0, 1.0), (1, f64::NAN)] {
         let mut sample = publisher.loan_uninit().unwrap().write_payload(wrench(x));
         *sample.user_header_mut() = Stamp { sequence, ..Stamp::default() };
