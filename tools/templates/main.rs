@@ -114,9 +114,7 @@ impl Component for Controller {
         let Some(state) = self.state.latest() else { return Ok(()) };
         let joints = self.config.kp.len();
         if state.count() != joints {
-            return Err(StepError::failed(
-                "the robot has another number of joints than `kp` has values",
-            ));
+            return Err(StepError::failed("the robot has another number of joints than `kp` has values"));
         }
         let joint = self.config.joint;
         if let Some(last) = self.last {
