@@ -170,7 +170,7 @@ fn the_least_rotation_takes_one_direction_to_the_other_at_every_angle_with_no_tu
         Vector3::new(0.3, -0.9, 0.2).normalize(),
         Vector3::new(-1.0, 1e-9, 1e-17).normalize(),
     ];
-    let angles = [0.0, 1e-18, 1e-16, 1e-12, 1e-8, 3e-8, 1e-5, 0.1, 1.0, 1.5707, 2.0, 3.0, 3.14];
+    let angles = [0.0, 1e-18, 1e-16, 1e-12, 1e-8, 3e-8, 1e-5, 0.1, 1.0, 1.57, 2.0, 3.0, 3.12];
     let angles = angles.into_iter().flat_map(|angle| [angle, PI - angle]);
     for (from, angle) in directions.iter().flat_map(|from| angles.clone().map(move |angle| (from, angle))) {
         let across = from.cross(&Vector3::ith(from.iamin(), 1.0)).normalize();
