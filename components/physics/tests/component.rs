@@ -58,8 +58,8 @@ impl Component for Driver {
             command.set_count(start.len());
             command.velocity_mut().fill(0.0);
             command.effort_mut().fill(0.0);
-            command.stiffness_mut().fill(self.config.stiffness);
-            command.damping_mut().fill(50.0);
+            command.kp_mut().fill(self.config.stiffness);
+            command.kd_mut().fill(50.0);
             let goals =
                 start.iter().enumerate().map(|(i, q)| if i < 7 { q + self.config.offset } else { *q });
             command.position_mut().iter_mut().zip(goals).for_each(|(position, goal)| *position = goal);

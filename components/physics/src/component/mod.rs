@@ -221,7 +221,7 @@ impl Totals {
 
 /// Copies the command, if the drives can follow it as a whole.
 fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
-    let gains = buffer.stiffness().iter().chain(buffer.damping());
+    let gains = buffer.kp().iter().chain(buffer.kd());
     if buffer.count() != commands.len() || gains.clone().any(|gain| *gain < 0.0) {
         return false;
     }
@@ -230,8 +230,8 @@ fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
             position: buffer.position()[i],
             velocity: buffer.velocity()[i],
             effort: buffer.effort()[i],
-            kp: buffer.stiffness()[i],
-            kd: buffer.damping()[i],
+            kp: buffer.kp()[i],
+            kd: buffer.kd()[i],
         };
     }
     true

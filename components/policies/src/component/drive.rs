@@ -245,8 +245,8 @@ impl JointDrive {
         let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
             out.iter_mut().zip(gains).for_each(|(out, gain)| *out = scale * gain);
         };
-        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.stiffness_mut());
-        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.damping_mut());
+        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.kp_mut());
+        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.kd_mut());
         command.publish()
     }
 
