@@ -10,9 +10,10 @@ pub use imitation::DemonstrationConfig;
 
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::PoseTarget;
-use motorium::worker::{Checkpoint, Output, Parameter, Setup};
+use motorium::transport::{Output, Parameter};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use course::Course;

@@ -1,10 +1,13 @@
 //! `policy.dmp` that imitates a recording, and that exchanges primitives while it runs.
 
 use crate::support::{self, Nothing};
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::launcher::Report;
 use motorium::state::PoseTarget;
-use motorium::worker::{Input, Setup};
+use motorium::transport::Input;
+use motorium::worker::Kind;
 use motorium_policies::DmpPolicy;
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings};
 use motorium_primitives::file::{Primitive, PrimitiveFile};

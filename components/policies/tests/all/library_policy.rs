@@ -1,13 +1,14 @@
 //! `policy.library` in a running graph.
 
 use crate::support::{self, Nothing};
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, RobotReference, StepError, Tick,
-};
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
 use motorium::telemetry::{allocations, counts_allocations};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{ConfigSource, Kind};
 use motorium_library::{
     DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, SampledSpring,
     Superposition, Trajectory, file,
