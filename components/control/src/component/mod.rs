@@ -10,10 +10,11 @@ pub use config::{
     QpControllerConfig, TaskConfig, VelocityLimitConfig,
 };
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointCommand, JointState};
 use motorium::telemetry::set_apart;
-use motorium::worker::{Checkpoint, Input, Output, Parameter, Setup};
+use motorium::transport::{Input, Output, Parameter};
 use motorium_robots::{Kinematics, Model};
 use nalgebra::DVector;
 
