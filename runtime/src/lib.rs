@@ -5,9 +5,12 @@
 //! processes, and [`worker`] is the loop inside each of them. [`state`] are the types they exchange, [`transport`] the
 //! shared memory they exchange them through.
 
+mod atomics;
 pub mod component;
 pub mod graph;
 pub mod launcher;
+#[cfg(all(test, feature = "loom"))]
+mod model;
 pub mod os;
 pub mod plan;
 pub mod region;

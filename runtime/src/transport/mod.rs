@@ -12,6 +12,7 @@ mod eager;
 mod echo;
 mod exchange;
 mod input;
+pub(crate) mod latest;
 mod observer;
 mod output;
 mod parameter;
