@@ -2,10 +2,12 @@
 
 mod support;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::launcher::Report;
 use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use motorium_policies::{CpgPolicy, ProMpPolicy};
 use serde_json::json;
 use support::Nothing;
@@ -24,7 +26,7 @@ struct Seen {
     q: Vec<f64>,
     v: Vec<f64>,
     effort: Vec<f64>,
-    stiffness: Vec<f64>,
+    kp: Vec<f64>,
 }
 
 impl Component for Follower {
@@ -56,7 +58,7 @@ impl Component for Follower {
                 q: command.position().to_vec(),
                 v: command.velocity().to_vec(),
                 effort: command.effort().to_vec(),
-                stiffness: command.stiffness().to_vec(),
+                kp: command.kp().to_vec(),
             });
         }
         let mut state = self.state.loan()?;
@@ -147,7 +149,7 @@ fn legs_swing_in_turn_out_of_standing_without_a_jump() {
     for seen in settled {
         assert!((seen.q[0] - 0.4 + seen.q[1] - 0.6).abs() < 0.02, "{:?}", seen.q);
     }
-    assert_eq!(seen[10].stiffness, [100.0, 60.0, 20.0], "the gains of the profile");
+    assert_eq!(seen[10].kp, [100.0, 60.0, 20.0], "the gains of the profile");
     let result = &report.results["policy"];
     assert_eq!((&result["gait"], &result["gait_changes"]), (&json!("walk"), &json!(0)));
     assert!((result["strides"].as_f64().unwrap() - 10.0).abs() < 0.1);
@@ -229,7 +231,7 @@ fn the_primitive_that_the_parameter_names_is_run_and_movements_repeat() {
     assert_eq!(report.results["policy"]["movements"], 3);
     assert_eq!(report.results["policy"]["primitive"], 1);
     let end = &seen[1200];
-    assert!(end.q[0] > 0.9 && end.effort == [0.0; 3] && end.stiffness == [1.0, 2.0, 3.0], "{end:?}");
+    assert!(end.q[0] > 0.9 && end.effort == [0.0; 3] && end.kp == [1.0, 2.0, 3.0], "{end:?}");
 }
 
 fn refuse<C: Component>(config: serde_json::Value) -> (Option<String>, String) {

@@ -4,10 +4,11 @@ mod config;
 mod engine;
 mod safe;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGuard, Judgement};
 use motorium::state::{BaseState, JointCommand as CommandBuffer, JointState as StateBuffer};
-use motorium::worker::{Checkpoint, Input, Output, Setup};
+use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
 use serde_json::json;
 
@@ -220,7 +221,7 @@ impl Totals {
 
 /// Copies the command, if the drives can follow it as a whole.
 fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
-    let gains = buffer.stiffness().iter().chain(buffer.damping());
+    let gains = buffer.kp().iter().chain(buffer.kd());
     if buffer.count() != commands.len() || gains.clone().any(|gain| *gain < 0.0) {
         return false;
     }
@@ -229,8 +230,8 @@ fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
             position: buffer.position()[i],
             velocity: buffer.velocity()[i],
             effort: buffer.effort()[i],
-            kp: buffer.stiffness()[i],
-            kd: buffer.damping()[i],
+            kp: buffer.kp()[i],
+            kd: buffer.kd()[i],
         };
     }
     true

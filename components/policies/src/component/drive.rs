@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use motorium::component::{ConfigError, ConfigureError, Declare, RobotReference, StepError};
-use motorium::graph::units::TimeSpan;
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Parameter, Setup};
+use motorium::transport::{Input, Output, Parameter};
+use motorium::units::TimeSpan;
 use motorium_robots::{Dynamics, Gains, Model};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;
@@ -244,8 +245,8 @@ impl JointDrive {
         let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
             out.iter_mut().zip(gains).for_each(|(out, gain)| *out = scale * gain);
         };
-        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.stiffness_mut());
-        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.damping_mut());
+        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.kp_mut());
+        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.kd_mut());
         command.publish()
     }
 
