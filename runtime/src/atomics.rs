@@ -30,8 +30,6 @@ pub(crate) enum Site {
     Sleep,
     /// A writer leaves the time of a publication.
     Time,
-    /// A waiter reads the time of a publication.
-    ReadTime,
     /// A waiter, having read a time, before it asks whether that is still the newest publication's.
     TimeRead,
     /// A component completes a checkpoint.
@@ -42,7 +40,8 @@ pub(crate) enum Site {
 
 /// An unsigned number that several threads or processes use at once.
 pub(crate) trait Word<V: Copy>: Debug {
-    /// A word that holds this value.
+    /// A word that holds this value. Words in shared memory begin as zero bytes instead.
+    #[cfg(test)]
     fn new(value: V) -> Self;
     /// Reads the word.
     fn load(&self, ordering: Ordering) -> V;
@@ -95,7 +94,7 @@ pub(crate) enum Native {}
 macro_rules! native {
     ($($value:ty => $word:ty),*) => { $(
         impl Word<$value> for $word {
-            #[inline(always)]
+            #[cfg(test)]
             fn new(value: $value) -> Self {
                 Self::new(value)
             }
@@ -154,13 +153,13 @@ impl Atomics for Native {
     }
 
     // An exchange is a full barrier on x86, and costs half of a store and a fence.
-    #[cfg(all(target_arch = "x86_64", not(motorium_portable)))]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[inline(always)]
     fn fence_after_swap(_: Site) {
         core::sync::atomic::compiler_fence(SeqCst);
     }
 
-    #[cfg(all(target_arch = "x86_64", not(motorium_portable)))]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[inline(always)]
     fn store_fenced(word: &Self::U32, value: u32, _: Site, _: Site) {
         word.swap(value, SeqCst);

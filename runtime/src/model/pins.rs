@@ -9,10 +9,10 @@ use crate::transport::latest::protocol::{Reuse, Writer, pin_newest};
 
 fn write(topic: &Topic, publications: u64) {
     let mut writer = Writer::new(topic, Reuse::First);
-    for value in 1..=publications {
-        let slot = writer.slot(topic);
-        topic.write(slot, value);
-        writer.publish(topic, value);
+    for _ in 0..publications {
+        let (slot, number) = (writer.slot(topic), writer.number());
+        topic.write(slot, number);
+        writer.publish(topic, number);
     }
 }
 
@@ -20,7 +20,7 @@ fn write(topic: &Topic, publications: u64) {
 fn read(topic: &Topic, pin: usize, looks: usize) {
     let mut last = 0;
     for _ in 0..looks {
-        if let Some(pinned) = pin_newest(topic, &topic.pins[pin], last) {
+        if let Some(pinned) = pin_newest(topic, &topic.pins[pin], last, |_| {}) {
             assert!(pinned.number() > last);
             assert_eq!(topic.read(pinned.slot()), pinned.number());
             last = pinned.number();
@@ -54,7 +54,7 @@ fn two_readers() {
 fn a_killed_reader() {
     let topic = Arc::new(Topic::new(1, 3));
     write(&topic, 1);
-    assert!(pin_newest(&*topic, &topic.pins[0], 0).is_some());
+    assert!(pin_newest(&*topic, &topic.pins[0], 0, |_| {}).is_some());
     let successor = {
         let topic = topic.clone();
         thread::spawn(move || read(&topic, 0, 1))

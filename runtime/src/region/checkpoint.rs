@@ -9,20 +9,18 @@ pub const CHECKPOINT_BYTES: usize = 4096;
 const WORDS: usize = CHECKPOINT_BYTES / 8;
 
 /// A component's saved state in the control block of the run.
-pub type CheckpointBlock = Checkpoints<Native, WORDS>;
+pub(crate) type CheckpointBlock = Checkpoints<Native, WORDS>;
 
 /// A double buffer of saved numbers with one writer. While one copy is written the other is whole, whenever the writer
 /// is killed.
 #[derive(Debug)]
 #[repr(C)]
-#[allow(private_bounds)] // the atomics are the processor's own everywhere but in the models
-pub struct Checkpoints<A: Atomics, const N: usize> {
+pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
     /// Checkpoints saved so far; the newest whole one is in copy `saved % 2`.
     saved: A::U64,
     copies: [[A::U64; N]; 2],
 }
 
-#[allow(private_bounds)]
 impl<A: Atomics, const N: usize> Checkpoints<A, N> {
     /// A buffer in which nothing was saved.
     #[cfg(test)]
@@ -32,7 +30,7 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
     }
 
     /// Saves a checkpoint of at most `N` words. Returns false, and saves nothing, if there are more.
-    pub fn save(&self, words: impl ExactSizeIterator<Item = u64>) -> bool {
+    pub(crate) fn save(&self, words: impl ExactSizeIterator<Item = u64>) -> bool {
         if words.len() > N {
             return false;
         }
@@ -45,7 +43,7 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
 
     /// Reads the newest whole checkpoint into `words`, at most `N`; false if there is none. Only the component itself,
     /// after a restart, reads it.
-    pub fn load(&self, words: &mut [u64]) -> bool {
+    pub(crate) fn load(&self, words: &mut [u64]) -> bool {
         let saved = self.saved.load(A::at(Site::Load, Acquire));
         if saved == 0 || words.len() > N {
             return false;

@@ -209,7 +209,7 @@ pub(crate) fn announce<A: Atomics>(head: &Head<A>, newest: Newest, time_ns: u64)
 pub(crate) fn newest_with_time<A: Atomics>(head: &Head<A>) -> (Newest, u64) {
     loop {
         let seen = newest(head);
-        let time_ns = head.times[(seen.number() % 2) as usize].load(A::at(Site::ReadTime, Acquire));
+        let time_ns = head.times[(seen.number() % 2) as usize].load(Relaxed);
         A::read_fence(Site::TimeRead);
         // The time is written anew for the publication after the next, which comes after the next.
         if Newest(head.newest.load(Relaxed)).number() == seen.number() {
@@ -219,13 +219,21 @@ pub(crate) fn newest_with_time<A: Atomics>(head: &Head<A>) -> (Newest, u64) {
 }
 
 /// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned.
+///
+/// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at once.
 #[inline]
-pub(crate) fn pin_newest<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, last: u64) -> Option<Newest> {
+pub(crate) fn pin_newest<A: Atomics>(
+    words: &impl Words<A>,
+    pin: &Pin<A>,
+    last: u64,
+    fetch: impl Fn(usize),
+) -> Option<Newest> {
     let mut wanted = newest(words.head());
     if wanted.number() == last || wanted.number() == 0 {
         return None;
     }
     loop {
+        fetch(wanted.slot());
         A::store_fenced(&pin.slot, wanted.slot() as u32 + 1, Site::Pin, Site::Pinned);
         let again = newest(words.head());
         if again.number() == wanted.number() {
