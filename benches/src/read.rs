@@ -37,9 +37,10 @@ config = {{ bytes = {bytes} }}
     let checked = graph::check(Path::new("bench-read.toml"), text, &[], registry, &Machine::detect())
         .map_err(|error| MeasureError::Graph(error.render(false)))?;
     let topics = TopicSet::create(&checked.plan)?;
+    let path = topics.path();
     let measured = std::thread::scope(|scope| {
         // A thread of its own: its priority and its core end with it.
-        scope.spawn(|| with_payload(bytes, Reads { topics: &topics, reads, core, fifo })).join()
+        scope.spawn(move || with_payload(bytes, Reads { topics: path, reads, core, fifo })).join()
     });
     measured
         .map_err(|_| MeasureError::Ended("the reader has panicked".to_string()))?
@@ -47,7 +48,7 @@ config = {{ bytes = {bytes} }}
 }
 
 struct Reads<'a> {
-    topics: &'a TopicSet,
+    topics: &'a Path,
     reads: usize,
     core: usize,
     fifo: u8,
@@ -60,8 +61,8 @@ impl PayloadVisitor for Reads<'_> {
         let class = if self.fifo > 0 { SchedulingClass::Fifo(self.fifo) } else { SchedulingClass::Normal };
         let (applied, _) = apply(&Request { class, cores: vec![self.core], lock_memory: false });
         prefault_stack();
-        let writer = Endpoint::join(self.topics.path(), "writer")?;
-        let reader = Endpoint::join(self.topics.path(), "reader")?;
+        let writer = Endpoint::join(self.topics, "writer")?;
+        let reader = Endpoint::join(self.topics, "reader")?;
         let (mut output, mut input) = (writer.output::<P>("out")?, reader.input::<P>("in")?);
         let mut samples = Vec::with_capacity(self.reads);
         for round in 0..self.reads + 10 {

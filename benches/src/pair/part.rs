@@ -35,8 +35,10 @@ pub(crate) fn run_part(side: &str, folder: &Path) -> Result<(), String> {
         }
         Carrier::Plain => play.throw(&mut Plain { board: &board, side, sent: 0, heard: 0 }),
         Carrier::Futex => play.throw(&mut Futex { board: &board, side, heard: 0 }),
-        Carrier::Blocking | Carrier::Polling | Carrier::Stock | Carrier::PlainBlocking => with_payload(throw.bytes, play)
-            .ok_or_else(|| format!("there is no payload of {} bytes", throw.bytes))?,
+        Carrier::Blocking | Carrier::Polling | Carrier::Stock | Carrier::PlainBlocking => {
+            with_payload(throw.bytes, play)
+                .ok_or_else(|| format!("there is no payload of {} bytes", throw.bytes))?
+        }
     }
 }
 

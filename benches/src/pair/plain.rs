@@ -64,6 +64,8 @@ impl<P: Payload> Link for PlainBlocking<'_, P> {
         }
         self.received += 1;
         // SAFETY: as in `send`: the other side writes this turn's payload again only after the next answer but one.
-        unsafe { &*self.place(1 - self.side, self.received) }.read().ok_or_else(|| "a payload was torn".into())
+        unsafe { &*self.place(1 - self.side, self.received) }
+            .read()
+            .ok_or_else(|| "a payload was torn".into())
     }
 }
