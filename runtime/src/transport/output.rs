@@ -249,6 +249,7 @@ impl<T: StateBuffer> Loan<'_, T> {
             sequence,
             source_time: context.causality().source_time_or(now),
             publish_time: now,
+            state_time: context.causality().state_time_or(context.clock().step_ns()),
             origin: context.index() as u32,
             incarnation: context.incarnation(),
         };
