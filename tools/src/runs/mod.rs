@@ -1,7 +1,7 @@
 //! Finding the run that a command means, and looking into it.
 
 mod choose;
-mod nearest;
+mod events;
 
 use motorium::os::{Request, apply, monotonic_ns};
 use motorium::plan::{ClockKind, Plan, SchedulingClass};
@@ -10,7 +10,7 @@ use motorium::run_folder::RunFolder;
 use std::sync::atomic::Ordering::Relaxed;
 
 use choose::Candidate;
-pub(crate) use nearest::suggest;
+pub(crate) use events::event_line;
 
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]

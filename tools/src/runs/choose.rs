@@ -1,6 +1,6 @@
 //! Which of several runs is meant.
 
-use super::nearest::suggest;
+use motorium::nearest::suggest;
 
 /// A run that could be meant.
 #[derive(Debug, Clone, PartialEq, Eq)]
