@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::Measurement;
+use motorium_benches::latency::Measurement;
+
+use crate::draw::escape;
 
 const WIDTH: f64 = 1200.0;
 /// The least height; a long legend makes it larger.
@@ -155,7 +157,7 @@ impl Frame {
 
 /// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
 /// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
-pub fn plot(machine: &str, measurements: &[&Measurement]) -> String {
+pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     // of a peer that keeps its samples to itself there is no curve
     let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
     let measurements: Vec<&Measurement> = measurements.iter().filter(has_curve).copied().collect();
@@ -274,15 +276,11 @@ fn percent(nines: i32) -> String {
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Distribution;
-    use crate::host::HostShare;
+    use motorium_benches::Distribution;
+    use motorium_benches::host::HostShare;
 
     fn measured(name: &str, what: &str, samples: Vec<u64>) -> Measurement {
         Measurement {
