@@ -1,8 +1,6 @@
 //! What `motorium check` says of the times of a graph.
 
-mod program;
-
-use program::{json, motorium, printed, run};
+use crate::program::{json, machine, motorium, printed, run};
 use serde_json::Value;
 
 const OVERLOADED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
@@ -103,6 +101,7 @@ fn overheads(folder: &std::path::Path) -> (Value, String) {
 
 #[test]
 fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another() {
+    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (cautious, origin) = overheads(folder.path());
     assert!(origin.starts_with("cautious values; `motorium calibrate --save`"), "{origin}");
@@ -132,6 +131,7 @@ fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another()
 
 #[test]
 fn run_starts_nothing_that_cannot_hold_unless_it_is_forced_and_says_so() {
+    let _machine = machine();
     let run = |more: &[&str]| run(&[&["run", OVERLOADED, "--for", "300 ms"], more].concat());
     let refused = run(&[]);
     assert_eq!(refused.status.code(), Some(3));

@@ -1,11 +1,9 @@
 //! `motorium primitive` from recordings to movements.
 
-mod program;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use program::{json, printed, run};
+use crate::program::{json, printed, run};
 
 /// A recording of two channels: a stroke of one second that begins and ends at rest.
 fn recording(path: &Path, wobble: f64) {

@@ -1,51 +1,40 @@
 //! Starting graphs as a user would, and looking at what becomes of them.
-//!
-//! Every run takes the machine for itself: real-time processes of two tests at once would starve each other.
-
-#![allow(dead_code, unreachable_pub)] // each test file uses its part of this
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use motorium::launcher::Report;
 use motorium::os::Watch;
 use motorium::run_folder::RunFolder;
 
-pub const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");
-pub const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
+pub(crate) use crate::MOTORIUM;
+pub(crate) use crate::program::machine;
 
-static MACHINE: Mutex<()> = Mutex::new(());
-
-/// The machine, for one test.
-pub fn machine() -> MutexGuard<'static, ()> {
-    MACHINE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-}
+pub(crate) const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
 
 /// The workspace.
-pub fn workspace() -> PathBuf {
+pub(crate) fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
 }
 
-pub fn panda_reach() -> PathBuf {
+pub(crate) fn panda_reach() -> PathBuf {
     workspace().join("graphs/panda-reach.toml")
 }
 
-pub fn is_root() -> bool {
+pub(crate) fn is_root() -> bool {
     rustix::process::getuid().is_root()
 }
 
 /// A run that has been started.
-pub struct Run {
+pub(crate) struct Run {
     child: Option<Child>,
-    pub folder: RunFolder,
+    pub(crate) folder: RunFolder,
 }
 
 impl Run {
     /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
-    pub fn start(graph: &Path, arguments: &[&str]) -> Self {
-        let before: Vec<String> = RunFolder::list().iter().map(|run| run.id().to_string()).collect();
+    pub(crate) fn start(graph: &Path, arguments: &[&str]) -> Self {
         let child = Command::new(MOTORIUM)
             .arg("run")
             .arg(graph)
@@ -60,11 +49,15 @@ impl Run {
         let mut run = Self { child: Some(child), folder: RunFolder::open(Path::new("/none")) };
         let started = Instant::now();
         loop {
-            let new = RunFolder::list().into_iter().find(|run| !before.contains(&run.id().to_string()));
-            let stepping = new.as_ref().and_then(|folder| folder.region().ok()).is_some_and(|region| {
-                !region.components().is_empty() && region.components().iter().all(|block| steps(block) > 20)
+            let launcher = run.launcher();
+            let own = RunFolder::list().into_iter().find(|folder| {
+                folder.region().is_ok_and(|region| {
+                    region.header().launcher.load(std::sync::atomic::Ordering::Relaxed) == launcher
+                        && !region.components().is_empty()
+                        && region.components().iter().all(|block| steps(block) > 20)
+                })
             });
-            if let (Some(folder), true) = (new, stepping) {
+            if let Some(folder) = own {
                 run.folder = folder;
                 return run;
             }
@@ -77,16 +70,16 @@ impl Run {
         }
     }
 
-    pub fn launcher(&self) -> u32 {
+    pub(crate) fn launcher(&self) -> u32 {
         self.child.as_ref().expect("the run has a process").id()
     }
 
-    pub fn guard(&self) -> u32 {
+    pub(crate) fn guard(&self) -> u32 {
         let region = self.folder.region().expect("the run has a region");
         region.header().guard.load(std::sync::atomic::Ordering::Relaxed)
     }
 
-    pub fn pid_of(&self, component: &str) -> u32 {
+    pub(crate) fn pid_of(&self, component: &str) -> u32 {
         let plan = self.folder.plan().expect("the run has a plan");
         let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
         let region = self.folder.region().expect("the run has a region");
@@ -94,7 +87,7 @@ impl Run {
     }
 
     /// Waits for the end; exit code, report, standard error.
-    pub fn finish(mut self) -> Ended {
+    pub(crate) fn finish(mut self) -> Ended {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
         Ended::of(&output)
     }
@@ -119,15 +112,15 @@ fn steps(block: &motorium::region::ComponentBlock) -> u64 {
 }
 
 /// A run that has ended.
-pub struct Ended {
-    pub code: Option<i32>,
-    pub report: Option<Report>,
-    pub stderr: String,
-    pub stdout: String,
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) report: Option<Report>,
+    pub(crate) stderr: String,
+    pub(crate) stdout: String,
 }
 
 impl Ended {
-    pub fn of(output: &Output) -> Self {
+    pub(crate) fn of(output: &Output) -> Self {
         Self {
             code: output.status.code(),
             report: serde_json::from_slice(&output.stdout).ok(),
@@ -136,13 +129,13 @@ impl Ended {
         }
     }
 
-    pub fn report(&self) -> &Report {
+    pub(crate) fn report(&self) -> &Report {
         self.report.as_ref().unwrap_or_else(|| panic!("no report:\n{}{}", self.stdout, self.stderr))
     }
 }
 
 /// Runs a graph to its end.
-pub fn run(graph: &Path, arguments: &[&str]) -> Ended {
+pub(crate) fn run(graph: &Path, arguments: &[&str]) -> Ended {
     let output = Command::new(MOTORIUM)
         .arg("run")
         .arg(graph)
@@ -155,24 +148,24 @@ pub fn run(graph: &Path, arguments: &[&str]) -> Ended {
     Ended::of(&output)
 }
 
-pub fn kill(pid: u32) {
+pub(crate) fn kill(pid: u32) {
     signal(pid, rustix::process::Signal::KILL);
 }
 
-pub fn signal(pid: u32, signal: rustix::process::Signal) {
+pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
     let pid = rustix::process::Pid::from_raw(pid as i32).expect("a process id");
     rustix::process::kill_process(pid, signal).expect("the process is there");
 }
 
 /// Waits until a process has ended.
-pub fn await_end(pid: u32) {
+pub(crate) fn await_end(pid: u32) {
     if let Ok(watch) = Watch::new(pid) {
         assert!(watch.wait(Some(Duration::from_secs(20))), "process {pid} does not end");
     }
 }
 
 /// Everything of a run in shared memory: there must be nothing once it has ended.
-pub fn leftovers(run: &str) -> Vec<String> {
+pub(crate) fn leftovers(run: &str) -> Vec<String> {
     std::fs::read_dir("/dev/shm")
         .expect("there is shared memory")
         .flatten()

@@ -1,8 +1,6 @@
 //! Robots that go by themselves: whole graphs, in lockstep.
 
-mod support;
-
-use support::{machine, run, workspace};
+use crate::support::{machine, run, workspace};
 
 #[test]
 fn the_quadruped_trots_forward() {

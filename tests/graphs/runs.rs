@@ -1,13 +1,11 @@
 //! Whole graphs, run as a user runs them.
 
-mod support;
-
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use crate::support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
 use motorium::launcher::{Exit, Report};
 use rustix::process::Signal;
-use support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
 
 fn assert_goals_reached(report: &Report) {
     let result = &report.results["controller"];
@@ -111,7 +109,7 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
             .map(|three| three[1]);
         assert_eq!(too_early.map(|at| &lines[at]), None, "{component}");
     }
-    support::signal(run.launcher(), Signal::INT);
+    crate::support::signal(run.launcher(), Signal::INT);
     run.finish();
 }
 
@@ -152,7 +150,7 @@ fn ctrl_c_and_a_polite_kill_end_a_run_in_good_order_and_leave_nothing() {
     for signal in [Signal::INT, Signal::TERM] {
         let run = Run::start(&panda_reach(), &["--for", "60 s"]);
         let id = run.folder.id().to_string();
-        support::signal(run.launcher(), signal);
+        crate::support::signal(run.launcher(), signal);
         let ended = run.finish();
         assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
         assert_eq!(leftovers(&id), Vec::<String>::new());
@@ -183,7 +181,7 @@ fn without_privileges_a_run_completes_and_says_what_it_lost() {
         .gid(65534)
         .output()
         .expect("motorium starts");
-    let ended = support::Ended::of(&output);
+    let ended = crate::support::Ended::of(&output);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
     let lost = ended.report().lost.join("; ");
     assert!(lost.contains("real-time priority") && lost.contains("locked memory"), "{lost}");

@@ -135,7 +135,7 @@ fn the_profile_of_the_book_is_the_one_of_the_catalogue() {
 
 #[test]
 fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_step() {
-    let code = read("tools/tests/book/circle.rs");
+    let code = read("tools/tests/command/book/circle.rs");
     let shown = |page: &str| -> Vec<String> {
         let path = workspace().join(page);
         blocks("rust").into_iter().filter(|(found, _)| *found == path).map(|(_, text)| text).collect()
@@ -250,18 +250,28 @@ fn every_field_of_the_file_of_a_benchmark_is_in_the_book() {
     assert_documented(&wanted, &["latency.md", "report.md"]);
 }
 
+/// Compares a picture of the book with what the command that draws it prints.
+fn assert_drawn(file: &str, arguments: &[&str]) {
+    let output = motorium(arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Real-time components get the last core, whichever that is here.
+    let last = motorium::os::machine::online_cores().last().copied().unwrap_or(0);
+    let drawn = String::from_utf8(output.stdout).expect("text").replace(&format!("core {last},"), "core 1,");
+    let hint = format!("motorium {} > {file}", arguments.join(" "));
+    assert!(read(file) == drawn, "{file} is out of date: {hint}");
+}
+
 #[test]
-fn every_command_has_its_place_in_the_book() {
-    let page = read("docs/src/commands.md");
-    let help = String::from_utf8(motorium(&["--help"]).stdout).expect("text");
-    let listed = help.split("Commands:\n").nth(1).expect("a list").split("\n\n").next().expect("its lines");
-    let indented = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
-    let names: Vec<&str> =
-        listed.lines().filter(indented).filter_map(|line| line.split_whitespace().next()).collect();
-    assert!(names.len() >= 9, "{names:?}");
-    for name in names.into_iter().filter(|name| *name != "help") {
-        assert!(page.contains(&format!("\n## {name}\n")), "no place for `motorium {name}`");
-        assert!(page.contains(&format!("$ motorium {name}")), "no example of `motorium {name}`");
+fn the_pictures_of_the_readme_and_of_the_catalogue_are_those_that_the_commands_draw() {
+    assert_drawn("docs/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
+    let pictures = std::fs::read_dir(workspace().join("docs/src/robots")).expect("a folder").flatten();
+    let names: Vec<String> = pictures
+        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".svg")?.to_string()))
+        .collect();
+    assert!(names.len() >= 19, "{names:?}");
+    for name in names {
+        let file = format!("docs/src/robots/{name}.svg");
+        assert_drawn(&file, &["robot", "draw", &name, "--size", "420x420", "--com"]);
     }
 }
 

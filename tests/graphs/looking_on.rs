@@ -1,13 +1,14 @@
 //! A crate made by `motorium new`, its graph checked and run, and looked at while it runs.
 
-mod program;
-
 use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use program::{complaint, component, json, motorium, printed};
+use crate::program::{complaint, json, machine, motorium, printed};
 use serde_json::Value;
+
+/// The component that `motorium new` writes.
+const NEW_COMPONENT: &str = env!("CARGO_BIN_EXE_new-component");
 
 /// A crate as `motorium new` makes it, but for its program: the same component, built with these tests.
 fn made(parent: &Path, name: &str) -> PathBuf {
@@ -18,7 +19,7 @@ fn made(parent: &Path, name: &str) -> PathBuf {
     let text = std::fs::read_to_string(&graph).expect("a graph");
     let exec = format!("\"target/release/{name}\"");
     assert!(text.contains(&exec), "{text}");
-    std::fs::write(&graph, text.replace(&exec, &format!("{:?}", component()))).expect("written");
+    std::fs::write(&graph, text.replace(&exec, &format!("{NEW_COMPONENT:?}"))).expect("written");
     graph
 }
 
@@ -32,7 +33,7 @@ impl Running {
         let running = Self(child);
         let deadline = Instant::now() + Duration::from_secs(60);
         loop {
-            let output = program::run(&["topic", "list", "--run", name, "--for", "50ms", "--json"]);
+            let output = crate::program::run(&["topic", "list", "--run", name, "--for", "50ms", "--json"]);
             let rows: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
             if rows.as_array().is_some_and(|rows| rows.iter().all(|row| row["published"].as_u64() > Some(1)))
             {
@@ -61,6 +62,7 @@ impl Drop for Running {
 
 #[test]
 fn a_running_graph_shows_its_topics_and_takes_parameters() {
+    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let name = format!("looked-at-{}", std::process::id());
     let run = name.as_str();

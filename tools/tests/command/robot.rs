@@ -1,10 +1,8 @@
 //! `motorium robot`: robots listed, shown, checked, drawn, timed, evaluated, installed.
 
-mod program;
-
 use std::path::{Path, PathBuf};
 
-use program::{complaint, json, motorium, printed, run};
+use crate::program::{complaint, json, motorium, printed, run};
 use serde_json::{Value, json};
 
 fn workspace() -> PathBuf {

@@ -1,14 +1,12 @@
 //! What becomes of a robot when something dies or goes wrong: real processes, real signals.
 
-mod support;
-
 use std::io::Read as _;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use crate::support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run, signal};
 use motorium::launcher::Exit;
-use support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run, signal};
 
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 

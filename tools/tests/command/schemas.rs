@@ -1,10 +1,8 @@
 //! The JSON Schemas in `docs/schema` are those that the program prints.
 
-mod program;
-
 use std::path::Path;
 
-use program::printed;
+use crate::program::printed;
 
 fn is_current(document: &str) {
     let file = format!("docs/schema/{document}.schema.json");
@@ -25,13 +23,18 @@ fn the_schema_of_reports_is_current() {
 }
 
 #[test]
+fn the_schema_of_what_top_prints_is_current() {
+    is_current("top");
+}
+
+#[test]
 fn the_schema_of_benchmarks_is_current() {
     is_current("bench");
 }
 
 #[test]
 fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
-    let schema = program::json(&["schema"]);
+    let schema = crate::program::json(&["schema"]);
     let kinds = schema["definitions"]["Component"]["properties"]["kind"]["oneOf"].as_array().expect("kinds");
     let names: Vec<_> = kinds.iter().filter_map(|kind| kind["const"].as_str()).collect();
     assert!(names.contains(&"physics.rapier") && names.contains(&"control.qp"), "{names:?}");
@@ -39,7 +42,7 @@ fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
 
 #[test]
 fn the_schema_of_reports_requires_what_every_report_holds() {
-    let schema = program::json(&["schema", "report"]);
+    let schema = crate::program::json(&["schema", "report"]);
     let required: Vec<_> =
         schema["required"].as_array().expect("keys").iter().filter_map(|key| key.as_str()).collect();
     for key in

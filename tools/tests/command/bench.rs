@@ -1,14 +1,14 @@
 //! `motorium bench latency`: its table, its file and its picture, from a short real run.
 
-mod program;
-
 use std::path::Path;
 use std::process::Output;
 
 use serde_json::Value as Json;
 
+use crate::program::machine;
+
 fn bench(arguments: &[&str]) -> Output {
-    program::run(&[&["bench", "latency"], arguments].concat())
+    crate::program::run(&[&["bench", "latency"], arguments].concat())
 }
 
 fn text(output: &[u8]) -> String {
@@ -40,7 +40,7 @@ fn is_told_by_its_buckets(name: &str, ns: &Json) {
 
 /// The file against the schema that the program prints.
 fn follows_its_schema(written: &Json) {
-    let schema = program::json(&["schema", "bench"]);
+    let schema = crate::program::json(&["schema", "bench"]);
     let validator = jsonschema::validator_for(&schema).expect("a schema");
     let errors: Vec<String> = validator.iter_errors(written).map(|error| error.to_string()).collect();
     assert!(errors.is_empty(), "{errors:?}");
@@ -51,10 +51,11 @@ fn follows_its_schema(written: &Json) {
 
 #[test]
 fn a_short_run_leaves_every_sample_in_its_file_its_picture_and_the_filled_table() {
+    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (json, svg) = (folder.path().join("bench.json"), folder.path().join("bench.svg"));
     let names = ["floor.clock", "floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"];
-    let mut arguments = vec!["--samples", "2000", "--json", json.to_str().expect("a plain path")];
+    let mut arguments = vec!["--samples", "2000", "--json", "--output", json.to_str().expect("a plain path")];
     arguments.extend(["--svg", svg.to_str().expect("a plain path"), "--quick", "--only"]);
     arguments.extend(names);
     let output = bench(&arguments);
@@ -117,7 +118,7 @@ fn compares_with_itself_and_with_a_slower_one(written: &Json, folder: &Path) {
         path
     };
     let before = save("before.json", written);
-    let same = program::printed(&["bench", "compare", &before, &before]);
+    let same = crate::program::printed(&["bench", "compare", &before, &before]);
     assert!(same.ends_with("3 compared: 0 slower, 0 faster\n"), "{same}");
     let mut slow = written.clone();
     let measurements = slow["measurements"].as_array_mut().expect("measurements");
@@ -126,33 +127,33 @@ fn compares_with_itself_and_with_a_slower_one(written: &Json, folder: &Path) {
         *turn = Json::from(100 * turn.as_u64().expect("ns"));
     }
     let after = save("after.json", &slow);
-    let output = program::run(&["bench", "compare", &before, &after]);
+    let output = crate::program::run(&["bench", "compare", &before, &after]);
     let table = text(&output.stdout);
     assert_eq!(output.status.code(), Some(6), "{table}");
     let line = table.lines().find(|line| line.contains("hop.blocking.same.512")).expect("a line");
     assert!(line.contains("floor.futex.same") && line.ends_with("+9900 %  slower"), "{table}");
-    let output = program::run(&["bench", "compare", &before, &after, "--json"]);
+    let output = crate::program::run(&["bench", "compare", &before, &after, "--json"]);
     let seen: Json = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(seen["changes"][0]["direction"], "slower");
     // What is not a file of a benchmark is refused.
-    let output = program::run(&["bench", "compare", &before, "Cargo.toml"]);
+    let output = crate::program::run(&["bench", "compare", &before, "Cargo.toml"]);
     assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
 }
 
 #[test]
 fn a_file_that_cannot_be_written_is_told_before_anything_is_measured() {
-    let output = bench(&["--only", "floor.clock", "--json", "/nowhere/bench.json"]);
+    let output = bench(&["--only", "floor.clock", "--json", "--output", "/nowhere/bench.json"]);
     assert!(!output.status.success() && output.stdout.is_empty(), "{}", text(&output.stdout));
     assert!(text(&output.stderr).contains("/nowhere/bench.json"), "{}", text(&output.stderr));
 }
 
 #[test]
 fn a_chain_of_real_processes_is_measured_from_end_to_end() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let json = folder.path().join("bench.json");
-    let output = bench(&["--quick", "--only", "chain.2", "--json", json.to_str().expect("a plain path")]);
+    let _machine = machine();
+    let output = bench(&["--quick", "--only", "chain.2", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let written: Json = serde_json::from_slice(&std::fs::read(json).expect("a file")).expect("it is JSON");
+    assert!(text(&output.stderr).contains("chain.2 "), "the table goes to standard error beside JSON");
+    let written: Json = serde_json::from_slice(&output.stdout).expect("nothing but JSON");
     let chain =
         written["measurements"].as_array().expect("measurements").iter().find(|m| m["name"] == "chain.2");
     let chain = chain.expect("the chain");
