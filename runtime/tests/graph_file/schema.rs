@@ -40,6 +40,7 @@ const SEEN_BY_EDITORS: [&str; 36] = [
     "core-listed-twice",
     "duration-of-unknown-unit",
     "empty",
+    "history-too-long",
     "kind-and-exec",
     "latency-without-a-limit",
     "many-mistakes-at-once",
