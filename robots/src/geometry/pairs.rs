@@ -7,7 +7,7 @@ use parry3d_f64::shape::SharedShape;
 
 use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
 use crate::Srdf;
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 use crate::nearest::{nearest, suggestion};
 use crate::{Geometry, Model, Shape};
 
@@ -97,14 +97,14 @@ impl CollisionModel {
             obstacle_frames: Vec::new(),
             left_out: Vec::new(),
         };
-        let program = model.program();
+        let flat = model.flat();
         let identity = Isometry3::identity();
         let base = model.base();
-        let world = if base.floating { Program::WORLD } else { 0 };
+        let world = if base.floating { FlatModel::WORLD } else { 0 };
         let fixed = base.world_shapes.iter().map(|shape| (shape, world, identity));
         let bodies = model.bodies().iter().enumerate().flat_map(|(index, body)| {
             // Bodies' shapes in their node frames.
-            let turn = nalgebra::Matrix3::from(program.align[index].transpose());
+            let turn = nalgebra::Matrix3::from(flat.align[index].transpose());
             let turn = nalgebra::Rotation3::from_matrix_unchecked(turn);
             let within =
                 Isometry3::from_parts(Default::default(), UnitQuaternion::from_rotation_matrix(&turn));
@@ -166,9 +166,9 @@ impl CollisionModel {
                 if a == b {
                     continue;
                 }
-                let neighbours = [(a, b), (b, a)]
-                    .into_iter()
-                    .any(|(parent, child)| child != 0 && child != Program::WORLD && carrier[child] == parent);
+                let neighbours = [(a, b), (b, a)].into_iter().any(|(parent, child)| {
+                    child != 0 && child != FlatModel::WORLD && carrier[child] == parent
+                });
                 let pair = (names[0].to_owned(), names[1].to_owned());
                 let off = !options.adjacent && neighbours
                     || disabled.contains(&pair)
@@ -206,9 +206,9 @@ impl CollisionModel {
             .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })?;
         let index = self.solids.len();
         self.solids.push(solid);
-        self.slots.push(Program::WORLD);
+        self.slots.push(FlatModel::WORLD);
         self.obstacle_frames.push(placement);
-        let movable = (0..self.robot_solids).filter(|&solid| self.slots[solid] != Program::WORLD);
+        let movable = (0..self.robot_solids).filter(|&solid| self.slots[solid] != FlatModel::WORLD);
         self.pairs.extend(movable.map(|solid| [solid, index]));
         self.share_surfaces();
         Ok(index)
@@ -267,7 +267,7 @@ impl CollisionModel {
 
 /// For every slot the next one towards the base that has a shape.
 fn carriers(model: &Model, slots: &[usize]) -> Vec<usize> {
-    let nodes = &model.program().nodes;
+    let nodes = &model.flat().nodes;
     let mut carriers = vec![0; nodes.len() + 1];
     for (index, node) in nodes.iter().enumerate() {
         let shaped = node.parent == 0 || slots.contains(&node.parent);
