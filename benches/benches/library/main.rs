@@ -11,13 +11,14 @@ use std::time::Duration;
 use criterion::{Criterion, criterion_group, criterion_main};
 use motorium_library::{
     DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, RecursiveLibrary,
-    SampledSpring, Superposition, data, letters,
+    SampledSpring, Superposition, letters,
 };
+use motorium_recordings::Selection;
 
 fn recordings() -> Recordings {
     let file =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/uci-char-trajectories/train.jsonl");
-    data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })
+    Recordings::read([&file], &Selection { rate: Some(200.0), ..Selection::default() })
         .unwrap_or_else(|_| letters::letters(58, letters::Variation::default(), 1))
 }
 

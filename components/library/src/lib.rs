@@ -16,7 +16,7 @@
 //! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
 //! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
 //! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them.
-//! - [`file`]: the file format. [`data`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
+//! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
 //! - [`algebra`]: the linear algebra.
 //!
 //! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
@@ -30,7 +30,7 @@
 pub mod algebra;
 mod balance;
 mod basis;
-pub mod data;
+mod data;
 mod evaluate;
 pub mod file;
 mod generate;
@@ -48,6 +48,7 @@ mod spring;
 mod trajectory;
 
 pub use basis::{Basis, kernel_functions};
+pub use data::DataError;
 pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
 pub use generate::{GenerateError, Generator, Superposition};
 pub use layout::{Layout, LayoutError, Part};

@@ -1,6 +1,7 @@
 //! The files of the motion library, and recordings read from files.
 
-use motorium_library::{BuildError, Keep, Metric, MotionLibrary, data, file};
+use motorium_library::{BuildError, Keep, Metric, MotionLibrary, Recordings, file};
+use motorium_recordings::Selection;
 
 use crate::recorded::{golden, library, recordings, spring};
 
@@ -62,32 +63,32 @@ fn a_mapped_file_is_read_where_it_lies() {
 }
 
 #[test]
-fn recordings_are_read_from_all_formats_and_refused_with_their_line() {
+fn recordings_of_files_and_folders_become_movements_of_the_same_degrees_of_freedom() {
     let folder = tempfile::tempdir().unwrap();
-    let read = |name: &str, text: &str| {
+    let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
-        data::read(&path, &data::Options { rate: 10.0, columns: vec![] })
+        path
     };
-    let set = read("a.jsonl", "{\"id\":1,\"label\":\"l\",\"n\":3,\"vx\":[1,2,3],\"vy\":[0,0,1]}\n").unwrap();
-    assert_eq!(set.names, ["x", "y"]);
-    assert!(
-        (set.trajectories[0].positions[(2, 0)] - 0.6).abs() < 1e-12 && set.trajectories[0].duration == 0.2
-    );
-    let set = read("b.json", r#"{"recordings":[{"letter":"A","demo":3,"duration":2,"x":[1,2],"y":[3,4]}]}"#)
-        .unwrap();
-    assert_eq!((set.trajectories[0].id.as_str(), set.trajectories[0].duration), ("A-3", 2.0));
-    let set = read("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#).unwrap();
-    assert_eq!(set.trajectories[0].positions[(2, 0)], 4.0);
-    let set = read("d.csv", "# loop=wrap\nframe_dt,a,b\n0.5,1,2\n0.5,3,4\n0.5,5,6\n").unwrap();
-    assert_eq!(
-        (set.names.len(), set.trajectories[0].duration, set.trajectories[0].id.as_str()),
-        (2, 1.0, "d")
-    );
-    let error = read("e.csv", "a,b\n1,2\n1,x\n").unwrap_err().to_string();
-    assert!(error.contains("e.csv, line 3") && error.contains("`b` is `x`"), "{error}");
-    let error = read("f.jsonl", "{\"x\":[1,2]}\n{\"x\":[1,\n").unwrap_err().to_string();
-    assert!(error.contains("f.jsonl, line 2"), "{error}");
+    let even = write("even.csv", "# loop=wrap\nframe_dt,a,b\n0.5,1,2\n0.5,3,4\n0.5,5,6\n");
+    // a cubic through t^2 in uneven samples, at even times 0, 1, 2, 3
+    let uneven = write("uneven.csv", "time_s,a,b\n0,0,0\n0.5,0.25,1\n1,1,2\n3,9,6\n");
+    let lines = write("lines.jsonl", "{\"id\":7,\"label\":\"l\",\"a\":[1,2],\"b\":[0,0]}\n");
+    let selection = Selection { rate: Some(10.0), ..Selection::default() };
+    let set = Recordings::read([even, uneven, lines], &selection).unwrap();
+    assert_eq!(set.names, ["a", "b"]);
+    let described: Vec<_> =
+        set.trajectories.iter().map(|t| (t.id.as_str(), t.label.as_deref(), t.duration)).collect();
+    assert_eq!(described, [("even", None, 1.0), ("uneven", None, 3.0), ("7", Some("l"), 0.1)]);
+    let positions = &set.trajectories[1].positions;
+    for (k, [a, b]) in [[0.0, 0.0], [1.0, 2.0], [4.0, 4.0], [9.0, 6.0]].into_iter().enumerate() {
+        assert!((positions[(k, 0)] - a).abs() < 1e-12 && (positions[(k, 1)] - b).abs() < 1e-12);
+    }
+    write("other.csv", "a,c\n1,2\n3,4\n");
+    let error = Recordings::read([folder.path()], &selection).unwrap_err().to_string();
+    assert!(error.contains("recording `other`") && error.contains("a, c, the first one a, b"), "{error}");
+    let error = Recordings::read([write("x.csv", "a,b\n1,2\n1,x\n")], &selection).unwrap_err();
+    assert!(error.to_string().contains("x.csv, line 3, column 2 (`b`): found `x`"), "{error}");
 }
 
 #[test]

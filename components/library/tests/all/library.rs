@@ -4,9 +4,9 @@ use std::path::Path;
 
 use motorium_library::{
     DAMPING, Generator, Keep, MergeError, Metric, MotionLibrary, Movement, Recogniser, Recordings,
-    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, data, letters, merge_movements,
-    merge_parts,
+    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, letters, merge_movements, merge_parts,
 };
+use motorium_recordings::Selection;
 use nalgebra::{DMatrix, DVector};
 
 use crate::recorded::{golden, library, numbers, recordings, spring};
@@ -276,7 +276,7 @@ fn the_recorded_letters_give_the_known_spectrum() {
     if !path.exists() {
         return;
     }
-    let all = data::read(&path, &data::Options { rate: 200.0, columns: vec![] }).unwrap();
+    let all = Recordings::read([&path], &Selection { rate: Some(200.0), ..Selection::default() }).unwrap();
     let (seen, _) = all.hold_out(5);
     let spring = SampledSpring::new(200, DAMPING).unwrap();
     let library = MotionLibrary::build(&seen, spring, Metric::Force, Keep::Rank(5)).unwrap();

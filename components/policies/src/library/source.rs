@@ -6,9 +6,10 @@ use motorium::declare::ConfigError;
 
 use super::config::LibraryPolicyConfig;
 use motorium_library::{
-    DAMPING, Keep, Metric, MotionLibrary, SampledSpring, data, file,
+    DAMPING, Keep, Metric, MotionLibrary, Recordings, SampledSpring, file,
     letters::{Variation, letters},
 };
+use motorium_recordings::Selection;
 
 /// Samples of each movement where the policy itself learns the library.
 const SAMPLES: usize = 200;
@@ -28,13 +29,12 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
     }
     let path =
         base.map_or_else(|| Path::new(&config.library).to_path_buf(), |base| base.join(&config.library));
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    if ["jsonl", "json", "csv"].contains(&ending) {
-        let options = data::Options { rate: config.rate, columns: Vec::new() };
-        return build(data::read(&path, &options).map_err(|error| refuse(&error))?);
+    if motorium_recordings::is_recording(&path) {
+        let selection = Selection { rate: Some(config.rate), ..Selection::default() };
+        return build(Recordings::read([&path], &selection).map_err(|error| refuse(&error))?);
     }
     file::read(&path).map_err(|error| {
-        refuse(&error).advise("give a library file, recordings (.jsonl, .json, .csv), or \"letters\"")
+        refuse(&error).advise("give a library file, recordings (.csv, .tsv, .json, .jsonl), or \"letters\"")
     })
 }
 

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use motorium_library::{
-    Basis, DAMPING, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, data,
+    Basis, DAMPING, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory,
     merge_independent, merge_parts, path_errors,
 };
+use motorium_recordings::Selection;
 use nalgebra::DMatrix;
 
 use super::letters::chart;
@@ -42,8 +43,9 @@ const RIGHT_LEG: &str = "rfemur*,rtibia*";
 
 /// Windows of all clips: the first four fifths of each clip to learn from, the rest to measure on.
 fn windows(folder: &Path) -> anyhow::Result<(Recordings, Recordings)> {
-    let options = data::Options { rate: 30.0, columns: COLUMNS.map(String::from).to_vec() };
-    let mut all = data::read(folder, &options)?;
+    let channels = COLUMNS.map(String::from).to_vec();
+    let selection = Selection { rate: Some(30.0), channels, ..Selection::default() };
+    let mut all = Recordings::read([folder], &selection)?;
     let mut rest = Recordings { names: all.names.clone(), trajectories: Vec::new() };
     for clip in &mut all.trajectories {
         clip.positions *= std::f64::consts::PI / 180.0;

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_library::{DAMPING, SampledSpring, data};
+use motorium_library::{DAMPING, Recordings, SampledSpring};
+use motorium_recordings::Selection;
 
 use super::sheet::Sheet;
 use super::{body, letters, perception, search};
@@ -43,7 +44,7 @@ pub(super) struct Chapter3 {
 impl Chapter3 {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let file = self.data.join("uci-char-trajectories/train.jsonl");
-        let all = data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })?;
+        let all = Recordings::read([&file], &Selection { rate: Some(200.0), ..Selection::default() })?;
         let spring = SampledSpring::new(self.samples, DAMPING)?;
         let mut sheet =
             Sheet::new(self.out.clone(), 24 + self.epochs as u64 * self.networks + 5 * self.splits)?;
