@@ -15,7 +15,8 @@
 //!   recordings.
 //! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
 //! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
-//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them.
+//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them,
+//!   [`CrossValidation`] over several splits.
 //! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
 //! - [`algebra`]: the linear algebra.
 //!
@@ -30,6 +31,7 @@
 pub mod algebra;
 mod balance;
 mod basis;
+pub mod cross_validation;
 mod data;
 mod evaluate;
 pub mod file;
@@ -45,9 +47,11 @@ mod recursive;
 mod scatter;
 mod split;
 mod spring;
+pub mod statistics;
 mod trajectory;
 
-pub use basis::{Basis, kernel_functions};
+pub use basis::{Basis, kernel_error, kernel_functions};
+pub use cross_validation::CrossValidation;
 pub use data::DataError;
 pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
 pub use generate::{GenerateError, Generator, Superposition};

@@ -255,6 +255,21 @@ impl MotionLibrary {
         self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
     }
 
+    /// The parts of the variance that the first 1, 2, ... eigenforces explain together.
+    pub fn explained_together(&self) -> Vec<f64> {
+        let mut sum = 0.0;
+        let add = |part: f64| {
+            sum += part;
+            sum
+        };
+        self.explained().into_iter().map(add).collect()
+    }
+
+    /// Number of eigenforces that explain a part of the variance, 0 to 1; 0 if all together explain less.
+    pub fn rank_explaining(&self, part: f64) -> usize {
+        self.explained_together().iter().position(|sum| *sum >= part).map_or(0, |k| k + 1)
+    }
+
     /// The first `n` eigenforces alone.
     #[must_use]
     pub fn truncated(&self, n: usize) -> Self {

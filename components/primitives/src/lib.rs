@@ -8,6 +8,7 @@
 //! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
 //! - [`rotation`]: the exponential map of rotations.
+//! - [`rollout`]: movements of a primitive in evenly spaced samples.
 //! - [`file`]: primitives in files.
 //!
 //! ```
@@ -38,6 +39,7 @@ pub mod kmp;
 pub mod promp;
 pub mod reach;
 pub mod regression;
+pub mod rollout;
 pub mod rotation;
 mod value;
 

@@ -46,6 +46,30 @@ fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
 }
 
 #[test]
+fn a_head_that_claims_more_than_memory_holds_is_refused() {
+    let whole = library(Metric::Force);
+    let part = whole.split(&whole.layout().part("part=leg").unwrap());
+    for (library, refusal) in [(&whole, "its head: "), (&part, "section `basis`")] {
+        let bytes = file::to_bytes(library);
+        let head = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();
+        let text = std::str::from_utf8(&bytes[64..64 + head]).unwrap();
+        let text = text.replace("\"samples\":48", "\"samples\":18446744073709551615");
+        let mut changed = [&bytes[..64], text.as_bytes(), &bytes[64 + head..]].concat();
+        let sum = twox_hash::XxHash3_64::oneshot(&changed[64..]);
+        let length = changed.len() as u64;
+        for (at, value) in [(16, length), (24, text.len() as u64), (32, sum)] {
+            changed[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        }
+        // moved to an address that is a multiple of 8
+        let mut words = vec![0_u64; changed.len().div_ceil(8)];
+        let aligned: &mut [u8] = &mut bytemuck::cast_slice_mut(&mut words)[..changed.len()];
+        aligned.copy_from_slice(&changed);
+        let error = file::View::new(aligned).unwrap_err().to_string();
+        assert!(error.contains(refusal), "{error}");
+    }
+}
+
+#[test]
 fn a_mapped_file_is_read_where_it_lies() {
     let library = library(Metric::Force);
     let bytes = file::to_bytes(&library);

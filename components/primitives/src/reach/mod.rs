@@ -8,6 +8,6 @@ mod twist;
 
 pub use leg::{Leg, ReachError, Repeat, SteerError};
 pub use pose_reach::{PoseReach, ReachPhase};
-pub use shape::{PathShape, ShapeError};
+pub use shape::{MAX_APEX, PathShape, ShapeError};
 pub use speed::SPEED_SLEW;
 pub use twist::Twist;

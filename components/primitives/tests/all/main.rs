@@ -9,4 +9,5 @@ mod probabilistic;
 mod reach;
 mod reference;
 mod rhythms;
+mod rollout;
 mod variants;

@@ -2,14 +2,15 @@
 //!
 //! Figures whose number is not certain are named by what they show.
 
+use motorium_library::cross_validation::{FORCE, POSITION};
+use motorium_library::statistics::{mean_and_deviation, proportion_error};
 use motorium_library::{
-    BALANCED, Evaluation, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, compare,
-    kernel_functions, nearest_neighbour_rate,
+    BALANCED, CrossValidation, Evaluation, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring,
+    compare, kernel_error, nearest_neighbour_rate,
 };
 
 use super::sheet::Sheet;
 use crate::chart::{Chart, Series, Tile, tiles};
-use crate::commands::library::evaluate::{Measured, spread};
 
 const TERMS: [usize; 7] = [4, 8, 12, 16, 24, 32, 64];
 
@@ -40,14 +41,7 @@ fn spectrum(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
     let points = |values: &mut dyn Iterator<Item = f64>| {
         values.take(100).enumerate().map(|(k, value)| [(k + 1) as f64, value, 0.0]).collect::<Vec<_>>()
     };
-    let mut sum = 0.0;
-    let together: Vec<f64> = explained
-        .iter()
-        .map(|part| {
-            sum += part;
-            sum
-        })
-        .collect();
+    let together = library.explained_together();
     let series = vec![
         Series { name: "each".into(), points: points(&mut explained.iter().copied()) },
         Series { name: "together".into(), points: points(&mut together.iter().copied()) },
@@ -57,8 +51,7 @@ fn spectrum(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
         "fig-3-09-eigenvalues",
         &chart(title, ["eigenforce", "part of the variance"], [true, true], series),
     )?;
-    let needed = |part: f64| together.iter().position(|sum| *sum >= part).map_or(0, |k| k + 1);
-    let counts = [0.8, 0.9, 0.95, 0.99].map(needed);
+    let counts = [0.8, 0.9, 0.95, 0.99].map(|part| library.rank_explaining(part));
     sheet.claim(
         "3.9",
         "a few eigenforces explain most of the forces of letters",
@@ -127,16 +120,11 @@ fn kernels_of_eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow:
     for k in [1, 2, 5, 10, 20, 50] {
         let mut points = Vec::new();
         for count in counts {
-            let q = kernel_functions(spring, count.min(steps)).qr().q();
             let column = library.eigenforces().column(k.min(library.rank()) - 1);
-            let mut left = 0.0;
-            for forces in column.as_slice().chunks_exact(steps) {
-                let f = nalgebra::DVector::from_column_slice(forces);
-                left += (&f - &q * (q.transpose() * &f)).norm_squared();
-            }
-            points.push([count as f64, (left / column.norm_squared()).sqrt(), 0.0]);
+            let error = kernel_error(column.as_slice(), spring, count);
+            points.push([count as f64, error, 0.0]);
             if count == 40 {
-                at_40.push((k, (left / column.norm_squared()).sqrt()));
+                at_40.push((k, error));
             }
         }
         series.push(Series { name: format!("eigenforce {k}"), points });
@@ -161,7 +149,7 @@ fn bases(
     position: &MotionLibrary,
     held: &Recordings,
 ) -> anyhow::Result<()> {
-    let names = ["eigenforces, force", "eigenforces, position", "fourier", "kernels", BALANCED];
+    let names = [FORCE, POSITION, "fourier", "kernels", BALANCED];
     let bar = sheet.bar.clone();
     let found = compare(&[(names[0], force), (names[1], position)], held, &TERMS, || bar.inc(1));
     let count = (held.trajectories.len().max(1) as f64).sqrt();
@@ -216,29 +204,26 @@ pub(super) fn splits(
     count: u64,
 ) -> anyhow::Result<()> {
     let bar = sheet.bar.clone();
-    let mut measured = Measured::default();
+    let mut measured = CrossValidation::new(vec![16, 32, 64]);
     for seed in 1..=count {
         let (held, seen) = all.split(0.2, seed);
-        measured.add((&seen, &held), spring, &[16, 32, 64], || bar.inc(1))?;
+        measured.add(&seen, &held, spring, || bar.inc(1))?;
     }
     let mut csv = String::from("basis,weights,error of position,standard deviation over splits\n");
-    for row in &measured.rows {
-        let [mean, deviation] = spread(&row.position);
+    for row in measured.errors() {
+        let (mean, deviation) = mean_and_deviation(&row.position);
         csv += &format!("\"{}\",{},{mean},{deviation}\n", row.basis, row.n);
     }
     sheet.write("fig-3-14-splits.csv", &csv)?;
-    let at = |basis: &str, n: usize| {
-        let row = measured.rows.iter().find(|row| row.basis == basis && row.n == n);
-        row.map_or([f64::NAN; 2], |row| spread(&row.position))
-    };
-    let words = ["eigenforces, force", "eigenforces, position", BALANCED].map(|basis| {
+    let at = |basis: &str, n: usize| measured.position_error(basis, n).unwrap_or((f64::NAN, f64::NAN));
+    let words = [FORCE, POSITION, BALANCED].map(|basis| {
         let each = [16, 32, 64].map(|n| {
-            let [mean, deviation] = at(basis, n);
+            let (mean, deviation) = at(basis, n);
             format!("{mean:.5} +- {deviation:.5}")
         });
         format!("{basis} {}", each.join(", "))
     });
-    let better = [16, 32].iter().all(|n| at(BALANCED, *n)[0] < at("eigenforces, position", *n)[0]);
+    let better = [16, 32].iter().all(|n| at(BALANCED, *n).0 < at(POSITION, *n).0);
     sheet.claim(
         "3.14 (beyond the thesis)",
         "with 16 and 32 weights, eigenforces balanced for the mean error are better than those of the mean square",
@@ -249,12 +234,12 @@ pub(super) fn splits(
 }
 
 fn recognition(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
-    let count = held.trajectories.len().max(1) as f64;
+    let count = held.trajectories.len();
     let points: Vec<[f64; 3]> = [1, 2, 4, 8, 16, 32]
         .iter()
         .map(|&n| {
             let rate = nearest_neighbour_rate(library, held, n);
-            [n as f64, rate, (rate * (1.0 - rate) / count).sqrt()]
+            [n as f64, rate, proportion_error(rate, count)]
         })
         .collect();
     let (four, sixteen) = (points[2][1], points[4][1]);

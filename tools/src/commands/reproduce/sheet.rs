@@ -49,11 +49,3 @@ impl Sheet {
         self.claims.push(Claim { figure, claim: claim.to_string(), holds, evidence });
     }
 }
-
-/// Mean and standard error of the mean.
-pub(super) fn mean(values: &[f64]) -> (f64, f64) {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0).max(1.0) / n).sqrt())
-}
