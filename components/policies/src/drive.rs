@@ -1,7 +1,5 @@
 //! What the joint policies share: from setpoints of some joints to the command of all of them.
 
-use std::time::Duration;
-
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState};
@@ -23,9 +21,7 @@ pub struct DriveConfig {
     /// Damping of every joint, N m s/rad or N s/m. Without it, that of the robot's profile.
     pub kd: Option<Vec<f64>>,
     /// Time over which it goes over from where the robot is to the movement, such as "1 s". Default 1 s.
-    #[serde(deserialize_with = "crate::dmp::config::time")]
-    #[schemars(with = "TimeSpan")]
-    pub ease: Duration,
+    pub ease: TimeSpan,
     /// Whether the torque that gravity calls for is added: that of the limbs, with a floating base taken for upright and
     /// held. Default true.
     pub gravity_compensation: bool,
@@ -33,7 +29,7 @@ pub struct DriveConfig {
 
 impl Default for DriveConfig {
     fn default() -> Self {
-        Self { kp: None, kd: None, ease: Duration::from_secs(1), gravity_compensation: true }
+        Self { kp: None, kd: None, ease: TimeSpan { ns: 1_000_000_000 }, gravity_compensation: true }
     }
 }
 

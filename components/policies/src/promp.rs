@@ -1,7 +1,6 @@
 //! `policy.promp`: joints that follow a probabilistic primitive.
 
 use std::path::Path;
-use std::time::Duration;
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -35,13 +34,11 @@ pub struct ProMpPolicyConfig {
     #[serde(default)]
     pub via: Vec<ViaConfig>,
     /// Time of a movement, such as "2 s". Default: that of the demonstrations.
-    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
-    #[schemars(with = "Option<TimeSpan>")]
-    pub duration: Option<Duration>,
+    #[serde(default)]
+    pub duration: Option<TimeSpan>,
     /// Time to stay at the end of a movement, such as "500 ms". Default none.
-    #[serde(default, deserialize_with = "crate::dmp::config::time")]
-    #[schemars(with = "TimeSpan")]
-    pub dwell: Duration,
+    #[serde(default)]
+    pub dwell: TimeSpan,
     /// What follows a movement: "once" stays at its end, "forever" begins the next.
     #[serde(default)]
     pub repeat: Repeat,
@@ -237,7 +234,7 @@ fn primitives(config: &ProMpPolicyConfig, base: &Path, joints: usize) -> Result<
     if config.primitives.is_empty() {
         return Err(ConfigError::key("primitives", "no primitive given, expected at least one"));
     }
-    if config.duration.is_some_and(|duration| duration < Duration::from_millis(1)) {
+    if config.duration.is_some_and(|duration| duration.ns < 1_000_000) {
         return Err(ConfigError::key("duration", "expected at least 1 ms"));
     }
     let mut found = Vec::new();

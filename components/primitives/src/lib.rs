@@ -7,7 +7,6 @@
 //! - [`cpg`]: central pattern generators and gaits.
 //! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
-//! - [`rotation`]: the exponential map of rotations.
 //! - [`rollout`]: movements of a primitive in evenly spaced samples.
 //! - [`file`]: primitives in files.
 //!
@@ -40,7 +39,6 @@ pub mod promp;
 pub mod reach;
 pub mod regression;
 pub mod rollout;
-pub mod rotation;
 mod value;
 
 pub use value::ValueError;

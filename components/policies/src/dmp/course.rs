@@ -76,8 +76,8 @@ impl Course {
         let mut turn = orientation(goal.orientation, goal.rpy, key)?;
         let mut leg = Leg {
             goal: Isometry3::identity(),
-            duration: goal.duration.unwrap_or_default(),
-            dwell: goal.dwell,
+            duration: goal.duration.unwrap_or_default().into(),
+            dwell: goal.dwell.into(),
             shape: PathShape::Straight,
         };
         let (mut at, mut path) = (None, None);
@@ -88,12 +88,13 @@ impl Course {
                     place: Place::At(shown.start()),
                     turn: shown.turns.map(|[start, _]| start).or(turn),
                 };
-                let to_start = Leg { duration: approach, dwell: std::time::Duration::ZERO, ..leg.clone() };
+                let to_start =
+                    Leg { duration: approach.into(), dwell: std::time::Duration::ZERO, ..leg.clone() };
                 self.push(index, goal, to_start, None);
             }
             at = Some(Place::At(shown.end()));
             turn = turn.or(shown.turns.map(|[_, end]| end));
-            leg.duration = goal.duration.unwrap_or(shown.duration);
+            leg.duration = goal.duration.map_or(shown.duration, Into::into);
             leg.shape = PathShape::Learned(Box::new(shown.model));
             path = Some(shown.path);
         } else {

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::origin;
+use motorium::units::TimeSpan;
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_recordings::{Recording, Selection};
@@ -28,9 +29,8 @@ pub struct DemonstrationConfig {
     pub cutoff: f64,
     /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
     /// hand is.
-    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
-    #[schemars(with = "Option<motorium::units::TimeSpan>")]
-    pub approach: Option<std::time::Duration>,
+    #[serde(default)]
+    pub approach: Option<TimeSpan>,
 }
 
 fn forty() -> usize {

@@ -1,6 +1,6 @@
 //! `policy.dmp`: leads the hand of a robot through goals.
 
-pub(crate) mod config;
+mod config;
 mod course;
 mod imitation;
 mod origin;

@@ -19,6 +19,7 @@ use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointState, PoseTarget};
 use motorium::transport::{Input, Output, Parameter};
+use motorium::units::TimeSpan;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use episode::{Current, Planned, Stage, plan};
@@ -129,7 +130,8 @@ impl Component for LibraryPolicy {
     fn configure(config: LibraryPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let library = source::load(&config, Some(&robot.base))?;
-        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, config.duration);
+        let duration = config.duration.map(TimeSpan::as_secs_f64);
+        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, duration);
         let dofs = library.layout().dofs();
         let period = setup.period().as_secs_f64();
         let (mut hand, mut joints) = (None, Vec::new());
@@ -157,8 +159,8 @@ impl Component for LibraryPolicy {
             index: 0,
             stage: Stage::Waiting,
             repeat: config.repeat,
-            transit: config.transit,
-            rest: config.rest,
+            transit: config.transit.as_secs_f64(),
+            rest: config.rest.as_secs_f64(),
             requested: 0,
             begun: 0,
             on_request: false,

@@ -68,18 +68,20 @@ pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Re
         let message = format!("{terms} eigenforces, the library has {}", library.rank());
         return Err(ConfigError::key("terms", message));
     }
-    let r = &config.recognition;
-    for (key, value, least) in [
-        ("duration", config.duration.unwrap_or(1.0), 1e-3),
-        ("transit", config.transit, 1e-3),
-        ("rest", config.rest, 0.0),
-        ("recognition.still", r.still, 0.0),
-        ("recognition.pause", r.pause, 1e-3),
-        ("recognition.longest", r.longest, 1e-2),
-        ("rate", config.rate, 1e-6),
-    ] {
+    let recognition = &config.recognition;
+    for (key, value, least) in [("recognition.still", recognition.still, 0.0), ("rate", config.rate, 1e-6)] {
         if !(value.is_finite() && value >= least) {
             return Err(ConfigError::key(key, format!("{value}, expected at least {least}")));
+        }
+    }
+    for (key, span, least_ms) in [
+        ("duration", config.duration, 1),
+        ("transit", Some(config.transit), 1),
+        ("recognition.pause", Some(recognition.pause), 1),
+        ("recognition.longest", Some(recognition.longest), 10),
+    ] {
+        if let Some(span) = span.filter(|span| span.ns < 1_000_000 * least_ms) {
+            return Err(ConfigError::key(key, format!("{span}, expected at least {least_ms} ms")));
         }
     }
     Ok(())

@@ -250,8 +250,7 @@ fn movements_are_made_straight_from_recordings() {
         lines += &format!("{line}\n");
     }
     std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
-    let config =
-        "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = \"1 s\"";
     let report = run_in(folder.path(), config, false);
     let policy = &report.results["policy"];
     assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));

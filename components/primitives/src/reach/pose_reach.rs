@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use motorium_robots::Twist;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::leg::{Leg, ReachError, Repeat, SteerError, numbers};
 use super::shape::plain;
 use super::speed::Pace;
-use super::twist::Twist;
 use crate::dmp::{DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 
 /// Where in its sequence a hand is.

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachError, ReachPhase, Repeat, SteerError};
-use motorium_primitives::rotation;
+use motorium_robots::lie::so3;
 use nalgebra::{DMatrix, Isometry3, Translation3, Vector3};
 
 const TICK: Duration = Duration::from_millis(1);
 
 fn pose(position: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
-    Isometry3::from_parts(Translation3::from(position), rotation::exp(Vector3::from(turn)))
+    Isometry3::from_parts(Translation3::from(position), so3::exp(&Vector3::from(turn)))
 }
 
 fn home() -> Isometry3<f64> {
@@ -48,7 +48,7 @@ fn position_error(reach: &PoseReach) -> f64 {
 }
 
 fn orientation_error(reach: &PoseReach) -> f64 {
-    rotation::log(&(reach.pose().rotation * reach.goal().rotation.inverse())).norm()
+    so3::log(&(reach.pose().rotation * reach.goal().rotation.inverse())).norm()
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn the_motion_is_smooth_through_all_legs_and_its_derivatives_are_true() {
         let [before, here, after] = three else { unreachable!("windows of three") };
         let velocity = (after.0.translation.vector - before.0.translation.vector) / h;
         assert!((velocity - here.1.linear).norm() < 2e-3, "at {k} ms: {velocity} {}", here.1.linear);
-        let angular = rotation::log(&(after.0.rotation * before.0.rotation.inverse())) / h;
+        let angular = so3::log(&(after.0.rotation * before.0.rotation.inverse())) / h;
         assert!((angular - here.1.angular).norm() < 2e-3, "at {k} ms");
         // where the speed begins or ends to change, its slope jumps
         if (2999..3200).contains(&k) || (5999..6300).contains(&k) {

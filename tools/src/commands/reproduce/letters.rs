@@ -113,7 +113,6 @@ fn reproduction(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -
 
 fn kernels_of_eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
     let spring = library.spring();
-    let steps = spring.forces();
     let counts = [5, 10, 20, 40, 80, 120, 160];
     let mut series = Vec::new();
     let mut at_40 = Vec::new();
