@@ -93,8 +93,8 @@ impl Generator {
         for (joint, swing) in self.swings.iter().enumerate() {
             let amplitude = scale * swing.amplitude;
             match &mut self.model {
-                Model::Phase(network) => network.set_swing(joint, amplitude, swing.offset)?,
-                Model::Rhythm(rhythm) => rhythm.set_swing(joint, amplitude, swing.offset)?,
+                Model::Phase(network) => network.set_amplitude_offset(joint, amplitude, swing.offset)?,
+                Model::Rhythm(rhythm) => rhythm.set_amplitude_offset(joint, amplitude, swing.offset)?,
             }
         }
         Ok(())

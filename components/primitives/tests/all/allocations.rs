@@ -142,7 +142,7 @@ fn pattern_generators_step_and_change_their_gait_without_allocating() {
             if k == 1000 {
                 network.set_gait(Gait::Walk).unwrap();
                 network.set_frequency(2.0).unwrap();
-                network.set_swing(2, 0.5, 0.1).unwrap();
+                network.set_amplitude_offset(2, 0.5, 0.1).unwrap();
                 hopf.set_pattern(&[0.0, 1.0, 2.0, 3.0]).unwrap();
                 hopf.set_settings(HopfSettings::default().with_stride(0.5, 0.6)).unwrap();
             }
@@ -191,7 +191,7 @@ fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
                     rhythm.set_gait(Gait::Pace.phases(4).unwrap()).unwrap();
                     rhythm.set_frequency(2.0).unwrap();
                     rhythm.set_duty_factor(0.7).unwrap();
-                    rhythm.set_swing(3, 0.1, 0.0).unwrap();
+                    rhythm.set_amplitude_offset(3, 0.1, 0.0).unwrap();
                     assert!(rhythm.set_frequency(f64::NAN).is_err());
                 }
             }

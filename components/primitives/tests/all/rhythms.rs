@@ -67,7 +67,7 @@ fn strides_take_their_time_and_swings_have_their_amplitude_whatever_the_model() 
         for (frequency, amplitude) in [(0.5, 0.2), (2.0, 0.4)] {
             let mut rhythm = rhythm(model, Gait::Trot, 4, RhythmSettings::default());
             rhythm.set_frequency(frequency).unwrap();
-            (0..4).for_each(|leg| rhythm.set_swing(leg, amplitude, -0.5).unwrap());
+            (0..4).for_each(|leg| rhythm.set_amplitude_offset(leg, amplitude, -0.5).unwrap());
             (0..4000).for_each(|_| rhythm.step(1e-3));
             let (mut low, mut high, mut turns, mut before) = (f64::MAX, f64::MIN, 0, rhythm.phases()[2]);
             let start = before;
