@@ -57,8 +57,7 @@ impl Driven {
             ConfigError::new("it moves the joints of a robot, and the component names none")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-            .map_err(|error| ConfigError::new(error.to_string()))?;
+        let loaded = crate::robot::load(robot)?;
         let model = loaded.model;
         let mut found = Vec::new();
         for (name, key) in joints {

@@ -14,6 +14,7 @@ pub mod dmp;
 mod drive;
 pub mod library;
 pub mod promp;
+mod robot;
 
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;

@@ -220,8 +220,7 @@ fn named(
         return Ok(joints.iter().enumerate().map(keyed).collect());
     }
     let Some(robot) = robot else { return Ok(Vec::new()) };
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+    let loaded = crate::robot::load(robot)?;
     Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
 }
 

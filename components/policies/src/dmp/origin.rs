@@ -9,6 +9,7 @@ use nalgebra::Isometry3;
 
 use super::config::DmpPolicyConfig;
 use super::course;
+use crate::robot;
 
 /// Finds the pose the hand starts from.
 #[derive(Debug)]
@@ -99,33 +100,17 @@ impl Origin {
 }
 
 /// The model of a robot and the frame that is led.
-pub(super) fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+    let loaded = robot::load(reference)?;
     if loaded.model.base().floating {
-        let message =
-            format!("robot `{}` has a floating base: where its hand is, its joints do not say", robot.name);
+        let message = format!(
+            "robot `{}` has a floating base: where its hand is, its joints do not say",
+            reference.name
+        );
         return Err(
             ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
         );
     }
-    let (name, key) = match frame {
-        Some(name) => (name, "frame"),
-        None => {
-            let mut hands = loaded.profile.iter().flat_map(|profile| profile.end_effectors.values());
-            match (hands.next(), hands.next()) {
-                (Some(hand), None) => (hand.frame.as_str(), "frame"),
-                (one, _) => {
-                    let number =
-                        if one.is_some() { "several end effectors" } else { "no known end effector" };
-                    let message = format!("robot `{}` has {number}, and no `frame` is given", robot.name);
-                    let example = loaded.model.frames().last().map_or("", |frame| frame.name.as_str());
-                    let advice = format!("name the link that is led, such as `frame = \"{example}\"`");
-                    return Err(ConfigError::new(message).advise(advice));
-                }
-            }
-        }
-    };
-    let id = loaded.model.frame(name).map_err(|error| ConfigError::key(key, error.to_string()))?;
+    let id = robot::end_effector(&loaded, frame, "frame")?;
     Ok((loaded.model, id))
 }
