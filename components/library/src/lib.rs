@@ -48,6 +48,7 @@ mod scatter;
 mod split;
 mod spring;
 pub mod statistics;
+mod trace;
 mod trajectory;
 
 pub use basis::{Basis, kernel_error, kernel_functions};
@@ -64,4 +65,5 @@ pub use recognise::{Recognised, Recogniser};
 pub use recursive::RecursiveLibrary;
 pub use scatter::RecursiveScatter;
 pub use spring::{DAMPING, SampledSpring, SpringError};
+pub use trace::{Trace, TraceErrors};
 pub use trajectory::{Recordings, Trajectory};

@@ -14,7 +14,7 @@ pub(crate) fn table(
     selection: &Selection,
 ) -> Result<Table, RecordingError> {
     let malformed = |place: Place, found: String, expected: &str| RecordingError::Malformed {
-        place,
+        place: Box::new(place),
         found,
         expected: expected.into(),
         advice: None,
@@ -74,7 +74,7 @@ pub(crate) fn table(
 fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> {
     let found = if cell.is_empty() { "nothing".into() } else { format!("`{cell}`") };
     let refused = |expected: &str, advice| RecordingError::Malformed {
-        place: place(),
+        place: Box::new(place()),
         found: found.clone(),
         expected: expected.into(),
         advice,

@@ -74,7 +74,7 @@ pub enum RecordingError {
     #[error("{place}: found {found}, expected {expected}{}", advised(*.advice))]
     Malformed {
         /// Place of the mistake.
-        place: Place,
+        place: Box<Place>,
         /// What stands there.
         found: String,
         /// What could stand there.

@@ -40,7 +40,7 @@ fn syntax(path: &str, lines_before: usize, error: &serde_json::Error) -> Recordi
     // the place is said by `Place`
     let said = message.split(" at line ").next().unwrap_or_default();
     RecordingError::Malformed {
-        place: Place::line(path, lines_before + error.line().max(1)).column(error.column(), ""),
+        place: Box::new(Place::line(path, lines_before + error.line().max(1)).column(error.column(), "")),
         found: said.to_string(),
         expected: "JSON".into(),
         advice: error.is_eof().then_some("the text is cut short"),
@@ -80,7 +80,12 @@ fn is_sample(value: &Value, selection: &Selection) -> bool {
 }
 
 fn malformed(place: &Place, found: String, expected: &str) -> RecordingError {
-    RecordingError::Malformed { place: place.clone(), found, expected: expected.into(), advice: None }
+    RecordingError::Malformed {
+        place: Box::new(place.clone()),
+        found,
+        expected: expected.into(),
+        advice: None,
+    }
 }
 
 /// One recording of values that are samples.

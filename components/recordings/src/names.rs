@@ -42,7 +42,7 @@ impl Columns {
         for (index, name) in names.iter().enumerate() {
             if names[..index].contains(name) {
                 return Err(RecordingError::Malformed {
-                    place: place.clone().column(index + 1, name),
+                    place: Box::new(place.clone().column(index + 1, name)),
                     found: format!("a second column `{name}`"),
                     expected: "a name of its own for each column".into(),
                     advice: None,
@@ -71,7 +71,7 @@ impl Columns {
         };
         if channels.is_empty() {
             return Err(RecordingError::Malformed {
-                place: place.clone(),
+                place: Box::new(place.clone()),
                 found: "no channel".into(),
                 expected: "columns or fields of numbers beside the time".into(),
                 advice: None,

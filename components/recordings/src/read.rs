@@ -102,7 +102,7 @@ fn read_file(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Recor
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.iter().filter(|byte| **byte == b'\n').count();
         RecordingError::Malformed {
-            place: Place::line(&name, line),
+            place: Box::new(Place::line(&name, line)),
             found: "bytes that are no UTF-8".into(),
             expected: "text in UTF-8".into(),
             advice: None,
@@ -141,7 +141,7 @@ impl Table {
         let Self { columns, rows } = self;
         if rows.len() < 2 {
             return Err(RecordingError::Malformed {
-                place: Place::file(path),
+                place: Box::new(Place::file(path)),
                 found: format!("{} samples", rows.len()),
                 expected: "at least 2".into(),
                 advice: None,
@@ -172,7 +172,7 @@ pub(crate) fn timed(
         if times.last().is_some_and(|last| time <= *last) {
             let before = times[k - 1];
             return Err(RecordingError::Malformed {
-                place,
+                place: Box::new(place),
                 found: format!("the time {time} s after {before} s"),
                 expected: "times that increase".into(),
                 advice: Some("sort the recording, or cut it where the clock was reset"),

@@ -9,7 +9,6 @@ mod plane;
 mod publish;
 mod signal;
 mod source;
-mod trace;
 mod watch;
 
 pub use config::{HandConfig, LibraryPolicyConfig, RecognitionConfig};
@@ -23,11 +22,10 @@ use motorium::units::TimeSpan;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use episode::{Current, Planned, Stage, plan};
-use motorium_library::{Generator, MotionLibrary};
+use motorium_library::{Generator, MotionLibrary, Trace};
 use motorium_primitives::reach::Repeat;
 use plane::Plane;
 use signal::Hand;
-use trace::Trace;
 use watch::Watch;
 
 /// Makes the movements of a motion library, one after the other, and recognises the movements it sees.

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod discrete;
+mod examples;
 mod fitting;
 mod orientation;
 mod oscillators;
