@@ -10,7 +10,7 @@ use motorium_primitives::dmp::{Demonstration, DiscreteDmp, DmpModel, Regression,
 use nalgebra::DMatrix;
 
 /// Fits, rolls out and prints; returns the position at the end.
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     // a demonstration of 1.5 s: 200 positions of two dimensions, m, that begin and end at rest
     let positions = DMatrix::from_fn(200, 2, |k, d| {
         let p = k as f64 / 199.0;
