@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::{Keep, Layout, Metric, MotionLibrary, SampledSpring};
+use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
 /// Functions that forces are written in, and how their weights are found: `w = analysis^T f`, `f = functions w`.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ impl Basis {
         self.analysis.transpose() * forces
     }
 
-    /// What the basis makes of forces, one movement a column.
+    /// Approximation of forces, one movement a column.
     pub fn approximate(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         &self.functions * self.weights(forces)
     }
@@ -122,7 +122,7 @@ impl MotionLibrary {
     ///
     /// # Errors
     /// Movements that do not move.
-    pub fn in_metric(&self, metric: Metric, keep: Keep) -> Result<Self, super::BuildError> {
+    pub fn in_metric(&self, metric: Metric, keep: Truncation) -> Result<Self, super::BuildError> {
         let forces = self.eigenforces() * self.weights();
         let kind = (self.layout().clone(), *self.spring());
         Self::from_forces(forces, self.entries().to_vec(), kind, metric, keep)

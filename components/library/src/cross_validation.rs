@@ -2,7 +2,7 @@
 
 use crate::statistics::mean_and_deviation;
 use crate::{
-    BALANCED, BuildError, Keep, Metric, MotionLibrary, Recordings, SampledSpring, compare,
+    BALANCED, BuildError, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, compare,
     nearest_neighbour_rate,
 };
 
@@ -83,7 +83,7 @@ impl CrossValidation {
     ) -> Result<(), BuildError> {
         let mut build = |metric| {
             progress();
-            MotionLibrary::build(seen, spring, metric, Keep::All)
+            MotionLibrary::build(seen, spring, metric, Truncation::All)
         };
         let (force, position) = (build(Metric::Force)?, build(Metric::Position)?);
         let libraries = [(FORCE, &force), (POSITION, &position)];

@@ -10,7 +10,7 @@
 //! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
 //! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
 //!
-//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Keep`], in a [`Metric`].
+//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Truncation`], in a [`Metric`].
 //! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
 //!   recordings.
 //! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
@@ -41,7 +41,6 @@ pub mod letters;
 mod merge;
 mod motion_library;
 mod movement;
-mod rank;
 mod recognise;
 mod recursive;
 mod scatter;
@@ -50,6 +49,7 @@ mod spring;
 pub mod statistics;
 mod trace;
 mod trajectory;
+mod truncation;
 
 pub use basis::{Basis, kernel_error, kernel_functions};
 pub use cross_validation::CrossValidation;
@@ -60,10 +60,10 @@ pub use layout::{Layout, LayoutError, Part};
 pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};
 pub use motion_library::{BuildError, Entry, LibraryParts, Metric, MotionLibrary};
 pub use movement::{Frame, Movement};
-pub use rank::Keep;
 pub use recognise::{Recognised, Recogniser};
 pub use recursive::RecursiveLibrary;
 pub use scatter::RecursiveScatter;
 pub use spring::{DAMPING, SampledSpring, SpringError};
 pub use trace::{Trace, TraceErrors};
 pub use trajectory::{Recordings, Trajectory};
+pub use truncation::Truncation;

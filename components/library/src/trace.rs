@@ -105,13 +105,13 @@ impl Trace {
 mod tests {
     use super::*;
     use crate::letters::{Variation, letters};
-    use crate::{DAMPING, Keep, Metric, SampledSpring};
+    use crate::{DAMPING, Metric, SampledSpring, Truncation};
 
     #[test]
     fn a_path_moved_aside_is_as_far_off_as_it_was_moved() {
         let spring = SampledSpring::new(60, DAMPING).unwrap();
         let letters = letters(1, Variation::default(), 1);
-        let library = MotionLibrary::build(&letters, spring, Metric::Position, Keep::All).unwrap();
+        let library = MotionLibrary::build(&letters, spring, Metric::Position, Truncation::All).unwrap();
         let path = Superposition::of(&library, 2, library.rank()).path(&library);
         let mut trace = Trace::new(2, 60);
         assert_eq!(trace.errors(&library, 2).generated, None);

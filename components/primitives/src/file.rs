@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::dmp::{Demonstration, DmpModel, RhythmicModel};
 use crate::promp::ProMp;
 
-/// What a file of a primitive says: JSON, one object.
+/// Content of a file of a primitive: JSON, one object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PrimitiveFile {
@@ -18,13 +18,13 @@ pub struct PrimitiveFile {
     pub names: Vec<String>,
     /// Seconds that the demonstration took; of a rhythm, its period.
     pub duration: f64,
-    /// Where the demonstration began.
+    /// Start of the demonstration, one number a dimension.
     pub start: Vec<f64>,
-    /// How fast it was there, per second.
+    /// Velocity there, per second.
     pub start_velocity: Vec<f64>,
-    /// Where it ended; of a rhythm, the middle.
+    /// End of the demonstration; of a rhythm, its centre.
     pub goal: Vec<f64>,
-    /// How fast it was there, per second.
+    /// Velocity there, per second.
     pub final_velocity: Vec<f64>,
     /// The primitive.
     pub primitive: Primitive,
@@ -62,7 +62,7 @@ impl Primitive {
     }
 }
 
-/// Why a file cannot be read or written.
+/// An error of reading or writing a file.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
     /// The system refused.
@@ -70,7 +70,7 @@ pub enum PrimitiveFileError {
     System {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The text is no primitive.
@@ -78,7 +78,7 @@ pub enum PrimitiveFileError {
     Text {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and where.
+        /// Syntax error with its place.
         source: serde_json::Error,
     },
     /// Another version.
@@ -94,7 +94,7 @@ pub enum PrimitiveFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// Contradiction found.
         message: String,
     },
 }

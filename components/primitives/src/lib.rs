@@ -12,16 +12,16 @@
 //!
 //! ```
 //! use std::time::Duration;
-//! use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachPhase, Repeat};
+//! use motorium_primitives::reach::{Segment, PathShape, PoseReach, ReachPhase, Repeat};
 //! use nalgebra::{Isometry3, Vector3};
 //!
-//! let leg = Leg {
+//! let segment = Segment {
 //!     goal: Isometry3::translation(0.5, 0.2, 0.4),
 //!     duration: Duration::from_secs(2),
 //!     dwell: Duration::from_millis(500),
 //!     shape: PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.1) },
 //! };
-//! let mut reach = PoseReach::new(vec![leg], Repeat::Once)?;
+//! let mut reach = PoseReach::new(vec![segment], Repeat::Once)?;
 //! reach.start(Isometry3::translation(0.3, 0.0, 0.5))?;
 //! while reach.phase() != ReachPhase::Finished {
 //!     reach.step(Duration::from_millis(1));

@@ -75,9 +75,9 @@ pub enum RecordingError {
     Malformed {
         /// Place of the mistake.
         place: Box<Place>,
-        /// What stands there.
+        /// Content found.
         found: String,
-        /// What could stand there.
+        /// Content expected.
         expected: String,
         /// A remedy.
         advice: Option<&'static str>,

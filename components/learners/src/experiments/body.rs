@@ -1,8 +1,8 @@
 //! Libraries of a full body and of its parts, learned from motion capture.
 
 use motorium_library::{
-    Basis, BuildError, DAMPING, Keep, LayoutError, MergeError, Metric, MotionLibrary, Movement, Recordings,
-    SampledSpring, SpringError, Trajectory, merge_independent, merge_parts, path_errors,
+    Basis, BuildError, DAMPING, LayoutError, MergeError, Metric, MotionLibrary, Movement, Recordings,
+    SampledSpring, SpringError, Trajectory, Truncation, merge_independent, merge_parts, path_errors,
 };
 use nalgebra::DMatrix;
 
@@ -112,7 +112,7 @@ impl Body {
     /// Windows that no library is learned from, or without arms or legs.
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
-        let whole = MotionLibrary::build(seen, spring, Metric::Force, Keep::All)?;
+        let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
         let part = |patterns: &str| -> Result<MotionLibrary, LayoutError> {
             Ok(whole.split(&whole.layout().part(&format!("part={patterns}"))?))
         };
@@ -120,9 +120,9 @@ impl Body {
         let (left_leg, right_leg) = (part(LEFT_LEG)?, part(RIGHT_LEG)?);
         let arms = part(&format!("{LEFT_ARM},{RIGHT_ARM}"))?;
         let legs = part(&format!("{LEFT_LEG},{RIGHT_LEG}"))?;
-        let two_parts = merge_independent(&[&arms, &legs], Keep::All)?;
-        let four_parts = merge_independent(&[&left_arm, &right_arm, &left_leg, &right_leg], Keep::All)?;
-        let together = merge_parts(&[&arms, &legs], Keep::All)?;
+        let two_parts = merge_independent(&[&arms, &legs], Truncation::All)?;
+        let four_parts = merge_independent(&[&left_arm, &right_arm, &left_leg, &right_leg], Truncation::All)?;
+        let together = merge_parts(&[&arms, &legs], Truncation::All)?;
         Ok(Self { whole, arms, legs, right_arm, left_leg, together, two_parts, four_parts })
     }
 
@@ -192,5 +192,5 @@ pub fn learned_alone(seen: &Recordings, part: &MotionLibrary) -> Result<MotionLi
     };
     let alone =
         Recordings { names: names.to_vec(), trajectories: seen.trajectories.iter().map(alone).collect() };
-    MotionLibrary::build(&alone, *part.spring(), part.metric(), Keep::All)
+    MotionLibrary::build(&alone, *part.spring(), part.metric(), Truncation::All)
 }

@@ -5,7 +5,8 @@ use motorium_learners::experiments::search::{
 };
 use motorium_library::letters::{Variation, letters};
 use motorium_library::{
-    DAMPING, Entry, Frame, Keep, Layout, LibraryParts, Metric, MotionLibrary, SampledSpring, kernel_functions,
+    DAMPING, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrary, SampledSpring, Truncation,
+    kernel_functions,
 };
 use nalgebra::DMatrix;
 
@@ -14,7 +15,8 @@ fn spring() -> SampledSpring {
 }
 
 fn library() -> MotionLibrary {
-    MotionLibrary::build(&letters(4, Variation::default(), 1), spring(), Metric::Force, Keep::All).unwrap()
+    MotionLibrary::build(&letters(4, Variation::default(), 1), spring(), Metric::Force, Truncation::All)
+        .unwrap()
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What it said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// Something is wrong in a file that could be read.
@@ -24,7 +24,7 @@ pub enum FileError {
     In {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Error in the file.
         source: Box<FileError>,
     },
     /// Not a library at all.
@@ -69,7 +69,7 @@ pub enum FileError {
         name: &'static str,
         /// Entries according to the head.
         found: usize,
-        /// Where it should begin.
+        /// Offset of its beginning, bytes.
         offset: usize,
         /// Entries there should be.
         expected: String,
@@ -102,7 +102,7 @@ impl<'a> View<'a> {
     /// Checks the bytes of a file.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// An invalid file.
     pub fn new(bytes: &'a [u8]) -> Result<Self, FileError> {
         let head = head(bytes)?;
         let s = &head.sections;
@@ -227,7 +227,7 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 /// Reads a library from a file.
 ///
 /// # Errors
-/// What the file system says, or what is wrong with the file.
+/// The system refuses, or the file is invalid.
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
     let mut file = std::fs::File::open(path).map_err(io)?;

@@ -1,6 +1,6 @@
 //! The files of the motion library, and recordings read from files.
 
-use motorium_library::{BuildError, Keep, Metric, MotionLibrary, Recordings, file};
+use motorium_library::{BuildError, Metric, MotionLibrary, Recordings, Truncation, file};
 use motorium_recordings::Selection;
 
 use crate::recorded::{golden, library, recordings, spring};
@@ -119,11 +119,11 @@ fn recordings_of_files_and_folders_become_movements_of_the_same_degrees_of_freed
 fn recordings_that_cannot_be_learned_from_are_refused() {
     let mut set = recordings(&golden());
     set.trajectories[4].positions[(10, 1)] = f64::NAN;
-    let error = MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err().to_string();
+    let error = MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap_err().to_string();
     assert!(error.contains("`m4`: sample 10 of degree of freedom 1"), "{error}");
     set.trajectories.clear();
     assert_eq!(
-        MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err(),
+        MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap_err(),
         BuildError::NoRecordings
     );
 }

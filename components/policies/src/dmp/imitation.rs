@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::origin;
+use super::start_pose;
 use motorium::units::TimeSpan;
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
@@ -81,12 +81,12 @@ impl Demonstrated {
         Ok(Self { model, path, duration: std::time::Duration::from_secs_f64(duration), turns })
     }
 
-    /// Where it begins.
+    /// Start of the path.
     pub(super) fn start(&self) -> Vector3<f64> {
         self.path[0]
     }
 
-    /// Where it ends.
+    /// End of the path.
     pub(super) fn end(&self) -> Vector3<f64> {
         self.path[self.path.len() - 1]
     }
@@ -115,7 +115,7 @@ fn hand(
         let message = format!("{channels} channels, expected the 3 of the position of a hand");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
-    let (model, frame) = origin::load(robot, frame)?;
+    let (model, frame) = start_pose::load(robot, frame)?;
     if channels != model.nq() {
         let expected = model.nq();
         return Err(wrong(format!(
@@ -164,7 +164,7 @@ pub(super) fn primitive(
 /// Deviations of the target, and of the measured end effector, from the paths that were demonstrated.
 #[derive(Debug, Default)]
 pub(super) struct PathRecord {
-    /// Path of every leg that was demonstrated, m.
+    /// Path of every segment that was demonstrated, m.
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     target: PathDeviation,
     hand: PathDeviation,
@@ -175,27 +175,27 @@ impl PathRecord {
         Self { paths, ..Self::default() }
     }
 
-    /// Whether there is anything to look at in a leg.
-    pub(super) fn watches(&self, leg: usize) -> bool {
-        self.paths.get(leg).is_some_and(Option::is_some)
+    /// Whether there is anything to look at in a segment.
+    pub(super) fn watches(&self, segment: usize) -> bool {
+        self.paths.get(segment).is_some_and(Option::is_some)
     }
 
-    /// Takes the target (and the measured place of the hand, where known) at a progress of a leg.
+    /// Takes the target (and the measured place of the hand, where known) at a progress of a segment.
     pub(super) fn observe(
         &mut self,
-        leg: usize,
+        segment: usize,
         progress: f64,
         target: Vector3<f64>,
         hand: Option<Vector3<f64>>,
     ) {
-        let Some(Some(path)) = self.paths.get(leg) else { return };
+        let Some(Some(path)) = self.paths.get(segment) else { return };
         self.target.observe(path, progress, target);
         if let Some(hand) = hand {
             self.hand.observe(path, progress, hand);
         }
     }
 
-    /// What there is to say about the run: None without a demonstration.
+    /// Result of the run; `None` without a demonstration.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         self.paths
             .iter()

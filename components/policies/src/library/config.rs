@@ -43,7 +43,7 @@ pub struct LibraryPolicyConfig {
     /// Moves a hand in a plane, for libraries of two degrees of freedom. Without it, the movements are setpoints of joints.
     #[serde(default)]
     pub hand: Option<HandConfig>,
-    /// What counts as rest for recognition: a movement is what lies between two rests.
+    /// Definition of rest for recognition: a movement lies between two rests.
     #[serde(default)]
     pub recognition: RecognitionConfig,
     /// An SVG file to draw the movements into when the run ends (in the folder the run was started from).
@@ -58,7 +58,7 @@ pub struct HandConfig {
     /// Frame of the robot that is led. Without it, that of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
-    /// Where the centre of the first movement is, in the world frame, m.
+    /// Centre of the first movement, in the world frame, m.
     pub origin: [f64; 3],
     /// Direction of the first degree of freedom, in the world frame.
     #[serde(default = "across")]
@@ -72,12 +72,12 @@ pub struct HandConfig {
     /// From the centre of one movement to that of the next, along the first axis, m.
     #[serde(default)]
     pub pitch: f64,
-    /// How far the hand leaves the plane between movements, m.
+    /// Distance of the end effector from the plane between movements, m.
     #[serde(default = "lift")]
     pub lift: f64,
 }
 
-/// What counts as rest.
+/// Definition of rest.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecognitionConfig {

@@ -62,7 +62,7 @@ pub struct LibraryPolicy {
     orientation: UnitQuaternion<f64>,
     /// The point of the last target.
     published: Vector3<f64>,
-    /// Where the transit began, in space or in joints.
+    /// Start of the transit, in space or in joints.
     from: Vec<f64>,
     position: Vec<f64>,
     velocity: Vec<f64>,
@@ -232,7 +232,7 @@ impl LibraryPolicy {
         Ok(Some(pose))
     }
 
-    /// Goes on by so many seconds.
+    /// Advances by `dt` seconds.
     fn advance(&mut self, dt: f64, pose: &Isometry3<f64>) -> Result<(), StepError> {
         match self.stage {
             Stage::Waiting => {
@@ -272,7 +272,7 @@ impl LibraryPolicy {
         Ok(())
     }
 
-    /// What comes after a movement: a request, the next one, or the end.
+    /// Starts what comes after a movement: a request, the next one, or the end.
     fn next(&mut self, pose: &Isometry3<f64>) {
         if self.take_request() {
             return self.set_out(pose);

@@ -1,4 +1,4 @@
-//! What a policy has to say of its run: in numbers, and as a picture.
+//! Result of a run, in numbers and as a picture.
 
 use super::episode::Stage;
 use super::{LibraryPolicy, messages, picture};

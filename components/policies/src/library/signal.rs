@@ -1,4 +1,4 @@
-//! What a policy sees of the robot.
+//! Measured pose and joints of the robot.
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{FrameId, Kinematics, Model};

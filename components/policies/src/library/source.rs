@@ -6,7 +6,7 @@ use motorium::declare::ConfigError;
 
 use super::config::LibraryPolicyConfig;
 use motorium_library::{
-    DAMPING, Keep, Metric, MotionLibrary, Recordings, SampledSpring, file,
+    DAMPING, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, file,
     letters::{Variation, letters},
 };
 use motorium_recordings::Selection;
@@ -21,7 +21,7 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
     let refuse = |error: &dyn std::fmt::Display| ConfigError::key("library", error.to_string());
     let spring = SampledSpring::new(SAMPLES, DAMPING).map_err(|error| refuse(&error))?;
     let build = |recordings| {
-        MotionLibrary::build(&recordings, spring, Metric::Position, Keep::Rank(super::MAX_WEIGHTS))
+        MotionLibrary::build(&recordings, spring, Metric::Position, Truncation::Rank(super::MAX_WEIGHTS))
             .map_err(|error| refuse(&error))
     };
     if config.library == "letters" {

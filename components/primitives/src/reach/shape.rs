@@ -7,7 +7,7 @@ use crate::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 /// Largest deviation of an arc along an axis, m.
 pub const MAX_APEX: f64 = 1e6;
 
-/// How the position travels to a goal. The orientation always turns along the great arc.
+/// Shape of the path of the position to a goal. The orientation always turns along the great arc.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PathShape {
     /// Along the straight line.
@@ -23,7 +23,7 @@ pub enum PathShape {
     Learned(Box<DmpModel>),
 }
 
-/// Why a shape leads nowhere.
+/// An invalid path shape.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// An apex that is no place.

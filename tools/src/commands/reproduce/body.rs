@@ -9,29 +9,29 @@ use motorium_library::{MotionLibrary, Recordings};
 use motorium_recordings::Selection;
 
 use super::letters::chart;
-use super::sheet::Sheet;
+use super::writer::FigureWriter;
 use crate::chart::Series;
 
-pub(super) fn figures(sheet: &mut Sheet, folder: &Path, searched: usize) -> anyhow::Result<()> {
+pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize) -> anyhow::Result<()> {
     let channels = CHANNELS.map(String::from).to_vec();
     let selection = Selection { rate: Some(RATE), channels, ..Selection::default() };
     let (seen, held) = windows(Recordings::read([folder], &selection)?);
     anyhow::ensure!(held.trajectories.len() > 10, "{}: too few movements", folder.display());
     let body = Body::learn(&seen)?;
-    sheet.bar.inc(1);
-    spectra(sheet, &seen, &body)?;
+    writer.bar.inc(1);
+    spectra(writer, &seen, &body)?;
     let off = difference(&body.together, &body.whole);
     let claim = "libraries of arms and legs that moved together merge into that of the whole body";
-    sheet.claim(
+    writer.claim(
         "3.18",
         claim,
         off <= 1e-12,
         format!("largest difference of singular values {off:.1e} of the first"),
     );
-    composed(sheet, &held, &body, searched)
+    composed(writer, &held, &body, searched)
 }
 
-fn spectra(sheet: &mut Sheet, seen: &Recordings, body: &Body) -> anyhow::Result<()> {
+fn spectra(writer: &mut FigureWriter, seen: &Recordings, body: &Body) -> anyhow::Result<()> {
     let mut series = Vec::new();
     let mut words = Vec::new();
     let mut counts = Vec::new();
@@ -50,19 +50,19 @@ fn spectra(sheet: &mut Sheet, seen: &Recordings, body: &Body) -> anyhow::Result<
         let points = together.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, *sum, 0.0]).collect();
         series.push(Series { name: name.into(), points });
         off = off.max(difference(library, &learned_alone(seen, library)?));
-        sheet.bar.inc(1);
+        writer.bar.inc(1);
     }
     let title = "3.18  Variance explained together: the body and its parts";
     let axes = ["eigenforces", "part of the variance"];
-    sheet.chart("fig-3-18-parts", &chart(title, axes, [true, false], series))?;
-    sheet.claim(
+    writer.chart("fig-3-18-parts", &chart(title, axes, [true, false], series))?;
+    writer.claim(
         "3.18",
         "parts of a body take fewer eigenforces than the whole",
         counts[1..].iter().all(|count| *count < counts[0]),
         format!("for 80, 90, 95 %: {}", words.join(", ")),
     );
     let claim = "parts split off without the recordings are those learned from the recordings";
-    sheet.claim(
+    writer.claim(
         "3.18",
         claim,
         off <= 1e-12,
@@ -71,7 +71,12 @@ fn spectra(sheet: &mut Sheet, seen: &Recordings, body: &Body) -> anyhow::Result<
     Ok(())
 }
 
-fn composed(sheet: &mut Sheet, held: &Recordings, body: &Body, searched: usize) -> anyhow::Result<()> {
+fn composed(
+    writer: &mut FigureWriter,
+    held: &Recordings,
+    body: &Body,
+    searched: usize,
+) -> anyhow::Result<()> {
     let goals = body.composites(held);
     let kinds: [(&str, &MotionLibrary); 3] =
         [("full body", &body.whole), ("arms + legs", &body.two_parts), ("four limbs", &body.four_parts)];
@@ -85,11 +90,11 @@ fn composed(sheet: &mut Sheet, held: &Recordings, body: &Body, searched: usize) 
             at.push((name, n, mean, error));
         }
         series.push(Series { name: name.into(), points });
-        sheet.bar.inc(1);
+        writer.bar.inc(1);
     }
     let title = "3.19  Arms of one movement with the legs of another";
     let axes = ["weights in all", "error of position / spread"];
-    sheet.chart("fig-3-19-composed", &chart(title, axes, [true, true], series))?;
+    writer.chart("fig-3-19-composed", &chart(title, axes, [true, true], series))?;
     let found = |name: &str, n: usize| {
         at.iter().find(|a| a.0 == name && a.1 == n).map_or((f64::NAN, 0.0), |a| (a.2, a.3))
     };
@@ -106,7 +111,7 @@ fn composed(sheet: &mut Sheet, held: &Recordings, body: &Body, searched: usize) 
     let all = [8, 16, 32, 64, 128, 256];
     let clear: Vec<usize> = all.into_iter().filter(|n| split_wins(*n)).collect();
     let evidence = format!("clearly better at n = {clear:?}; {}; {}", words(16), words(256));
-    sheet.claim("3.19", claim, clear.len() == all.len(), evidence);
+    writer.claim("3.19", claim, clear.len() == all.len(), evidence);
     let goals: Vec<_> = goals.into_iter().step_by(5).take(searched).collect();
     let mut series = Vec::new();
     let mut finals = Vec::new();
@@ -120,11 +125,11 @@ fn composed(sheet: &mut Sheet, held: &Recordings, body: &Body, searched: usize) 
             let search = Search::new(&space, &goals, body.whole.spring());
             series.push(Series { name: format!("{name}, n = {n}"), points: search.curve() });
             finals.push((name, n, search.reward()));
-            sheet.bar.inc(1);
+            writer.bar.inc(1);
         }
     }
     let title = "3.19  Policy search (PoWER) for composed movements";
-    sheet.chart("fig-3-19-power", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
+    writer.chart("fig-3-19-power", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
     let reward =
         |name: &str, n: usize| finals.iter().find(|f| f.0 == name && f.1 == n).map_or((0.0, 0.0), |f| f.2);
     let wins = |n: usize| is_clearly_larger(reward("arms + legs", n), reward("full body", n));
@@ -133,6 +138,6 @@ fn composed(sheet: &mut Sheet, held: &Recordings, body: &Body, searched: usize) 
         .map(|(name, n, (mean, error))| format!("{name}, n = {n}: {mean:.3} +- {error:.3}"))
         .collect();
     let claim = "policy search for composed movements is better in libraries of parts";
-    sheet.claim("3.19", claim, wins(16) && wins(64), words.join("; "));
+    writer.claim("3.19", claim, wins(16) && wins(64), words.join("; "));
     Ok(())
 }

@@ -7,7 +7,7 @@ use motorium_library::{DAMPING, Recordings, SampledSpring};
 use nalgebra::DMatrix;
 
 use super::letters::chart;
-use super::sheet::Sheet;
+use super::writer::FigureWriter;
 use crate::chart::{Series, Tile, tiles};
 
 /// Samples of the letters that are learned.
@@ -16,7 +16,12 @@ const LEARNED: usize = 100;
 /// former were held out.
 const SPLIT: u64 = 1000;
 
-pub(super) fn figure(sheet: &mut Sheet, all: &Recordings, epochs: usize, seeds: u64) -> anyhow::Result<()> {
+pub(super) fn figure(
+    writer: &mut FigureWriter,
+    all: &Recordings,
+    epochs: usize,
+    seeds: u64,
+) -> anyhow::Result<()> {
     let (held, seen) = all.split(0.2, SPLIT);
     let letters = Letters::new(&seen, &held);
     let spring = SampledSpring::new(LEARNED, DAMPING)?;
@@ -24,7 +29,7 @@ pub(super) fn figure(sheet: &mut Sheet, all: &Recordings, epochs: usize, seeds: 
     let mut series = Vec::new();
     for seed in 1..=seeds {
         let training = Training { epochs, seed, ..Training::default() };
-        let bar = sheet.bar.clone();
+        let bar = writer.bar.clone();
         let network = letters.network(spring, &training, || bar.inc(1))?;
         let losses = network.losses.iter().enumerate();
         let points = losses.map(|(epoch, loss)| [(epoch + 1) as f64, *loss, 0.0]).collect();
@@ -32,17 +37,17 @@ pub(super) fn figure(sheet: &mut Sheet, all: &Recordings, epochs: usize, seeds: 
         networks.push(network);
     }
     if let Some(first) = networks.first() {
-        draw(sheet, &held, &letters.shown, &first.written)?;
+        draw(writer, &held, &letters.shown, &first.written)?;
     }
     let axes = ["epoch", "squared error of position / size^2"];
-    sheet.chart("fig-3-17-training", &chart("3.17  Training", axes, [false, true], series))?;
+    writer.chart("fig-3-17-training", &chart("3.17  Training", axes, [false, true], series))?;
     let networks: Vec<CurveErrors> = networks.into_iter().map(|network| network.errors).collect();
-    claims(sheet, &held, &letters.nearest_picture(), &networks)
+    claims(writer, &held, &letters.nearest_picture(), &networks)
 }
 
 /// One letter of each label, by the first network.
 fn draw(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     held: &Recordings,
     wanted: &[DMatrix<f64>],
     found: &[DMatrix<f64>],
@@ -58,11 +63,11 @@ fn draw(
         }
     }
     let title = "3.17  Letters not learned: the one seen (grey) and the one written (blue)";
-    sheet.write("fig-3-17-seen-and-written.svg", &tiles(title, &all, 5))
+    writer.write("fig-3-17-seen-and-written.svg", &tiles(title, &all, 5))
 }
 
 fn claims(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     held: &Recordings,
     neighbour: &CurveErrors,
     networks: &[CurveErrors],
@@ -72,7 +77,7 @@ fn claims(
     for ((letter, network), neighbour) in held.trajectories.iter().zip(&begun).zip(&neighbour.begun) {
         csv += &format!("{},{network},{neighbour}\n", letter.id);
     }
-    sheet.write("fig-3-17-errors.csv", &csv)?;
+    writer.write("fig-3-17-errors.csv", &csv)?;
     let percent = |values: &[f64]| {
         let (mean, error) = mean_and_error(values);
         format!("{:.2} +- {:.2} %", 100.0 * mean, 100.0 * error)
@@ -91,7 +96,7 @@ fn claims(
         percent(&neighbour.centred),
     );
     let (network, error) = mean_and_error(&begun);
-    sheet.claim(
+    writer.claim(
         "3.17",
         "a letter is written from its picture, to 3.5 % of its size",
         network + error <= 0.035,
@@ -101,6 +106,6 @@ fn claims(
     let (better, error) = mean_and_error(&differences);
     let claim = "the network writes letters nearer to their picture than the nearest picture known";
     let words = format!("nearer by {} of a letter, pair by pair", percent(&differences));
-    sheet.claim("3.17 (beyond the thesis)", claim, better > 2.0 * error, words);
+    writer.claim("3.17 (beyond the thesis)", claim, better > 2.0 * error, words);
     Ok(())
 }

@@ -4,7 +4,7 @@ use motorium_learners::experiments::search::{Goal, KernelPrior, Search, SearchSp
 use motorium_library::{MotionLibrary, Recordings};
 
 use super::letters::chart;
-use super::sheet::Sheet;
+use super::writer::FigureWriter;
 use crate::chart::Series;
 
 /// Mean final reward and its standard error, by a number of weights.
@@ -34,7 +34,7 @@ const PRIORS: [(&str, KernelPrior); 3] = [
 ];
 
 pub(super) fn figure(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     library: &MotionLibrary,
     held: &Recordings,
     searched: usize,
@@ -57,17 +57,17 @@ pub(super) fn figure(
         let best = of_kernels.into_iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let (prior, kernels) = best.unwrap_or(of_kernels[0]);
         finals.push(Found { n, library: of_library, kernels, prior });
-        sheet.bar.inc(1);
+        writer.bar.inc(1);
     }
     let title = "Policy search (PoWER) for held-out letters";
-    sheet.chart("power-letters", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
+    writer.chart("power-letters", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
     let of = |n: &[usize]| finals.iter().filter(|f| n.contains(&f.n)).collect::<Vec<_>>();
     let wins = |n: &[usize]| of(n).iter().all(|found| found.library_wins());
     let words = |n: &[usize]| of(n).iter().map(|found| found.words()).collect::<Vec<_>>().join("; ");
     let claim = "with few weights, search in the library finds better movements than in kernels";
-    sheet.claim("policy search", claim, wins(&[4, 8, 16]), words(&[4, 8, 16]));
+    writer.claim("policy search", claim, wins(&[4, 8, 16]), words(&[4, 8, 16]));
     let claim = "with many weights, search in the library finds better movements than in kernels";
     let how = "the best of three priors for kernels and of five scales for each";
-    sheet.claim("policy search", claim, wins(&[32, 64]), format!("{}; {how}", words(&[32, 64])));
+    writer.claim("policy search", claim, wins(&[32, 64]), format!("{}; {how}", words(&[32, 64])));
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Where the hand starts from.
+//! Pose the end effector starts from.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
@@ -8,12 +8,12 @@ use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
 
 use super::config::DmpPolicyConfig;
-use super::course;
+use super::waypoints;
 use crate::robot;
 
 /// Finds the pose the hand starts from.
 #[derive(Debug)]
-pub(super) enum Origin {
+pub(super) enum StartPose {
     /// From the file.
     Configured(Isometry3<f64>),
     /// From the joint state, through the model of the robot.
@@ -28,11 +28,11 @@ pub(super) struct Measured {
     kinematics: Kinematics,
 }
 
-impl Origin {
+impl StartPose {
     /// Declares the input that is needed, and checks what can be checked.
     pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         if let Some(start) = &config.start {
-            course::pose(start, "start")?;
+            waypoints::pose(start, "start")?;
             if config.frame.is_some() {
                 return Err(ConfigError::key(
                     "frame",
@@ -55,7 +55,7 @@ impl Origin {
 
     pub(super) fn new(config: &DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         if let Some(start) = &config.start {
-            return Ok(Self::Configured(course::pose(start, "start")?));
+            return Ok(Self::Configured(waypoints::pose(start, "start")?));
         }
         let (model, frame) = load(setup.robot()?, config.frame.as_deref())?;
         let kinematics = Kinematics::new(&model);
@@ -67,12 +67,12 @@ impl Origin {
         })))
     }
 
-    /// Whether the pose is measured.
+    /// True if the pose is measured.
     pub(super) fn is_measured(&self) -> bool {
         matches!(self, Self::Measured(_))
     }
 
-    /// Where the hand is measured to be at this moment, if it is.
+    /// Measured position of the end effector, m, if it is measured.
     pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };
         let Measured { state, model, frame, kinematics } = measured.as_mut();

@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 
 use super::follower::{Commands, Follower, check_phases};
-use super::unit::{Oscillator, Units};
+use super::oscillators::{Oscillator, Oscillators};
 use super::{CpgError, Entrainment, finite, positive, size};
 use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
-/// How a joint of a leg swings: `offset + amplitude value(phase of the leg + phase)`.
+/// Oscillation of a joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// The leg, counted from 0.
@@ -23,10 +23,10 @@ pub struct Swing {
 
 /// The numbers of a rhythm; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RhythmSettings {
+pub struct OscillatorNetworkSettings {
     /// Strides per second, Hz. Default 1.
     pub frequency: f64,
-    /// How fast a deviation from the gait decays, `k`, 1/s. Default 5.
+    /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
     pub coupling: f64,
     /// The part of a stride that is stance, in (0, 1). Only Hopf's oscillators have one. Default 0.5.
     pub duty_factor: f64,
@@ -36,7 +36,7 @@ pub struct RhythmSettings {
     pub transition: f64,
 }
 
-impl Default for RhythmSettings {
+impl Default for OscillatorNetworkSettings {
     fn default() -> Self {
         Self { frequency: 1.0, coupling: 5.0, duty_factor: 0.5, damping: 20.0, transition: 8.0 }
     }
@@ -57,10 +57,10 @@ const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 /// feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous with its
 /// derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
 #[derive(Clone, Debug)]
-pub struct Rhythm {
-    settings: RhythmSettings,
-    units: Units,
-    /// Which oscillator each joint has, and the cosine and sine by which it is ahead of it.
+pub struct OscillatorNetwork {
+    settings: OscillatorNetworkSettings,
+    oscillators: Oscillators,
+    /// Oscillator of each joint, with cosine and sine of its phase lead.
     joints: Vec<(usize, f64, f64)>,
     /// Of each oscillator: its leg, and by how much it is ahead of that.
     places: Vec<(usize, f64)>,
@@ -75,7 +75,7 @@ pub struct Rhythm {
     strides: (f64, [Stride; 2]),
 }
 
-impl Rhythm {
+impl OscillatorNetwork {
     /// From the model, the joints that swing and the phase of every leg in the gait, rad. It begins in the gait.
     ///
     /// # Errors
@@ -84,7 +84,7 @@ impl Rhythm {
         model: Oscillator,
         swings: &[Swing],
         gait: &[f64],
-        settings: RhythmSettings,
+        settings: OscillatorNetworkSettings,
     ) -> Result<Self, CpgError> {
         finite("the gait", gait)?;
         finite("frequency", &[settings.frequency])?;
@@ -109,7 +109,7 @@ impl Rhythm {
                 }));
             }
         }
-        let (places, joints): (Vec<_>, Vec<_>) = if Units::turns(&model) {
+        let (places, joints): (Vec<_>, Vec<_>) = if Oscillators::turns(&model) {
             let joint = |swing: &Swing| (swing.leg, swing.phase.cos(), swing.phase.sin());
             ((0..gait.len()).map(|leg| (leg, 0.0)).collect(), swings.iter().map(joint).collect())
         } else {
@@ -119,7 +119,7 @@ impl Rhythm {
         let start: Vec<f64> = places.iter().map(|(leg, ahead)| gait[*leg] + ahead).collect();
         let spring = CriticalSpring::new(settings.damping).stride(0.0);
         let mut rhythm = Self {
-            units: Units::new(&model, &start, settings.duty_factor)?,
+            oscillators: Oscillators::new(&model, &start, settings.duty_factor)?,
             commands: Commands::new(
                 settings.frequency,
                 swings.iter().map(|swing| (swing.amplitude, swing.offset)),
@@ -202,7 +202,7 @@ impl Rhythm {
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.places.len())?;
         for (unit, phase) in phases.iter().enumerate() {
-            self.units.place(unit, *phase);
+            self.oscillators.place(unit, *phase);
         }
         self.write();
         Ok(())
@@ -229,7 +229,7 @@ impl Rhythm {
         let quickly = amplitude.iter_mut().chain(offset).chain([frequency, &mut self.duty_factor]);
         quickly.for_each(|follower| follower.step(&quick));
         theta.iter_mut().for_each(|theta| theta.step(&slow));
-        self.units.set_duty_factor(self.duty_factor.state.0);
+        self.oscillators.set_duty_factor(self.duty_factor.state.0);
         self.pull.fill(0.0);
         for (unit, total) in self.pull.iter_mut().enumerate() {
             let own = self.joints.iter().zip(pull).filter(|(joint, _)| joint.0 == unit);
@@ -249,7 +249,7 @@ impl Rhythm {
         let omega = TAU * self.commands.frequency.state.0;
         for (unit, (sine, cosine)) in self.deviation.iter().enumerate() {
             let speed = omega + self.pull[unit] + coupling * (sines * cosine - cosines * sine);
-            self.units.advance(unit, dt, speed);
+            self.oscillators.advance(unit, dt, speed);
         }
         self.write();
     }
@@ -289,10 +289,10 @@ impl Rhythm {
 
     fn write(&mut self) {
         for (unit, phase) in self.phases.iter_mut().enumerate() {
-            *phase = self.units.phase(unit);
+            *phase = self.oscillators.phase(unit);
         }
         for (joint, (unit, cosine, sine)) in self.joints.iter().enumerate() {
-            let [(value, rate), (later, later_rate)] = self.units.read(*unit);
+            let [(value, rate), (later, later_rate)] = self.oscillators.read(*unit);
             let (value, rate) = (cosine * value - sine * later, cosine * rate - sine * later_rate);
             (self.output[joint], self.velocity[joint]) = self.commands.output(joint, value, rate);
         }

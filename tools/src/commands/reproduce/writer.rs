@@ -18,14 +18,14 @@ pub(super) struct Claim {
 }
 
 /// Where figures are written and claims collected.
-pub(super) struct Sheet {
+pub(super) struct FigureWriter {
     folder: PathBuf,
     pub(super) bar: ProgressBar,
     pub(super) files: Vec<PathBuf>,
     pub(super) claims: Vec<Claim>,
 }
 
-impl Sheet {
+impl FigureWriter {
     pub(super) fn new(folder: PathBuf, steps: u64) -> anyhow::Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         Ok(Self { folder, bar: ProgressBar::new(steps), files: Vec::new(), claims: Vec::new() })
