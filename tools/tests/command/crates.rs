@@ -9,7 +9,9 @@ use serde::Deserialize;
 
 /// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own included.
 /// A change that needs more says so here, and why it is worth it.
-const CEILING: usize = 222;
+///
+/// 224: `csv` and `csv-core` read the tables of recordings, quotes and byte-order marks included.
+const CEILING: usize = 224;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
 fn cargo(arguments: &[&str]) -> String {
