@@ -4,7 +4,20 @@ use motorium_learners::experiments::body::{Body, WINDOW, difference, learned_alo
 use motorium_library::{Movement, Recordings, Trajectory};
 use nalgebra::DMatrix;
 
-const NAMES: [&str; 6] = ["lfemur_rx", "ltibia_rx", "rfemur_rx", "rtibia_rx", "lhumerus_rx", "rhumerus_rx"];
+const NAMES: [&str; 12] = [
+    "lfemur_rx",
+    "ltibia_rx",
+    "rfemur_rx",
+    "rtibia_rx",
+    "lhumerus_rx",
+    "lradius_rx",
+    "lwrist_ry",
+    "lhand_rx",
+    "rhumerus_rx",
+    "rradius_rx",
+    "rwrist_ry",
+    "rhand_rx",
+];
 
 /// Clips in deg: legs swing at one frequency, arms at another, each clip with phases and amplitudes of its own.
 fn clips() -> Recordings {
@@ -52,7 +65,7 @@ fn parts_split_and_merged_are_the_libraries_of_their_recordings() {
         let alone = learned_alone(&seen, part).unwrap();
         assert!(difference(part, &alone) < 1e-12, "{:?}", part.layout().names());
     }
-    assert_eq!(body.right_arm.layout().names(), ["rhumerus_rx"]);
+    assert_eq!(body.right_arm.layout().names(), &NAMES[8..]);
     assert_eq!(body.two_parts.layout().dofs(), NAMES.len());
 }
 
@@ -68,7 +81,8 @@ fn a_composite_has_the_arms_of_one_clip_and_the_legs_of_another() {
         let range = dofs.start * steps..dofs.end * steps;
         forces[range.clone()] == goals[2].forces[range]
     };
-    let arms: Vec<&str> = held.trajectories.iter().filter(|t| same(t, 4..6)).map(|t| t.id.as_str()).collect();
+    let arms: Vec<&str> =
+        held.trajectories.iter().filter(|t| same(t, 4..12)).map(|t| t.id.as_str()).collect();
     let legs: Vec<&str> = held.trajectories.iter().filter(|t| same(t, 0..4)).map(|t| t.id.as_str()).collect();
     assert_eq!((arms.len(), legs.len()), (1, 1));
     assert_ne!(arms[0].split('@').next(), legs[0].split('@').next());
