@@ -17,6 +17,7 @@ pub(crate) fn registry() -> Registry {
             Kind::of::<motorium_policies::DmpPolicy>(),
             Kind::of::<motorium_policies::ProMpPolicy>(),
             Kind::of::<motorium_policies::LibraryPolicy>(),
+            Kind::of::<motorium_bridges::Iceoryx2Bridge>(),
             Kind::of::<motorium_interfaces::ConsoleLog>(),
             Kind::of::<motorium_benches::relay::Relay>(),
         ],
