@@ -273,10 +273,11 @@ fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
         ))
         .with(normal((&probe).into()))
         .with(normal((&reader).into()));
-    let program = || -> Child {
+    let flooded = name.clone();
+    let program = move || -> Child {
         Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "flood", "--test-threads", "1"])
-            .env("MOTORIUM_FLOODED_GRAPH", &name)
+            .env("MOTORIUM_FLOODED_GRAPH", &flooded)
             .stdout(Stdio::null())
             .spawn()
             .unwrap()
