@@ -218,6 +218,17 @@ impl Declare {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
     }
 
+    /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
+    /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
+    pub fn raw_input(&mut self, name: &str, doc: &str) {
+        self.port_of(TypeLayout::any(), name, Direction::Input, TopicPattern::State, true, doc);
+    }
+
+    /// An output of a type that the configuration names.
+    pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.port_of(layout, name, Direction::Output, TopicPattern::State, false, doc);
+    }
+
     /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
@@ -254,6 +265,18 @@ impl Declare {
         required: bool,
         doc: &str,
     ) {
+        self.port_of(T::layout(), name, direction, pattern, required, doc);
+    }
+
+    fn port_of(
+        &mut self,
+        layout: TypeLayout,
+        name: &str,
+        direction: Direction,
+        pattern: TopicPattern,
+        required: bool,
+        doc: &str,
+    ) {
         debug_assert!(
             self.declaration.ports.iter().all(|port| port.name != name),
             "port `{name}` declared twice"
@@ -262,7 +285,7 @@ impl Declare {
             name: name.to_string(),
             direction,
             pattern,
-            layout: T::layout(),
+            layout,
             required,
             doc: doc.to_string(),
         });

@@ -66,7 +66,7 @@ enum Sink<T: StateBuffer> {
 
 /// The rest of a wired output, the same for all types.
 #[derive(Debug)]
-struct Wired {
+pub(super) struct Wired {
     topic: usize,
     memory: Rc<TopicMemory>,
     after: Rc<AfterOutput>,
@@ -135,17 +135,7 @@ impl<T: StateBuffer> Output<T> {
             }
             TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(node, topic, port)?), None),
         };
-        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
-        let after = Rc::new(AfterOutput { memory: memory.clone(), state, owes_wake, owes_slot });
-        let wired = Wired {
-            topic: index,
-            memory,
-            after,
-            ends_steps: false,
-            wakes_late: false,
-            probes,
-            digest: Digest::default(),
-        };
+        let wired = Wired::new(index, memory, state, probes);
         Ok(Self { port, sink, wired: Some(wired), context })
     }
 
@@ -153,8 +143,7 @@ impl<T: StateBuffer> Output<T> {
     /// are all on its own core.
     pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
         if let Some(wired) = &mut self.wired {
-            (wired.ends_steps, wired.wakes_late) = (true, stays_on_core);
-            self.context.deferred().add(wired.after.clone());
+            wired.ending_steps(&self.context, stays_on_core);
         }
         self
     }
@@ -245,17 +234,10 @@ impl<T: StateBuffer> Loan<'_, T> {
             Sink::State(state) => state.number(),
             Sink::Unwired(_) | Sink::Stream(_) => wired.memory.newest().number() + 1,
         };
-        let stamp = Stamp {
-            sequence,
-            source_time: context.causality().source_time_or(now),
-            publish_time: now,
-            state_time: context.causality().state_time_or(context.clock().step_ns()),
-            origin: context.index() as u32,
-            incarnation: context.incarnation(),
-        };
+        let stamp = stamp(context, sequence, now);
         if context.clock().is_lockstep() {
             // SAFETY: as in `deref`.
-            wired.digest(context, stamp, unsafe { value.as_ref() });
+            wired.digest(context, stamp, |digest| unsafe { value.as_ref() }.digest(digest));
         }
         wired.memory.publish_from(context.core());
         match (&output.sink, sample) {
@@ -274,17 +256,47 @@ impl<T: StateBuffer> Loan<'_, T> {
     }
 }
 
+/// The stamp of a publication of this step.
+pub(super) fn stamp(context: &Context, sequence: u64, now: u64) -> Stamp {
+    Stamp {
+        sequence,
+        source_time: context.causality().source_time_or(now),
+        publish_time: now,
+        state_time: context.causality().state_time_or(context.clock().step_ns()),
+        origin: context.index() as u32,
+        incarnation: context.incarnation(),
+    }
+}
+
 impl Wired {
+    pub(super) fn new(
+        topic: usize,
+        memory: Rc<TopicMemory>,
+        state: Option<Rc<StateWriter>>,
+        probes: Vec<Probe>,
+    ) -> Self {
+        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
+        let after = Rc::new(AfterOutput { memory: memory.clone(), state, owes_wake, owes_slot });
+        let digest = Digest::default();
+        Self { topic, memory, after, ends_steps: false, wakes_late: false, probes, digest }
+    }
+
+    /// The worker ends every step of the component.
+    pub(super) fn ending_steps(&mut self, context: &Context, stays_on_core: bool) {
+        (self.ends_steps, self.wakes_late) = (true, stays_on_core);
+        context.deferred().add(self.after.clone());
+    }
+
     /// Takes a value into the digest of everything published on the topic.
-    fn digest<T: StateBuffer>(&mut self, context: &Context, stamp: Stamp, value: &T) {
+    pub(super) fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
         self.digest.write_u64(stamp.sequence);
         self.digest.write_u64(stamp.publish_time);
-        value.digest(&mut self.digest);
+        value(&mut self.digest);
         context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
     }
 
     /// Wakes those who wait, and counts and measures.
-    fn tell(&self, context: &Context, stamp: Stamp) {
+    pub(super) fn tell(&self, context: &Context, stamp: Stamp) {
         let region = context.region();
         if self.wakes_late {
             self.after.owes_wake.set(true);

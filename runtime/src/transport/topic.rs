@@ -139,7 +139,11 @@ type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
 
 /// Checks that the topic's layout is the one this program was built with.
 pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
-    let mine = T::layout();
+    fits(&T::layout(), topic, port)
+}
+
+/// Checks that the topic's layout is that of a port.
+pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     if mine.hash() == topic.layout.hash() {
         return Ok(());
     }

@@ -87,17 +87,20 @@ impl Parts<'_, '_> {
     }
 
     fn port(&self, component: usize, direction: Direction, index: usize, port: &PortDeclaration) -> PortPlan {
-        PortPlan {
-            port: port.name.clone(),
-            topic: self.wiring.of_port(component, direction, index).and_then(|wire| wire.topic),
-            pattern: port.pattern,
-            layout: port.layout.clone(),
-        }
+        let topic = self.wiring.of_port(component, direction, index).and_then(|wire| wire.topic);
+        let written = topic.filter(|_| port.layout.is_any()).and_then(|topic| self.written(topic));
+        let layout = written.unwrap_or(port).layout.clone();
+        PortPlan { port: port.name.clone(), topic, pattern: port.pattern, layout }
+    }
+
+    /// The output that writes a topic.
+    fn written(&self, topic: usize) -> Option<&PortDeclaration> {
+        self.wiring.writer(topic)?.declared(&self.drafts)
     }
 
     fn topic(&self, topic: usize) -> Option<TopicPlan> {
         let writer = self.wiring.writer(topic)?;
-        let written = self.drafts[writer.component].ports(Direction::Output).nth(writer.index?)?;
+        let written = self.written(topic)?;
         let readers: Vec<usize> =
             self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
         let pattern = match written.pattern {

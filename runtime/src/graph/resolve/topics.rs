@@ -41,7 +41,8 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         return;
     }
     for reader in wiring.of_topic(topic, Direction::Input) {
-        let wanted = reader.declared(drafts).map(|port| port.layout.type_name.as_str());
+        let declared = reader.declared(drafts).filter(|port| !port.layout.is_any());
+        let wanted = declared.map(|port| port.layout.type_name.as_str());
         let fitting = wanted.map(|wanted| wiring.that_carry(wanted, drafts)).unwrap_or_default();
         let near = nearest(name, fitting.iter().copied()).or_else(|| nearest(name, wiring.written()));
         let advice = match (near, wanted) {
@@ -70,6 +71,9 @@ fn agree(
     report: &mut Report,
 ) {
     let (Some(written), Some(read)) = (writer.declared(drafts), reader.declared(drafts)) else { return };
+    if read.layout.is_any() {
+        return;
+    }
     let name = &wiring.topics[topic];
     let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
     let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));

@@ -197,7 +197,11 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
             Some(subscribe) => (&subscribe.key, ""),
             None => (&draft.place, "`subscribe`: "),
         };
-        let advice = match wiring.that_carry(&port.layout.type_name, drafts).as_slice() {
+        let topics = match port.layout.is_any() {
+            true => wiring.written().collect(),
+            false => wiring.that_carry(&port.layout.type_name, drafts),
+        };
+        let advice = match topics.as_slice() {
             [] => format!("no topic carries {}: add a component that publishes one", port.layout.type_name),
             [topic] => format!("add {table}`{} = \"{topic}\"`", port.name),
             topics => format!("wire it to one of {}", list(topics.iter().copied())),
