@@ -55,8 +55,8 @@ pub use dynamics::{
     PARAMETERS, SingularMassMatrix, Wrench,
 };
 pub use geometry::{
-    CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
-    Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
+    MeshMode, MeshProblem, Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};

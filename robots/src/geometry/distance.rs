@@ -152,6 +152,9 @@ impl Collisions {
         if !apart.is_finite() {
             return Some(Proximity { distance: f64::NAN, ..self.bound(model, pair) });
         }
+        if first.is_half_space() || second.is_half_space() {
+            return Some(self.measure_half_space(model, pair));
+        }
         if first.is_surface() || second.is_surface() {
             return self.measure_surfaces(model, pair, range);
         }
@@ -181,6 +184,25 @@ impl Collisions {
             points: points.map(|point| Point3::from(Vector3::from(point))),
             normal: Unit::new_unchecked(normal.into()),
         })
+    }
+
+    /// Distance of a solid from a half-space: its point farthest along the inward normal decides.
+    fn measure_half_space(&self, model: &CollisionModel, pair: usize) -> Proximity {
+        let [a, b] = model.pairs[pair];
+        let first_is_plane = model.solids[a].is_half_space();
+        let (plane, solid) = if first_is_plane { (a, b) } else { (b, a) };
+        let (up, body) = (self.rotations[plane].z, &model.solids[solid]);
+        let placed = Placed { core: &body.core, rotation: &self.rotations[solid], position: V3::ZERO };
+        let lowest = self.positions[solid] + placed.farthest(-up) - up * body.radius;
+        let distance = (lowest - self.positions[plane]).dot(up);
+        let foot = lowest - up * distance;
+        let (points, normal) = if first_is_plane { ([foot, lowest], up) } else { ([lowest, foot], -up) };
+        Proximity {
+            pair,
+            distance,
+            points: points.map(|point| Point3::from(Vector3::from(point))),
+            normal: Unit::new_unchecked(normal.into()),
+        }
     }
 
     /// Where surfaces take part parry looks for itself.

@@ -4,10 +4,10 @@ use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
 use crate::JointCommand;
 
-/// A rotor that pulls along the z axis of its frame, by the effort of its command \[N\], from nothing to its limit.
+/// A rotor that pulls along the z axis of its frame by the effort of its command \[N\], from zero to its limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotorDrive {
-    /// Its name.
+    /// Name of the drive.
     pub name: String,
     /// Frame it pulls at.
     pub frame: FrameId,
@@ -22,7 +22,7 @@ impl RotorDrive {
     ///
     /// # Errors
     ///
-    /// [`UnknownFrame`] when the profile is that of another robot.
+    /// [`UnknownFrame`] when the profile names a frame that `model` does not have.
     pub fn of(model: &Model, profile: &Profile) -> Result<Vec<Self>, UnknownFrame> {
         let rotors = profile.rotors.iter().map(|(name, rotor)| {
             let sign = if rotor.spin == Spin::Clockwise { 1.0 } else { -1.0 };
@@ -36,8 +36,8 @@ impl RotorDrive {
         rotors.collect()
     }
 
-    /// Thrust \[N\] that follows the command: its effort, as far as the rotor goes.
-    pub(super) fn thrust(&self, command: &JointCommand) -> f64 {
+    /// Thrust \[N\]: the effort of the command, clamped to what the rotor can do.
+    pub(crate) fn thrust(&self, command: &JointCommand) -> f64 {
         command.effort.clamp(0.0, self.max_thrust)
     }
 }

@@ -1,11 +1,10 @@
 //! The joint-space step against the laws it promises, joint by joint, wherever the active set had to choose.
 
-mod panda;
-
-use motorium_physics::JointCommand;
-use motorium_physics::articulated::{Articulated, JointProperties};
+use motorium_physics::{JointCommand, JointProperties, JointSpaceIntegrator};
 use motorium_robots::Dynamics;
 use nalgebra::{DMatrix, Vector3};
+
+use crate::panda;
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 const H: f64 = 1e-3;
@@ -38,7 +37,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
                 ..joint
             })
             .collect();
-        let mut arm = Articulated::new(&model, joints.clone());
+        let mut arm = JointSpaceIntegrator::new(&model, joints.clone());
         let mut q: Vec<f64> =
             joints.iter().map(|j| j.lower + (0.5 + 0.499 * noise(&mut seed)) * (j.upper - j.lower)).collect();
         let mut v: Vec<f64> = (0..n).map(|_| 3.0 * noise(&mut seed)).collect();
@@ -126,7 +125,7 @@ fn energy_is_kept_by_a_free_arm_to_first_order() {
         .collect();
     let n = model.nv();
     let drift = |h: f64| {
-        let mut arm = Articulated::new(&model, joints.clone());
+        let mut arm = JointSpaceIntegrator::new(&model, joints.clone());
         let (mut q, mut v, mut tau) = (panda::home(), vec![0.3; n], vec![0.0; n]);
         // Fingers would fall out of the hand.
         v[7] = 0.0;

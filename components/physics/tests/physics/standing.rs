@@ -1,12 +1,11 @@
 //! How robots come to stand, against MuJoCo; `golden/generate_standing.py` writes the vectors.
 
-mod legged;
-
-use legged::held;
 use motorium_physics::{LinkForce, Simulator};
 use motorium_robots::{Dynamics, Kinematics, Reference};
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
+
+use crate::legged::held;
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()

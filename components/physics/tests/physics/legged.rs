@@ -1,13 +1,14 @@
 //! Robots with a floating base, ready to simulate.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::path::Path;
 
-use motorium_physics::{Floating, Ground, JointCommand, Object, Options, RotorDrive, Simulator, World};
+use motorium_physics::{
+    ArticulatedSimulator, Ground, JointCommand, Object, Options, RobotSetup, Simulator, World,
+};
 use motorium_robots::{BaseMode, LoadOptions, Model, load, parse_urdf_with};
 
 /// 1 kHz.
-pub(crate) fn run(simulation: &mut Floating, seconds: f64) {
+pub(crate) fn run(simulation: &mut ArticulatedSimulator, seconds: f64) {
     for _ in 0..(seconds * 1e3).round() as usize {
         simulation.step(1e-3).unwrap();
     }
@@ -29,16 +30,16 @@ pub(crate) fn body(shape: &str) -> Model {
 }
 
 /// A robot of the catalogue at home in `world`, its drives slack.
-pub(crate) fn standing(name: &str, world: World) -> Floating {
+pub(crate) fn standing(name: &str, world: World) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
+    let setup = RobotSetup::of(&robot).unwrap();
     let profile = robot.profile.unwrap();
-    let rotors = RotorDrive::of(&robot.model, &profile).unwrap();
     let q = profile.configuration(&robot.model, &profile.home).unwrap();
-    Floating::new(robot.model, rotors, world, q.as_slice(), Options::default()).unwrap()
+    ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default()).unwrap()
 }
 
 /// A robot of the catalogue at home on the ground, held there by its default gains.
-pub(crate) fn held(name: &str) -> Floating {
+pub(crate) fn held(name: &str) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
     let mut simulation = standing(name, grounded(vec![]));
     let gains = robot.profile.unwrap().gains(&robot.model).ok();

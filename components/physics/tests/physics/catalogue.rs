@@ -3,19 +3,20 @@
 
 use std::path::Path;
 
-use motorium_physics::{Ground, JointCommand, Options, Rapier, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Ground, JointCommand, Options, Simulator, World};
 use motorium_robots::{Loaded, catalogue, load};
 
 /// The robot at home, its drives holding it there; joints without drives are free.
-fn held(robot: &Loaded) -> (Rapier, Vec<f64>) {
+fn held(robot: &Loaded) -> (ArticulatedSimulator, Vec<f64>) {
     held_in(robot, World::default())
 }
 
-fn held_in(robot: &Loaded, world: World) -> (Rapier, Vec<f64>) {
+fn held_in(robot: &Loaded, world: World) -> (ArticulatedSimulator, Vec<f64>) {
     let profile = robot.profile.as_ref().unwrap();
     let home = profile.home(&robot.model).unwrap().as_slice().to_vec();
     let gains = profile.gains(&robot.model).unwrap();
-    let mut simulation = Rapier::new(robot.model.clone(), world, &home, Options::default()).unwrap();
+    let mut simulation =
+        ArticulatedSimulator::new(robot.model.clone(), world, &home, Options::default()).unwrap();
     for (index, command) in simulation.commands_mut().iter_mut().enumerate() {
         *command = JointCommand::hold(home[index], gains.kp[index], gains.kd[index]);
     }

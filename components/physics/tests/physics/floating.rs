@@ -1,13 +1,13 @@
 //! Robots whose base floats: in the air, on the ground, against the laws they must keep.
 
-mod legged;
-
-use legged::{body, grounded, held, run, standing};
 use motorium_physics::{
-    Floating, Ground, JointCommand, Object, ObjectShape, Options, RotorDrive, Simulator, World,
+    ArticulatedSimulator, BuildError, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator,
+    RobotSetup, RotorDrive, Simulator, World,
 };
 use motorium_robots::{Dynamics, load};
 use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::legged::{body, grounded, held, run, standing};
 
 const DT: f64 = 1e-3;
 
@@ -27,7 +27,7 @@ fn at(z: f64) -> Vec<f64> {
 #[test]
 fn a_body_in_the_air_falls_as_galilei_says() {
     let mut simulation =
-        Floating::new(body(BOX), vec![], World::default(), &at(10.0), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BOX), World::default(), &at(10.0), Options::default()).unwrap();
     run(&mut simulation, 1.0);
     // Semi-implicit: g t (t + dt) / 2.
     let fallen = 10.0 - simulation.base_pose().translation.z;
@@ -62,7 +62,7 @@ fn what_tumbles_and_kicks_in_the_air_keeps_its_momentum() {
 #[test]
 fn a_box_on_a_slope_stays_within_the_friction_cone_and_slides_beyond_it() {
     let (angle, options) = (0.5_f64, Options { friction: 0.6, ..Options::default() });
-    let mut stuck = Floating::new(body(BOX), vec![], slope(angle, 0.6), &at(0.05), options).unwrap();
+    let mut stuck = ArticulatedSimulator::new(body(BOX), slope(angle, 0.6), &at(0.05), options).unwrap();
     run(&mut stuck, 0.5);
     let place = stuck.base_pose().translation.vector;
     run(&mut stuck, 5.0);
@@ -70,7 +70,7 @@ fn a_box_on_a_slope_stays_within_the_friction_cone_and_slides_beyond_it() {
     assert!(creep < 1e-6, "crept {creep} m in 5 s");
 
     let options = Options { friction: 0.4, ..Options::default() };
-    let mut sliding = Floating::new(body(BOX), vec![], slope(angle, 0.4), &at(0.05), options).unwrap();
+    let mut sliding = ArticulatedSimulator::new(body(BOX), slope(angle, 0.4), &at(0.05), options).unwrap();
     run(&mut sliding, 1.0);
     // g (sin - mu cos), from rest.
     let speed = (sliding.base_pose().rotation * Vector3::from_column_slice(&sliding.velocity()[..3])).x;
@@ -85,7 +85,8 @@ fn friction_points_against_the_slip_whatever_its_direction() {
     for degrees in (0..360).step_by(25) {
         let heading = f64::from(degrees).to_radians();
         let options = Options { friction: 0.3, ..Options::default() };
-        let mut simulation = Floating::new(body(BOX), vec![], slope(0.0, 0.3), &at(0.05), options).unwrap();
+        let mut simulation =
+            ArticulatedSimulator::new(body(BOX), slope(0.0, 0.3), &at(0.05), options).unwrap();
         let mut v = [0.0; 6];
         (v[0], v[1]) = (heading.cos(), heading.sin());
         simulation.reset(&at(0.05), &v).unwrap();
@@ -103,7 +104,7 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
     // The mean of 0 (the robot's) and 1.
     let ground = Some(Ground { restitution: 1.0, ..Ground::default() });
     let world = World { ground, ..World::default() };
-    let mut simulation = Floating::new(body(BALL), vec![], world, &at(0.6), Options::default()).unwrap();
+    let mut simulation = ArticulatedSimulator::new(body(BALL), world, &at(0.6), Options::default()).unwrap();
     let (mut lowest, mut highest) = (f64::MAX, 0.0_f64);
     for _ in 0..700 {
         simulation.step(DT).unwrap();
@@ -121,7 +122,7 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
 fn a_rolling_ball_rolls_on_with_five_sevenths_of_its_slip() {
     // Thrown without spin, a uniform ball loses 2/7 of its speed until it rolls.
     let mut simulation =
-        Floating::new(body(BALL), vec![], grounded(vec![]), &at(0.1), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BALL), grounded(vec![]), &at(0.1), Options::default()).unwrap();
     let mut v = [0.0; 6];
     v[0] = 1.4;
     simulation.reset(&at(0.1), &v).unwrap();
@@ -162,7 +163,7 @@ fn wheels_roll_a_base_as_far_as_they_turn() {
     let radius = base.wheel_radius.unwrap();
     let mut simulation = held("differential-drive");
     run(&mut simulation, 0.2);
-    let drive = |simulation: &mut Floating, left: f64, right: f64, seconds: f64| {
+    let drive = |simulation: &mut ArticulatedSimulator, left: f64, right: f64, seconds: f64| {
         for (command, velocity) in simulation.commands_mut().iter_mut().zip([left, right]) {
             *command = JointCommand { velocity, kd: 0.1, ..JointCommand::default() };
         }
@@ -194,9 +195,8 @@ fn a_quadrotor_hovers_on_its_weight_and_turns_by_the_drag_of_its_rotors() {
     let q = profile.configuration(&robot.model, "hovering").unwrap();
     let weight = robot.model.mass() * 9.81;
     let names: Vec<_> = rotors.iter().map(|rotor| rotor.name.clone()).collect();
-    let mut simulation = Floating::new(
-        robot.model.clone(),
-        rotors.clone(),
+    let mut simulation = ArticulatedSimulator::new(
+        RobotSetup::of(&robot).unwrap(),
         World::default(),
         q.as_slice(),
         Options::default(),
@@ -242,9 +242,11 @@ fn objects_stack_and_are_pushed_by_a_robot() {
         cube("hit", Some(2.0), [0.4, 0.0, 0.06]),
     ]);
     let options = Options { friction: 0.0, ..Options::default() };
-    let mut simulation = Floating::new(body(BOX), vec![], world, &at(0.05), options).unwrap();
+    let mut simulation = ArticulatedSimulator::new(body(BOX), world, &at(0.05), options).unwrap();
     run(&mut simulation, 0.5);
-    let object = |simulation: &Floating, name: &str| simulation.object_pose(simulation.object(name).unwrap());
+    let object = |simulation: &ArticulatedSimulator, name: &str| {
+        simulation.object_pose(simulation.object(name).unwrap())
+    };
     assert!((object(&simulation, "above").translation.z - 0.13).abs() < 1e-4);
     assert!(object(&simulation, "above").rotation.angle() < 1e-4);
     let mut force = 0.0;
@@ -286,7 +288,7 @@ fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
         restitution: 0.0,
     };
     let mut simulation =
-        Floating::new(body(BALL), vec![], grounded(vec![block]), &at(0.35), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BALL), grounded(vec![block]), &at(0.35), Options::default()).unwrap();
     run(&mut simulation, 1.0);
     assert!((simulation.base_pose().translation.z - 0.3).abs() < 1e-4);
     assert!(simulation.touching("block", "body") && !simulation.touching("ground", "body"));
@@ -294,7 +296,8 @@ fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
     let mut q = at(0.2);
     let lying = UnitQuaternion::from_euler_angles(0.0, 1.2, 0.3);
     q[3..7].copy_from_slice(lying.coords.as_slice());
-    let mut simulation = Floating::new(capsule, vec![], grounded(vec![]), &q, Options::default()).unwrap();
+    let mut simulation =
+        ArticulatedSimulator::new(capsule, grounded(vec![]), &q, Options::default()).unwrap();
     run(&mut simulation, 3.0);
     let pose = simulation.base_pose();
     assert!((pose.translation.z - 0.05).abs() < 1e-3, "{pose}");
@@ -302,7 +305,7 @@ fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
 }
 
 #[test]
-fn a_reset_takes_the_whole_state_and_refuses_what_is_none() {
+fn a_reset_takes_the_whole_state_and_refuses_an_invalid_one() {
     let mut simulation = held("quadruped");
     let q = simulation.configuration().to_vec();
     run(&mut simulation, 0.2);
@@ -317,14 +320,22 @@ fn a_reset_takes_the_whole_state_and_refuses_what_is_none() {
 }
 
 #[test]
-fn a_robot_is_set_down_on_the_ground_from_wherever_it_is() {
+fn a_robot_is_placed_on_the_ground_from_any_height() {
     for name in ["quadruped", "hexapod", "humanoid"] {
         let mut simulation = standing(name, grounded(vec![]));
         let standing = simulation.configuration()[2];
         let mut q = simulation.configuration().to_vec();
         q[2] = 1e3;
         simulation.reset(&q, &vec![0.0; simulation.velocity().len()]).unwrap();
-        simulation.set_down();
+        simulation.place_on_ground();
         assert!((simulation.configuration()[2] - standing).abs() < 1e-6, "{name}");
     }
+}
+
+#[test]
+fn the_rapier_engine_refuses_a_floating_base_and_names_the_engine_that_takes_it() {
+    let error =
+        RapierSimulator::new(body(BOX), World::default(), &at(0.5), Options::default()).err().unwrap();
+    assert_eq!(error, BuildError::FloatingBase { robot: "body".to_owned() });
+    assert!(error.to_string().contains("physics.articulated"), "{error}");
 }

@@ -1,17 +1,13 @@
 //! Every robot of the catalogue whose base floats runs: put on the ground it stands or rests there, without a heap
 //! allocation, and without drives it falls and comes to rest.
 
-mod legged;
-
 use std::path::Path;
 
-use legged::{grounded, held, run, standing};
-use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
+use motorium::telemetry::{allocations, counts_allocations};
 use motorium_physics::{JointCommand, Simulator};
 use motorium_robots::{catalogue, load};
 
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use crate::legged::{grounded, held, run, standing};
 
 fn floating() -> Vec<&'static str> {
     let names = catalogue().iter().map(|entry| entry.name);

@@ -11,25 +11,23 @@ use super::convert;
 use super::inertia::{MILLIGRAMS, mass_properties};
 use super::scene::Scene;
 use crate::JointCommand;
-use crate::articulated::JointProperties;
+use crate::joint::JointProperties;
 
-/// Handles of the multibody's parts.
-pub(super) struct Arm {
-    pub(super) base: RigidBodyHandle,
+/// The robot as rapier's multibody: handles of its parts.
+pub(super) struct Multibody {
     /// One per body of the model.
     pub(super) links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
     /// Displacement of every coordinate, in rapier's order.
     displacement: Vec<f64>,
-    enabled: bool,
 }
 
-/// How a drive acts in the coming step.
+/// The law of a drive in the coming step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum DriveAction {
     /// The impedance law of the command.
     Law(JointCommand),
-    /// This effort, whatever happens \[Nm or N\].
+    /// A constant effort \[Nm or N\].
     Constant(f64),
 }
 
@@ -40,8 +38,8 @@ const CONSTANT: f64 = 1e-6;
 /// Rapier removes this share of a limit's violation per second \[1/s\], as the joint-space integrator does.
 const RECOVERY_RATE: f64 = 20.0;
 
-impl Arm {
-    /// Builds the multibody, switched off, at joint position zero. Link surfaces are attached by the caller.
+impl Multibody {
+    /// Builds the multibody at joint position zero. The caller attaches the colliders.
     pub(super) fn new(model: &Model, joints: &[JointProperties], scene: &mut Scene) -> Self {
         let base = scene.bodies.insert(RigidBodyBuilder::fixed());
         let mut links = Vec::with_capacity(model.bodies().len());
@@ -50,7 +48,7 @@ impl Arm {
             let inertia = &body.inertia;
             let mass = mass_properties(inertia.mass, &inertia.com, &inertia.rotational);
             let builder = RigidBodyBuilder::dynamic().additional_mass_properties(mass).can_sleep(false);
-            let link = scene.bodies.insert(builder.enabled(false));
+            let link = scene.bodies.insert(builder);
             let parent = body.parent.map_or(base, |parent| links[parent]);
             let handle = scene
                 .multibodies
@@ -59,10 +57,10 @@ impl Arm {
             links.push(link);
             handles.push(handle);
         }
-        let mut arm = Self { base, links, joints: handles, displacement: Vec::new(), enabled: false };
-        arm.couple(model, scene);
-        arm.set_passive(model, joints, scene);
-        arm
+        let mut multibody = Self { links, joints: handles, displacement: Vec::new() };
+        multibody.couple(model, scene);
+        multibody.set_passive(model, joints, scene);
+        multibody
     }
 
     /// Mimic joints: rapier keeps `q2 = multiplier q1 + offset` by a constraint.
@@ -105,17 +103,7 @@ impl Arm {
         }
     }
 
-    /// Switches the links on or off. On, they stand where [`place`](Self::place) says.
-    pub(super) fn set_enabled(&mut self, scene: &mut Scene, enabled: bool) {
-        if self.enabled != enabled {
-            self.enabled = enabled;
-            for link in &self.links {
-                scene.bodies[*link].set_enabled(enabled);
-            }
-        }
-    }
-
-    /// Puts the links at `q`. Whatever the coordinates were is forgotten.
+    /// Places the links at `q`.
     pub(super) fn place(&mut self, model: &Model, scene: &mut Scene, q: &[f64]) {
         let Some(first) = self.joints.first().copied() else { return };
         for (index, body) in model.bodies().iter().enumerate() {
@@ -141,7 +129,7 @@ impl Arm {
         }
     }
 
-    /// Tells the drive of independent joint `column` what to do, `q` being its position.
+    /// Sets the drive of independent joint `column` at position `q`.
     ///
     /// The law becomes an implicit spring and damper in the mass matrix, which is exact and stable for any gains, where
     /// rapier's motors would be rows of an iteration that has not converged. Velocity setpoint and feed-forward shift

@@ -1,4 +1,4 @@
-//! What a joint is, apart from the links it joins.
+//! Passive properties of joints.
 
 use motorium_robots::Model;
 
@@ -22,7 +22,7 @@ pub struct JointProperties {
 }
 
 impl JointProperties {
-    /// The properties of every independent joint of `model`, with this armature each.
+    /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
     ///
     /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
     /// follows, and narrows its range to where its own limits hold.
@@ -47,7 +47,7 @@ impl JointProperties {
             if multiplier != 0.0 {
                 let ends = [joint.limits.lower, joint.limits.upper].map(|end| (end - offset) / multiplier);
                 let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-                // Only a range that leaves the master something is taken: some files limit a follower to nothing.
+                // A range that would leave the master no motion is ignored: some files limit a follower to a point.
                 if low.max(own.lower) <= high.min(own.upper) {
                     own.lower = own.lower.max(low);
                     own.upper = own.upper.min(high);

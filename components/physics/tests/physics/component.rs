@@ -1,4 +1,4 @@
-//! `physics.rapier` in a graph: in lockstep, hosted in this process.
+//! `physics.articulated` and `physics.rapier` in a graph: in lockstep, hosted in this process.
 
 use std::path::{Path, PathBuf};
 
@@ -8,12 +8,10 @@ use motorium::component::{
 use motorium::graph;
 use motorium::launcher::{Exit, Hosting, Options, Report, run};
 use motorium::state::{BaseState, JointCommand, JointState};
-use motorium::telemetry::CountingAllocator;
 use motorium::worker::{Input, Output, Setup};
-use motorium_physics::RapierPhysics;
+use motorium_physics::{ArticulatedPhysics, RapierPhysics};
 
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+const KINDS: [&str; 2] = ["physics.articulated", "physics.rapier"];
 
 /// Sends every joint to one offset from where it first saw it, until step `until`.
 #[derive(serde::Deserialize, schemars::JsonSchema)]
@@ -122,11 +120,16 @@ fn registry() -> Registry {
     };
     Registry::new(
         RobotSource { check },
-        [Kind::of::<RapierPhysics>(), Kind::of::<Driver>(), Kind::of::<Watcher>()],
+        [
+            Kind::of::<ArticulatedPhysics>(),
+            Kind::of::<RapierPhysics>(),
+            Kind::of::<Driver>(),
+            Kind::of::<Watcher>(),
+        ],
     )
 }
 
-fn graph_text(driver: &str, physics: &str) -> String {
+fn graph_text(kind: &str, driver: &str, physics: &str) -> String {
     format!(
         r#"
 name = "physics-test"
@@ -137,7 +140,7 @@ seed = 1
 urdf = "panda"
 
 [component.physics]
-kind = "physics.rapier"
+kind = "{kind}"
 robot = "panda"
 rate = "1 kHz"
 publish = {{ joint_state = "panda/joint_state" }}
@@ -162,8 +165,8 @@ fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
     graph::check(&PathBuf::from("physics-test.toml"), text, &[], &registry(), &graph::Machine::detect())
 }
 
-fn run_for(seconds: u64, driver: &str, physics: &str) -> Report {
-    let mut plan = check(graph_text(driver, physics)).unwrap_or_else(|error| panic!("{error}")).plan;
+fn run_for(seconds: u64, kind: &str, driver: &str) -> Report {
+    let mut plan = check(graph_text(kind, driver, "")).unwrap_or_else(|error| panic!("{error}")).plan;
     plan.duration_ns = Some(seconds * 1_000_000_000);
     let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
     run(plan, &registry(), &options, &mut |_| ()).unwrap()
@@ -175,25 +178,30 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
 
 #[test]
 fn a_commanded_arm_arrives_without_allocating_and_twice_the_same() {
-    let runs = [0, 1].map(|_| run_for(2, "offset = 0.1, until = 100000, stiffness = 2000.0", ""));
-    for report in &runs {
-        assert_eq!(report.exit, Exit::Finished, "{report:?}");
-        let driver = &report.results["driver"];
-        for (i, (start, last)) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])).enumerate() {
-            let goal = if i < 7 { start + 0.1 } else { *start };
-            assert!((last - goal).abs() < 0.02, "joint {i} at {last}, expected {goal}");
+    for kind in KINDS {
+        let runs = [0, 1].map(|_| run_for(2, kind, "offset = 0.1, until = 100000, stiffness = 2000.0"));
+        for report in &runs {
+            assert_eq!(report.exit, Exit::Finished, "{report:?}");
+            let driver = &report.results["driver"];
+            for (i, (start, last)) in
+                numbers(&driver["start"]).iter().zip(numbers(&driver["last"])).enumerate()
+            {
+                let goal = if i < 7 { start + 0.1 } else { *start };
+                assert!((last - goal).abs() < 0.02, "{kind}: joint {i} at {last}, expected {goal}");
+            }
+            let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
+            assert_eq!(physics.allocations, Some(0), "{kind}");
+            assert_eq!(physics.allocations_apart == Some(0), kind == "physics.articulated");
+            assert!(report.results["physics"]["steps"].as_u64().unwrap() >= 1999);
         }
-        let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
-        assert_eq!(physics.allocations, Some(0));
-        assert!(report.results["physics"]["steps"].as_u64().unwrap() >= 1999);
+        assert!(runs[0].state_hash.is_some());
+        assert_eq!(runs[0].state_hash, runs[1].state_hash, "{kind}");
     }
-    assert!(runs[0].state_hash.is_some());
-    assert_eq!(runs[0].state_hash, runs[1].state_hash);
 }
 
 #[test]
 fn when_commands_cease_the_arm_holds_where_it_is() {
-    let report = run_for(2, "offset = 0.3, until = 50, stiffness = 500.0", "");
+    let report = run_for(2, KINDS[0], "offset = 0.3, until = 50, stiffness = 500.0");
     let physics = &report.results["physics"];
     assert!(physics["steps_in_safe_state"].as_u64().unwrap() > 1900, "{physics}");
     let driver = &report.results["driver"];
@@ -205,7 +213,7 @@ fn when_commands_cease_the_arm_holds_where_it_is() {
 
 #[test]
 fn a_command_with_a_negative_gain_is_not_applied() {
-    let report = run_for(1, "offset = 0.5, until = 100000, stiffness = -10.0", "");
+    let report = run_for(1, KINDS[0], "offset = 0.5, until = 100000, stiffness = -10.0");
     let physics = &report.results["physics"];
     assert!(physics["commands_refused"].as_u64().unwrap() > 900, "{physics}");
     let driver = &report.results["driver"];
@@ -228,7 +236,7 @@ fn mistakes_in_the_configuration_are_found_before_anything_runs() {
         ),
     ] {
         let driver = "offset = 0.1, until = 1, stiffness = 1.0";
-        let error = check(graph_text(driver, config)).map(|_| ()).unwrap_err().to_string();
+        let error = check(graph_text(KINDS[0], driver, config)).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(expected), "{config}: {error}");
     }
 }
@@ -244,7 +252,7 @@ seed = 1
 urdf = "{robot}"
 
 [component.physics]
-kind = "physics.rapier"
+kind = "physics.articulated"
 robot = "walker"
 rate = "1 kHz"
 publish = {{ joint_state = "walker/joint_state"{output} }}
@@ -307,4 +315,12 @@ fn where_a_base_starts_is_checked_against_whether_it_floats() {
     // A robot with a fixed base has no base state to publish.
     let error = check(legged_text("panda", "", BASE)).map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("base_state"), "{error}");
+}
+
+#[test]
+fn a_floating_base_with_rapier_is_refused_with_the_kind_that_takes_it() {
+    let text = legged_text("quadruped", "", BASE).replace("physics.articulated", "physics.rapier");
+    let error = check(text).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("has a floating base, which `physics.rapier` cannot simulate"), "{error}");
+    assert!(error.contains("use `kind = \"physics.articulated\"`"), "{error}");
 }

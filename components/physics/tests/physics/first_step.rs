@@ -4,19 +4,21 @@
 //! URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the `python3` of the
 //! path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
 
-mod panda;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use motorium_physics::{Contacts, JointCommand, Options, Rapier, Simulator, World};
+use motorium_physics::{JointCommand, Options, Simulator, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 use serde_json::Value;
 
-/// What forward dynamics and the first step may differ by, relative to the largest acceleration. The joint-space
-/// integrator solves the very same equations; rapier treats Coriolis forces half implicitly, an error of first order.
-const BARS: [(Contacts, f64, f64); 3] =
-    [(Contacts::WhenNear, 1e-5, 1e-9), (Contacts::Always, 1e-5, 1e-4), (Contacts::Always, 1e-7, 2e-6)];
+use crate::engines::Engine;
+use crate::panda;
+
+/// Engine, step \[s\], and bound on the error of the first step against forward dynamics, relative to the largest
+/// acceleration. The articulated engine solves the very same equations; rapier treats Coriolis forces half implicitly,
+/// an error of first order.
+const BARS: [(Engine, f64, f64); 3] =
+    [(Engine::Articulated, 1e-5, 1e-9), (Engine::Rapier, 1e-5, 1e-4), (Engine::Rapier, 1e-7, 2e-6)];
 
 #[test]
 fn the_catalogue_panda_accelerates_as_pinocchio_says() {
@@ -41,10 +43,9 @@ fn published_robots_accelerate_as_pinocchio_says() {
 fn agrees(name: &str, model: &Model, golden: &Value) {
     let n = model.nv();
     let order: Vec<usize> = model.joint_names().iter().map(|joint| column(golden, joint)).collect();
-    for (contacts, dt, bar) in BARS {
-        let options =
-            Options { contacts, contact_iterations: 1, self_collision: false, ..Options::default() };
-        let mut simulation = Rapier::new(model.clone(), World::default(), &vec![0.0; n], options).unwrap();
+    for (engine, dt, bar) in BARS {
+        let options = Options { contact_iterations: 1, self_collision: false, ..Options::default() };
+        let mut simulation = engine.simulate(model.clone(), World::default(), &vec![0.0; n], options);
         let (mut worst, mut count) = (0.0_f64, 0);
         for case in golden["cases"].as_array().unwrap() {
             let pick =
@@ -56,19 +57,19 @@ fn agrees(name: &str, model: &Model, golden: &Value) {
                 q[i] - travel > model.lower()[i] && q[i] + travel < model.upper()[i]
             });
             if inside {
-                let found = acceleration(&mut simulation, &q, &v, &tau, dt);
+                let found = acceleration(&mut *simulation, &q, &v, &tau, dt);
                 worst = worst.max(error(&found, &expected));
                 count += 1;
             }
         }
-        println!("{name}, {contacts:?}, dt {dt:e}: {count} cases, worst relative error {worst:.1e}");
+        println!("{name}, {engine:?}, dt {dt:e}: {count} cases, worst relative error {worst:.1e}");
         assert!(count >= 5, "{name}: only {count} cases start inside the limits");
-        assert!(worst < bar, "{name}, {contacts:?}, dt {dt:e}: {worst:e}");
+        assert!(worst < bar, "{name}, {engine:?}, dt {dt:e}: {worst:e}");
     }
 }
 
 /// Acceleration over one short step under pure effort.
-fn acceleration(simulation: &mut Rapier, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Vec<f64> {
+fn acceleration(simulation: &mut dyn Simulator, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Vec<f64> {
     simulation.reset(q, v).unwrap();
     for (command, tau) in simulation.commands_mut().iter_mut().zip(tau) {
         *command = JointCommand::effort(*tau);

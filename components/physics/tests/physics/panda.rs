@@ -1,10 +1,11 @@
 //! The catalogue's Panda, ready to simulate.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::path::Path;
 
-use motorium_physics::{JointCommand, Options, Rapier, Simulator, World};
+use motorium_physics::{JointCommand, Options, Simulator, World};
 use motorium_robots::{Loaded, load};
+
+use crate::engines::Engine;
 
 pub(crate) fn loaded() -> Loaded {
     load("panda", Path::new(".")).unwrap()
@@ -16,8 +17,8 @@ pub(crate) fn home() -> Vec<f64> {
 }
 
 /// At home in `world`.
-pub(crate) fn at_home(world: World, options: Options) -> Rapier {
-    Rapier::new(loaded().model, world, &home(), options).unwrap()
+pub(crate) fn at_home(engine: Engine, world: World, options: Options) -> Box<dyn Simulator> {
+    engine.simulate(loaded().model, world, &home(), options)
 }
 
 /// The gains of the catalogue, holding `q`.
@@ -28,6 +29,6 @@ pub(crate) fn hold(q: &[f64]) -> Vec<JointCommand> {
 }
 
 /// Holds `q` with the catalogue's gains from now on.
-pub(crate) fn command_hold(simulation: &mut Rapier, q: &[f64]) {
+pub(crate) fn command_hold(simulation: &mut dyn Simulator, q: &[f64]) {
     simulation.commands_mut().copy_from_slice(&hold(q));
 }
