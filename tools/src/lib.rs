@@ -1,5 +1,6 @@
 //! The `motorium` command: launches component graphs and looks into them.
 
+mod chart;
 mod commands;
 mod draw;
 mod exit;
@@ -15,7 +16,7 @@ use std::process::ExitCode;
 
 use crate::out::errln;
 use clap::Parser as _;
-use motorium::worker::{Program, run_worker};
+use motorium::program::{Program, run_worker};
 
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {

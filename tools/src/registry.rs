@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
-use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+use motorium::declare::ConfigError;
+use motorium::worker::{Kind, Registry, RobotSource};
 
 /// Everything built in.
 pub(crate) fn registry() -> Registry {
     Registry::new(
         RobotSource { check: check_robot },
         [
+            Kind::of::<motorium_physics::ArticulatedPhysics>(),
             Kind::of::<motorium_physics::RapierPhysics>(),
             Kind::of::<motorium_sensors::JointEncoder>(),
             Kind::of::<motorium_control::QpController>(),

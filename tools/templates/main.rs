@@ -2,9 +2,7 @@
 //!
 //! The motion is [`Swing`], a plain calculation with tests; [`Controller`] makes it a component.
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Parameter, Setup};
+use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -19,10 +17,10 @@ struct Config {
     joint: usize,
     /// How far it swings from where it was found, rad.
     amplitude: f64,
-    /// Stiffness Kp of each joint, N m/rad.
-    stiffness: Vec<f64>,
-    /// Damping Kd of each joint, N m s/rad.
-    damping: Vec<f64>,
+    /// Proportional gain of each joint, N m/rad.
+    kp: Vec<f64>,
+    /// Derivative gain of each joint, N m s/rad.
+    kd: Vec<f64>,
 }
 
 /// A position and its velocity, rad and rad/s.
@@ -79,13 +77,13 @@ impl Component for Controller {
         declare.input::<JointState>("state", "measured joint state");
         declare.output::<JointCommand>("command", "setpoints and gains for all joints");
         declare.float("frequency", 0.5, 0.05..=2.0, "Hz", "swings per second");
-        let (joints, gains) = (config.stiffness.len(), config.damping.len());
+        let (joints, gains) = (config.kp.len(), config.kd.len());
         if joints != gains {
-            let message = format!("{gains} values, but `stiffness` has {joints}");
-            return Err(ConfigError::key("damping", message).advise("write one value for each joint"));
+            let message = format!("{gains} values, but `kp` has {joints}");
+            return Err(ConfigError::key("kd", message).advise("write one value for each joint"));
         }
         if config.joint >= joints {
-            let message = format!("joint {}, but `stiffness` is for {joints} joints", config.joint);
+            let message = format!("joint {}, but `kp` is for {joints} joints", config.joint);
             return Err(ConfigError::key("joint", message).advise("joints count from 0"));
         }
         if !(-1.0..=1.0).contains(&config.amplitude) {
@@ -112,11 +110,9 @@ impl Component for Controller {
     // The hot path: no allocation, no lock, no log, no system call.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some(state) = self.state.latest() else { return Ok(()) };
-        let joints = self.config.stiffness.len();
+        let joints = self.config.kp.len();
         if state.count() != joints {
-            return Err(StepError::failed(
-                "the robot has another number of joints than `stiffness` has values",
-            ));
+            return Err(StepError::failed("the robot has another number of joints than `kp` has values"));
         }
         let joint = self.config.joint;
         if let Some(last) = self.last {
@@ -133,8 +129,8 @@ impl Component for Controller {
         command.velocity_mut().fill(0.0);
         command.velocity_mut()[joint] = setpoint.velocity;
         command.effort_mut().fill(0.0);
-        command.stiffness_mut().copy_from_slice(&self.config.stiffness);
-        command.damping_mut().copy_from_slice(&self.config.damping);
+        command.kp_mut().copy_from_slice(&self.config.kp);
+        command.kd_mut().copy_from_slice(&self.config.kd);
         self.last = Some(command.position()[joint]);
         command.publish()
     }
@@ -180,10 +176,10 @@ mod tests {
 
     #[test]
     fn a_configuration_that_cannot_work_is_refused_with_its_key() {
-        let good = r#"{ "joint": 1, "amplitude": 0.3, "stiffness": [1.0, 2.0], "damping": [0.1, 0.2] }"#;
+        let good = r#"{ "joint": 1, "amplitude": 0.3, "kp": [1.0, 2.0], "kd": [0.1, 0.2] }"#;
         assert_eq!(declare(good), Ok(()));
         for (key, wrong) in [
-            ("damping", good.replace("[0.1, 0.2]", "[0.1]")),
+            ("kd", good.replace("[0.1, 0.2]", "[0.1]")),
             ("joint", good.replace("\"joint\": 1", "\"joint\": 2")),
             ("amplitude", good.replace("0.3", "3.0")),
         ] {

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+use motorium::declare::ConfigError;
 use motorium::launcher::{self, Hosting, Options};
+use motorium::worker::{Kind, Registry, RobotSource};
 use serde_json::Value as Json;
 
 /// The component of the chapter on writing one, as it stands there.
@@ -13,8 +14,8 @@ use serde_json::Value as Json;
 mod circle {
     include!("book/circle.rs");
 
-    pub(super) fn kind() -> motorium::component::Kind {
-        motorium::component::Kind::of::<Circle>()
+    pub(super) fn kind() -> motorium::worker::Kind {
+        motorium::worker::Kind::of::<Circle>()
     }
 }
 
@@ -154,6 +155,7 @@ fn the_component_of_the_book_leads_the_hand_along_its_circle() {
     };
     let kinds = [
         circle::kind(),
+        Kind::of::<motorium_physics::ArticulatedPhysics>(),
         Kind::of::<motorium_physics::RapierPhysics>(),
         Kind::of::<motorium_control::QpController>(),
     ];

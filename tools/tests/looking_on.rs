@@ -128,7 +128,7 @@ fn echoes_samples(run: &str) {
     assert!(value.get("reserved").is_none());
 
     let every = printed(&["topic", "echo", "panda/joint_command", "--run", run, "--every", "--count", "5"]);
-    assert_eq!(every.lines().filter(|line| line.trim_start().starts_with("stiffness")).count(), 5, "{every}");
+    assert_eq!(every.lines().filter(|line| line.trim_start().starts_with("kp")).count(), 5, "{every}");
 
     let wrong = complaint(&["topic", "echo", "panda/joint_sate", "--run", run]);
     assert!(wrong.contains("did you mean `panda/joint_state`?"), "{wrong}");
@@ -148,7 +148,7 @@ fn shows_layouts(run: &str) {
     assert_eq!(detail["layout"]["type_name"], "motorium.JointCommand");
     let names: Vec<_> =
         detail["layout"]["fields"].as_array().expect("fields").iter().map(|field| &field["name"]).collect();
-    assert_eq!(names, ["count", "reserved", "position", "velocity", "effort", "stiffness", "damping"]);
+    assert_eq!(names, ["count", "reserved", "position", "velocity", "effort", "kp", "kd"]);
     assert_eq!(detail["triggers"], serde_json::json!([]), "physics reads it at its own times");
     assert_eq!(detail["readers"], serde_json::json!(["physics"]));
 }

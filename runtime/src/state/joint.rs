@@ -26,16 +26,16 @@ crate::state_buffer! {
     @layout
     /// Setpoints for a robot's joints, in the order of its model's `q`.
     ///
-    /// The actuator side applies `tau = Kp (position - q) + Kd (velocity - v) + effort`, clamped to the effort
-    /// limit. Position control is `Kp, Kd > 0`; velocity control is `Kp = 0`; effort control is `Kp = Kd = 0`.
+    /// The actuator side applies `tau = kp (position - q) + kd (velocity - v) + effort`, clamped to the effort
+    /// limit. Position control is `kp, kd > 0`; velocity control is `kp = 0`; effort control is `kp = kd = 0`.
     pub struct JointCommand as "motorium.JointCommand" {
         count: u32,
         reserved: u32,
         position: [f64; MAX_JOINTS],
         velocity: [f64; MAX_JOINTS],
         effort: [f64; MAX_JOINTS],
-        stiffness: [f64; MAX_JOINTS],
-        damping: [f64; MAX_JOINTS],
+        kp: [f64; MAX_JOINTS],
+        kd: [f64; MAX_JOINTS],
     }
 }
 
@@ -112,8 +112,8 @@ joint_buffer!(JointCommand {
     velocity, velocity_mut;
     /// Feed-forward efforts: N m or N.
     effort, effort_mut;
-    /// Kp: N m/rad or N/m.
-    stiffness, stiffness_mut;
-    /// Kd: N m s/rad or N s/m.
-    damping, damping_mut;
+    /// Proportional gains: N m/rad or N/m.
+    kp, kp_mut;
+    /// Derivative gains: N m s/rad or N s/m.
+    kd, kd_mut;
 });

@@ -1,6 +1,6 @@
 //! From a configuration and a robot to tasks, limits and gains, with every mistake named by its key.
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium_robots::{Gains, Loaded, Model, Profile, load};
 use nalgebra::{DVector, Vector3};

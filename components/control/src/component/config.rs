@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use motorium::graph::units::{TimeSpan, UnitError};
+use motorium::units::{TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 

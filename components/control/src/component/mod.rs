@@ -10,10 +10,11 @@ pub use config::{
     QpControllerConfig, TaskConfig, VelocityLimitConfig,
 };
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointCommand, JointState};
 use motorium::telemetry::set_apart;
-use motorium::worker::{Checkpoint, Input, Output, Parameter, Setup};
+use motorium::transport::{Input, Output, Parameter};
 use motorium_robots::{Kinematics, Model};
 use nalgebra::DVector;
 
@@ -289,11 +290,11 @@ impl QpController {
         command.position_mut().copy_from_slice(composed.position.as_slice());
         command.velocity_mut().copy_from_slice(composed.velocity.as_slice());
         command.effort_mut().copy_from_slice(composed.effort.as_slice());
-        for (stiffness, kp) in command.stiffness_mut().iter_mut().zip(&composed.kp) {
-            *stiffness = kp_scale * kp;
+        for (scaled, kp) in command.kp_mut().iter_mut().zip(&composed.kp) {
+            *scaled = kp_scale * kp;
         }
-        for (damping, kd) in command.damping_mut().iter_mut().zip(&composed.kd) {
-            *damping = kd_scale * kd;
+        for (scaled, kd) in command.kd_mut().iter_mut().zip(&composed.kd) {
+            *scaled = kd_scale * kd;
         }
         command.publish()
     }

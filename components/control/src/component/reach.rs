@@ -1,8 +1,9 @@
 //! A Cartesian task, fed by a topic.
 
-use motorium::component::{ConfigureError, Declare};
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::Declare;
 use motorium::state::PoseTarget;
-use motorium::worker::{Input, Parameter, Setup};
+use motorium::transport::{Input, Parameter};
 use motorium_robots::{Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 

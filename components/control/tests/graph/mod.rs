@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use motorium::component::{
-    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph::{self, Machine};
 use motorium::launcher::{self, Exit, Hosting, Options, Report};
 use motorium::state::{JointCommand, JointState, PoseTarget};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_control::QpController;
 use motorium_robots::{Dynamics, Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -94,7 +94,7 @@ impl Component for Plant {
         );
         let mut held = JointCommand::default();
         held.set_count(n);
-        held.damping_mut().fill(100.0);
+        held.kd_mut().fill(100.0);
         if let Some(command) = self.command.latest() {
             if command.age_ns() < 5_000_000 {
                 held = *command;
@@ -115,7 +115,7 @@ impl Component for Plant {
         let mut left = self.mass.clone();
         let mut right = &self.mass * &self.v - &self.bias * dt;
         for joint in 0..n {
-            let (kp, kd) = (held.stiffness()[joint], held.damping()[joint]);
+            let (kp, kd) = (held.kp()[joint], held.kd()[joint]);
             left[(joint, joint)] += dt * kd + dt * dt * kp;
             let spring = kp * (held.position()[joint] - self.q[joint]);
             right[joint] += dt * (spring + kd * held.velocity()[joint] + held.effort()[joint]);

@@ -1,6 +1,6 @@
 //! Setting up the simulation of a component.
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
 use motorium_robots::{LoadOptions, Loaded, load_with};

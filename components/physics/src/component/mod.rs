@@ -4,10 +4,11 @@ mod build;
 mod config;
 mod safe;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGuard, Judgement};
-use motorium::state::{BaseState, JointCommand as JointCommands, JointState};
-use motorium::worker::{Checkpoint, Input, Output, Setup};
+use motorium::state::{self, BaseState, JointState};
+use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
 use serde_json::json;
 
@@ -33,7 +34,7 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 ///
 /// After a crash the robot goes on from its last published state, the objects from the start.
 pub struct PhysicsComponent<E> {
-    command: Input<JointCommands>,
+    command: Input<state::JointCommand>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
     guard: CommandGuard,
@@ -72,7 +73,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.actuator();
-        declare.input::<JointCommands>("joint_command", "commands of the drives");
+        declare.input::<state::JointCommand>("joint_command", "commands of the drives");
         declare.output::<JointState>("joint_state", "positions, velocities and efforts after the step");
         let robot = declare.robot().ok_or_else(|| {
             ConfigError::new("it simulates a robot, but the component names none")
@@ -222,8 +223,8 @@ impl Totals {
 }
 
 /// Copies the command; false, and nothing copied, when its count or a gain is wrong.
-fn apply(buffer: &JointCommands, commands: &mut [JointCommand]) -> bool {
-    let gains = buffer.stiffness().iter().chain(buffer.damping());
+fn apply(buffer: &state::JointCommand, commands: &mut [JointCommand]) -> bool {
+    let gains = buffer.kp().iter().chain(buffer.kd());
     if buffer.count() != commands.len() || gains.clone().any(|gain| *gain < 0.0) {
         return false;
     }
@@ -232,8 +233,8 @@ fn apply(buffer: &JointCommands, commands: &mut [JointCommand]) -> bool {
             position: buffer.position()[i],
             velocity: buffer.velocity()[i],
             effort: buffer.effort()[i],
-            kp: buffer.stiffness()[i],
-            kd: buffer.damping()[i],
+            kp: buffer.kp()[i],
+            kd: buffer.kd()[i],
         };
     }
     true

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium::component::{
-    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Hosting, Options, Report, run};
 use motorium::state::{BaseState, JointCommand, JointState};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_physics::{ArticulatedPhysics, RapierPhysics};
 
 const KINDS: [&str; 2] = ["physics.articulated", "physics.rapier"];
@@ -56,8 +56,8 @@ impl Component for Driver {
             command.set_count(start.len());
             command.velocity_mut().fill(0.0);
             command.effort_mut().fill(0.0);
-            command.stiffness_mut().fill(self.config.stiffness);
-            command.damping_mut().fill(50.0);
+            command.kp_mut().fill(self.config.stiffness);
+            command.kd_mut().fill(50.0);
             let goals =
                 start.iter().enumerate().map(|(i, q)| if i < 7 { q + self.config.offset } else { *q });
             command.position_mut().iter_mut().zip(goals).for_each(|(position, goal)| *position = goal);

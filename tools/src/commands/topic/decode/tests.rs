@@ -85,7 +85,7 @@ fn of_joints_only_the_counted_ones_are_shown() {
         json::<JointState>(&content),
         r#"{"count":2,"position":[1.0,2.0],"velocity":[0.0,0.0],"effort":[0.0,-0.5]}"#
     );
-    assert!(json::<JointCommand>(&[]).ends_with(r#""stiffness":[],"damping":[]}"#));
+    assert!(json::<JointCommand>(&[]).ends_with(r#""kp":[],"kd":[]}"#));
 }
 
 #[test]

@@ -1,0 +1,131 @@
+//! Where the hand starts from.
+
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium::state::JointState;
+use motorium::transport::Input;
+use motorium_robots::{FrameId, Kinematics, Model};
+use nalgebra::Isometry3;
+
+use super::config::DmpPolicyConfig;
+use super::course;
+
+/// Finds the pose the hand starts from.
+#[derive(Debug)]
+pub(super) enum Origin {
+    /// From the file.
+    Configured(Isometry3<f64>),
+    /// From the joint state, through the model of the robot.
+    Measured(Box<Measured>),
+}
+
+#[derive(Debug)]
+pub(super) struct Measured {
+    state: Input<JointState>,
+    model: Model,
+    frame: FrameId,
+    kinematics: Kinematics,
+}
+
+impl Origin {
+    /// Declares the input that is needed, and checks what can be checked.
+    pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        if let Some(start) = &config.start {
+            course::pose(start, "start")?;
+            if config.frame.is_some() {
+                return Err(ConfigError::key(
+                    "frame",
+                    "with a configured `start`, no frame of the robot is looked at",
+                )
+                .advise("remove `frame`, or remove `start` to begin at the measured pose of this frame"));
+            }
+            return Ok(());
+        }
+        let robot = declare.robot().ok_or_else(|| {
+            ConfigError::new(
+                "the pose to start from is found through the model of a robot, and there is none",
+            )
+            .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
+        })?;
+        load(robot, config.frame.as_deref())?;
+        declare.input::<JointState>("joint_state", "joint state, read once to find where the hand starts");
+        Ok(())
+    }
+
+    pub(super) fn new(config: &DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        if let Some(start) = &config.start {
+            return Ok(Self::Configured(course::pose(start, "start")?));
+        }
+        let (model, frame) = load(setup.robot()?, config.frame.as_deref())?;
+        let kinematics = Kinematics::new(&model);
+        Ok(Self::Measured(Box::new(Measured {
+            state: setup.input("joint_state")?,
+            model,
+            frame,
+            kinematics,
+        })))
+    }
+
+    /// Whether the pose is measured.
+    pub(super) fn is_measured(&self) -> bool {
+        matches!(self, Self::Measured(_))
+    }
+
+    /// Where the hand is measured to be at this moment, if it is.
+    pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
+        let Self::Measured(measured) = self else { return None };
+        let Measured { state, model, frame, kinematics } = measured.as_mut();
+        let state = state.latest().filter(|state| state.count() == model.nq())?;
+        kinematics.update(model, state.position());
+        Some(kinematics.pose(model, *frame).translation.vector)
+    }
+
+    /// The pose, once it is known.
+    pub(super) fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
+        let measured = match self {
+            Self::Configured(pose) => return Ok(Some(*pose)),
+            Self::Measured(measured) => measured,
+        };
+        let Measured { state, model, frame, kinematics } = measured.as_mut();
+        let Some(state) = state.latest() else { return Ok(None) };
+        if state.count() != model.nq() {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
+        }
+        kinematics.update(model, state.position());
+        Ok(Some(kinematics.pose(model, *frame)))
+    }
+}
+
+/// The model of a robot and the frame that is led.
+pub(super) fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
+        .map_err(|error| ConfigError::new(error.to_string()))?;
+    if loaded.model.base().floating {
+        let message =
+            format!("robot `{}` has a floating base: where its hand is, its joints do not say", robot.name);
+        return Err(
+            ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
+        );
+    }
+    let (name, key) = match frame {
+        Some(name) => (name, "frame"),
+        None => {
+            let mut hands = loaded.profile.iter().flat_map(|profile| profile.end_effectors.values());
+            match (hands.next(), hands.next()) {
+                (Some(hand), None) => (hand.frame.as_str(), "frame"),
+                (one, _) => {
+                    let number =
+                        if one.is_some() { "several end effectors" } else { "no known end effector" };
+                    let message = format!("robot `{}` has {number}, and no `frame` is given", robot.name);
+                    let example = loaded.model.frames().last().map_or("", |frame| frame.name.as_str());
+                    let advice = format!("name the link that is led, such as `frame = \"{example}\"`");
+                    return Err(ConfigError::new(message).advise(advice));
+                }
+            }
+        }
+    };
+    let id = loaded.model.frame(name).map_err(|error| ConfigError::key(key, error.to_string()))?;
+    Ok((loaded.model, id))
+}

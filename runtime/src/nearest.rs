@@ -1,0 +1,55 @@
+//! Suggests the known name nearest to a misspelt one: "did you mean ...?".
+
+/// The known name nearest to what was written, if any is near enough to be meant.
+pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
+    let wanted = plain(written);
+    let allowed = (wanted.chars().count() / 3).max(1);
+    known
+        .into_iter()
+        .filter_map(|name| {
+            let candidate = plain(name);
+            let distance = strsim::damerau_levenshtein(&wanted, &candidate);
+            // a part left out, such as `joint_state` for `panda/joint_state`
+            let part = |whole: &str, part: &str| {
+                !part.is_empty()
+                    && (whole.ends_with(&format!("/{part}")) || whole.ends_with(&format!(".{part}")))
+            };
+            let near = distance <= allowed || part(&candidate, &wanted) || part(&wanted, &candidate);
+            near.then_some((distance, name))
+        })
+        .min()
+        .map(|(_, name)| name)
+}
+
+/// Names in backticks, separated by commas.
+pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// "did you mean" if a name is near; else all known names after `otherwise`.
+pub fn suggest<'a>(
+    written: &str,
+    known: impl IntoIterator<Item = &'a str> + Clone,
+    otherwise: &str,
+) -> String {
+    match nearest(written, known.clone()) {
+        Some(name) => format!("did you mean `{name}`?"),
+        None => format!("{otherwise}: {}", list(known)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_of_the_finger_finds_its_name() {
+        let known = ["rate", "trigger", "budget", "panda/joint_state"];
+        assert_eq!(nearest("rte", known), Some("rate"));
+        assert_eq!(nearest("Trigger", known), Some("trigger"));
+        assert_eq!(nearest("joint-state", known), Some("panda/joint_state"));
+        assert_eq!(nearest("colour", known), None);
+        assert_eq!(nearest("", known), None);
+    }
+}

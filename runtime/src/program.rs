@@ -1,0 +1,125 @@
+//! The program around a component: how launcher and user start it.
+
+use std::io::{Read as _, Write as _};
+use std::process::ExitCode;
+
+use crate::run_folder::RunFolder;
+use crate::worker::{
+    ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
+};
+
+/// How a program was called by motorium.
+#[derive(Debug)]
+pub enum Program {
+    /// To describe its component.
+    Describe,
+    /// To guard a run.
+    Guard(RunFolder),
+    /// To run a component of a run.
+    Worker {
+        /// The run's folder.
+        folder: RunFolder,
+        /// The component's name in the graph.
+        component: String,
+    },
+}
+
+impl Program {
+    /// Reads a program's arguments; `None` when they are not motorium's.
+    pub fn from_arguments(arguments: &[String]) -> Option<Self> {
+        match arguments {
+            [_, first] if first == DESCRIBE => Some(Self::Describe),
+            [_, first, folder] if first == GUARD => Some(Self::Guard(RunFolder::open(folder.as_ref()))),
+            [_, first, folder, component] if first == WORKER => {
+                Some(Self::Worker { folder: RunFolder::open(folder.as_ref()), component: component.clone() })
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The `main` of a program with one component; use [`main!`](crate::main).
+pub fn main(kind: &Kind) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    match Program::from_arguments(&arguments) {
+        Some(Program::Describe) => describe(kind),
+        Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
+        Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
+        None => {
+            eprintln!(
+                "{} is a motorium component ({}: {}).\nName it in a graph file, `exec = \"PATH\"`, and start that with \
+                 `motorium run GRAPH.toml`.",
+                arguments.first().map_or("this", String::as_str),
+                kind.name,
+                kind.summary
+            );
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Answers a request for the component's description: JSON on standard input, JSON on standard output.
+pub fn describe(kind: &Kind) -> ExitCode {
+    let mut text = String::new();
+    let request: Result<DescribeRequest, String> = std::io::stdin()
+        .read_to_string(&mut text)
+        .map_err(|error| error.to_string())
+        .and_then(|_| serde_json::from_str(&text).map_err(|error| error.to_string()));
+    let request = match request {
+        Ok(request) => request,
+        Err(error) => {
+            eprintln!("no request to describe on standard input: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    let declared = kind.declare(ConfigSource::Json(request.config), request.robot);
+    let (declaration, error) = match declared {
+        Ok(declaration) => (Some(declaration), None),
+        Err(problem) => (None, Some(problem.error.into())),
+    };
+    let answer = DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error };
+    match serde_json::to_string(&answer).map(|text| std::io::stdout().write_all(text.as_bytes())) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    }
+}
+
+/// Runs one component of a run in this process; `kinds` finds the component's type.
+pub fn run_worker(
+    folder: &RunFolder,
+    component: &str,
+    kinds: impl Fn(&crate::plan::ComponentPlan) -> Option<Kind>,
+) -> ExitCode {
+    crate::transport::quieten();
+    let worker = match Worker::open(folder.clone(), component) {
+        Ok(worker) => worker,
+        Err(error) => {
+            eprintln!("{component}: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let Some(kind) = kinds(worker.component()) else {
+        eprintln!("{component}: this program does not host its kind");
+        return ExitCode::FAILURE;
+    };
+    match (kind.run)(worker) {
+        Outcome::Stopped => ExitCode::SUCCESS,
+        Outcome::Failed => ExitCode::FAILURE,
+    }
+}
+
+/// Makes a component type into a program: `motorium::main!(MyController);`.
+///
+/// The program describes itself to `motorium check`, and runs as a process of a graph that names it with
+/// `exec = "PATH"`. It counts its heap allocations.
+#[macro_export]
+macro_rules! main {
+    ($component:ty) => {
+        #[global_allocator]
+        static ALLOCATOR: $crate::telemetry::CountingAllocator = $crate::telemetry::CountingAllocator;
+
+        fn main() -> std::process::ExitCode {
+            $crate::program::main(&$crate::worker::Kind::of::<$component>())
+        }
+    };
+}

@@ -1,0 +1,158 @@
+//! The topics of a plan without its launcher: for measurements and tests of the transport alone.
+
+use std::path::Path;
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+
+use crate::plan::{Activation, Plan, PortPlan};
+use crate::region::Region;
+use crate::run_folder::{RunFolder, RunFolderError};
+use crate::state::StateBuffer;
+use crate::transport::{
+    Context, Domain, DomainError, Input, Output, PortError, Shared, TopicService, Trigger, open_trigger,
+    quieten,
+};
+
+/// The topics of a plan in shared memory, without a launcher and without components. A thread or a process joins as
+/// one of the components by an [`Endpoint`]. Dropping it removes everything.
+#[derive(Debug)]
+pub struct TopicSet {
+    folder: RunFolder,
+    _region: Region,
+    _node: Node<Shared>,
+    _topics: Vec<TopicService>,
+}
+
+/// The topics of a plan could not be made or joined.
+#[derive(Debug, thiserror::Error)]
+pub enum TopicSetError {
+    /// The run's folder could not be made or read.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// The run's domain could not be joined.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A topic could not be made or joined.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The plan has no such component.
+    #[error("the plan has no component `{0}`")]
+    NoComponent(String),
+    /// The component is not triggered by a topic.
+    #[error("component `{0}` has no trigger")]
+    NoTrigger(String),
+}
+
+impl TopicSet {
+    /// Makes the folder, the region and all topics of a plan.
+    ///
+    /// # Errors
+    /// `/dev/shm` is full or forbidden.
+    pub fn create(plan: &Plan) -> Result<Self, TopicSetError> {
+        quieten();
+        let (folder, region) = RunFolder::create(plan)?;
+        let made = || -> Result<_, TopicSetError> {
+            let node = folder.domain()?.node()?;
+            let topics = plan.topics.iter().map(|topic| TopicService::create(&node, topic));
+            let topics = topics.collect::<Result<_, _>>()?;
+            Ok((node, topics))
+        };
+        match made() {
+            Ok((node, topics)) => Ok(Self { folder, _region: region, _node: node, _topics: topics }),
+            Err(error) => {
+                folder.remove();
+                Err(error)
+            }
+        }
+    }
+
+    /// The folder of the topics, as [`Endpoint::join`] takes it.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+impl Drop for TopicSet {
+    fn drop(&mut self) {
+        self.folder.remove();
+    }
+}
+
+/// The ports of one component of a plan, opened in this process or another.
+#[derive(Debug)]
+pub struct Endpoint {
+    plan: Plan,
+    index: usize,
+    node: Node<Shared>,
+    context: Rc<Context>,
+}
+
+impl Endpoint {
+    /// Joins the topics at `path` as one of the components.
+    ///
+    /// # Errors
+    /// There are no such topics, or the plan has no such component.
+    pub fn join(path: &Path, component: &str) -> Result<Self, TopicSetError> {
+        quieten();
+        let folder = RunFolder::open(path);
+        let plan = folder.plan()?;
+        let region = Rc::new(folder.region()?);
+        let domain: Domain = folder.domain()?;
+        let index = plan
+            .components
+            .iter()
+            .position(|candidate| candidate.name == component)
+            .ok_or_else(|| TopicSetError::NoComponent(component.to_string()))?;
+        let context = Rc::new(Context::new(&plan, index, region));
+        Ok(Self { node: domain.node()?, index, context, plan })
+    }
+
+    /// Opens an input of the component.
+    ///
+    /// # Errors
+    /// It has no such input, or the topic cannot be joined.
+    pub fn input<T: StateBuffer>(&self, port: &str) -> Result<Input<T>, TopicSetError> {
+        let component = &self.plan.components[self.index];
+        let Some(topic) = wired(&component.inputs, port)? else {
+            return Ok(Input::unwired(self.context.clone()));
+        };
+        let topic = (topic, &self.plan.topics[topic]);
+        Ok(Input::open(&self.node, topic, port, false, None, self.context.clone())?)
+    }
+
+    /// Opens an output of the component.
+    ///
+    /// # Errors
+    /// It has no such output, or the topic cannot be joined.
+    pub fn output<T: StateBuffer>(&self, port: &'static str) -> Result<Output<T>, TopicSetError> {
+        let component = &self.plan.components[self.index];
+        let Some(topic) = wired(&component.outputs, port)? else {
+            return Ok(Output::unwired(port, self.context.clone()));
+        };
+        let topic = (topic, &self.plan.topics[topic]);
+        Ok(Output::open(&self.node, topic, port, Vec::new(), self.context.clone())?)
+    }
+
+    /// Opens the trigger of the component.
+    ///
+    /// # Errors
+    /// It has none, or its topic cannot be joined.
+    pub fn trigger(&self) -> Result<Trigger, TopicSetError> {
+        let component = &self.plan.components[self.index];
+        match component.activation {
+            Activation::Triggered { topic, .. } => {
+                Ok(open_trigger(&self.node, &self.plan.topics[topic], &self.context)?)
+            }
+            Activation::Periodic { .. } => Err(TopicSetError::NoTrigger(component.name.clone())),
+        }
+    }
+}
+
+fn wired(ports: &[PortPlan], name: &str) -> Result<Option<usize>, PortError> {
+    ports
+        .iter()
+        .find(|port| port.port == name)
+        .map(|port| port.topic)
+        .ok_or_else(|| PortError::NotDeclared { port: name.to_string() })
+}

@@ -1,0 +1,136 @@
+//! Component types known by name.
+
+use std::path::Path;
+
+use super::{Outcome, Worker};
+use crate::component::Component;
+use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
+
+/// Where a component's `config` table comes from.
+#[derive(Debug, Clone)]
+pub enum ConfigSource<'a> {
+    /// The graph file: errors then know their place in it.
+    Toml(toml::Spanned<toml::de::DeValue<'a>>),
+    /// A resolved plan.
+    Json(serde_json::Value),
+}
+
+/// A component type known by name, with all that the launcher and the worker need of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    /// Its name in graph files, `family.name`.
+    pub name: &'static str,
+    /// One line of explanation.
+    pub summary: &'static str,
+    declare: DeclareFunction,
+    schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
+    pub(crate) run: fn(Worker) -> Outcome,
+}
+
+type DeclareFunction = fn(ConfigSource<'_>, Option<RobotReference>) -> Result<Declaration, ConfigProblem>;
+
+/// A configuration that was refused, with its place in the file when it came from one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConfigProblem {
+    /// Bytes of the graph file at fault.
+    pub span: Option<core::ops::Range<usize>>,
+    /// What was found and expected.
+    pub error: ConfigError,
+}
+
+impl Kind {
+    /// The kind of a component type.
+    pub const fn of<C: Component>() -> Self {
+        Self {
+            name: C::KIND,
+            summary: C::SUMMARY,
+            declare: declare::<C>,
+            schema: |generator| generator.subschema_for::<C::Config>(),
+            run: super::run::<C>,
+        }
+    }
+
+    /// Reads a configuration and declares the ports and parameters that follow from it.
+    ///
+    /// # Errors
+    /// What in the configuration cannot be, and where.
+    pub fn declare(
+        &self,
+        config: ConfigSource<'_>,
+        robot: Option<RobotReference>,
+    ) -> Result<Declaration, ConfigProblem> {
+        (self.declare)(config, robot)
+    }
+
+    /// The JSON Schema of the `config` table.
+    pub fn schema(&self, generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        (self.schema)(generator)
+    }
+}
+
+fn declare<C: Component>(
+    config: ConfigSource<'_>,
+    robot: Option<RobotReference>,
+) -> Result<Declaration, ConfigProblem> {
+    use serde::Deserialize as _;
+    let config = match config {
+        ConfigSource::Toml(table) => {
+            C::Config::deserialize(toml::de::ValueDeserializer::from(table)).map_err(|error| {
+                ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) }
+            })?
+        }
+        ConfigSource::Json(value) => serde_json::from_value(value)
+            .map_err(|error| ConfigProblem { span: None, error: ConfigError::new(error.to_string()) })?,
+    };
+    let mut declare = Declare::new(robot);
+    C::declare(&config, &mut declare).map_err(|error| ConfigProblem { span: None, error })?;
+    Ok(declare.into_declaration())
+}
+
+/// Checks that the model of a robot exists and can be loaded: `urdf` as the graph file says, and the folder of that
+/// file. Returns what is doubtful about it, in words; the error says why it cannot be used and what to try.
+pub type RobotCheck = fn(&str, &Path) -> Result<Vec<String>, ConfigError>;
+
+/// What a program knows about robots; the runtime itself knows none.
+#[derive(Debug, Clone, Copy)]
+pub struct RobotSource {
+    /// Checks a robot of the graph file.
+    pub check: RobotCheck,
+}
+
+/// All component kinds a program can host, and the robots it can find.
+#[derive(Debug, Clone)]
+pub struct Registry {
+    kinds: Vec<Kind>,
+    robots: RobotSource,
+}
+
+impl Registry {
+    /// A registry of kinds, sorted by name.
+    ///
+    /// # Panics
+    /// When two kinds share a name: that is a mistake in the program itself.
+    pub fn new(robots: RobotSource, kinds: impl IntoIterator<Item = Kind>) -> Self {
+        let mut kinds: Vec<Kind> = kinds.into_iter().collect();
+        kinds.sort_by_key(|kind| kind.name);
+        for pair in kinds.windows(2) {
+            assert!(pair[0].name != pair[1].name, "two component kinds are named `{}`", pair[0].name);
+        }
+        Self { kinds, robots }
+    }
+
+    /// All kinds, sorted by name.
+    pub fn kinds(&self) -> &[Kind] {
+        &self.kinds
+    }
+
+    /// The kind of this name.
+    pub fn find(&self, name: &str) -> Option<&Kind> {
+        self.kinds.binary_search_by_key(&name, |kind| kind.name).ok().map(|i| &self.kinds[i])
+    }
+
+    /// What is known about robots.
+    pub fn robots(&self) -> RobotSource {
+        self.robots
+    }
+}
