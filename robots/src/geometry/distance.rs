@@ -90,6 +90,24 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
+    /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update): `pose` is that of its
+    /// [placement](CollisionModel::placement) in the world.
+    pub fn place(&mut self, index: usize, pose: &Isometry3<f64>) {
+        self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
+        self.positions[index] = pose.translation.vector.into();
+    }
+
+    /// Resets the search directions of the last distances, so that the next depend on the poses alone.
+    pub fn forget(&mut self) {
+        self.hints.fill(V3::ZERO);
+        self.last = 0;
+    }
+
+    /// Distance of pair `pair`, or `None` when it is certainly above `range` \[m\].
+    pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
+        self.measure(model, pair, range)
+    }
+
     /// Distance of one pair.
     pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
         // Nothing is farther than that; only surfaces can fail to answer.

@@ -1,9 +1,11 @@
 //! Contact generation: the points where colliders touch, or soon may.
 
-use motorium_robots::ConvexShape;
+use std::cell::Cell;
+
+use motorium_robots::{Collisions, ConvexShape};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::colliders::{Collider, Owner};
+use super::colliders::{Collider, Colliders, Owner};
 use super::features::{ContactGeometry, Feature};
 
 /// Contact points kept at once. Of more, the deepest.
@@ -29,6 +31,8 @@ pub(crate) struct ContactPoint {
 
 #[derive(Clone, Copy, Debug)]
 struct Pair {
+    /// Index in the pairs of the collision model.
+    index: usize,
     first: usize,
     second: usize,
     /// Origins farther apart than this are not near one another \[m\]; for a half-space, height of the origin above it.
@@ -36,31 +40,43 @@ struct Pair {
     half_space: bool,
 }
 
+/// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
+const MISSED: f64 = 1e-4;
+
+/// Number of the nearest points among the features of a pair.
+const NEAREST: u32 = u32::MAX >> 1;
+
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
-#[derive(Clone, Debug)]
+///
+/// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other. Where
+/// these miss the contact, as between edges that cross or on a hull, it is found at the nearest points of the two.
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     poses: Vec<Isometry3<f64>>,
     points: Vec<ContactPoint>,
+    distances: Collisions,
     /// The points are all that are closer than this as the colliders stand \[m\]; zero when that is not known.
     complete_within: f64,
 }
 
 impl Detector {
-    /// For these pairs of colliders, the lower index first. A half-space is the second of its pairs.
-    pub(crate) fn new(colliders: &[Collider], pairs: &[[usize; 2]]) -> Self {
-        let mut pairs: Vec<_> = pairs
+    /// For all pairs of the collision model. A half-space is the second of its pairs.
+    pub(crate) fn new(Colliders { colliders, model, .. }: &Colliders) -> Self {
+        let mut pairs: Vec<_> = model
+            .pairs()
             .iter()
-            .map(|&[first, second]| {
+            .enumerate()
+            .map(|(index, &[first, second])| {
                 let half_space = colliders[second].shape == ConvexShape::HalfSpace;
                 let (a, b) = (&colliders[first].shape, &colliders[second].shape);
                 let reach = a.bounding_radius() + if half_space { 0.0 } else { b.bounding_radius() };
-                Pair { first, second, reach, half_space }
+                Pair { index, first, second, reach, half_space }
             })
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
         let poses = colliders.iter().map(|collider| collider.placement).collect();
-        Self { pairs, poses, points: Vec::with_capacity(MOST), complete_within: 0.0 }
+        let points = Vec::with_capacity(MOST);
+        Self { pairs, poses, points, distances: Collisions::new(model), complete_within: 0.0 }
     }
 
     /// Largest number of contact points.
@@ -73,23 +89,26 @@ impl Detector {
         &self.points
     }
 
-    /// Drops the points found last.
-    pub(crate) fn clear(&mut self) {
+    /// Forgets the last step.
+    pub(crate) fn forget(&mut self) {
         self.points.clear();
+        self.distances.forget();
         self.complete_within = 0.0;
     }
 
     /// Places a collider of the world.
     pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
         self.poses[collider] = pose;
+        self.distances.place(collider, &pose);
         self.complete_within = 0.0;
     }
 
     /// Places all colliders whose owner moves; `pose` is that of an owner in the world.
     pub(crate) fn place(&mut self, colliders: &[Collider], pose: impl Fn(Owner) -> Isometry3<f64>) {
-        for (collider, place) in colliders.iter().zip(&mut self.poses) {
+        for (index, (collider, place)) in colliders.iter().zip(&mut self.poses).enumerate() {
             if collider.owner != Owner::World {
                 *place = pose(collider.owner) * collider.placement;
+                self.distances.place(index, place);
             }
         }
         self.complete_within = 0.0;
@@ -110,14 +129,18 @@ impl Detector {
     }
 
     /// Finds all contact points closer than `margin` \[m\].
-    pub(crate) fn detect(&mut self, colliders: &[Collider], margin: f64) -> &[ContactPoint] {
+    pub(crate) fn detect(
+        &mut self,
+        Colliders { colliders, model, .. }: &Colliders,
+        margin: f64,
+    ) -> &[ContactPoint] {
         if margin <= self.complete_within {
             // Nothing has moved since a look farther around.
             self.points.retain(|point| point.distance < margin);
             self.complete_within = margin;
             return &self.points;
         }
-        let Self { pairs, poses, points, .. } = self;
+        let Self { pairs, poses, points, distances, .. } = self;
         points.clear();
         for (index, pair) in pairs.iter().enumerate() {
             let (a, b) = (&poses[pair.first], &poses[pair.second]);
@@ -134,7 +157,9 @@ impl Detector {
             let (first, second) = (&colliders[pair.first], &colliders[pair.second]);
             let friction = 0.5 * (first.friction + second.friction);
             let restitution = 0.5 * (first.restitution + second.restitution);
+            let least = Cell::new(margin);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
+                least.set(least.get().min(distance));
                 let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
                 let key = (index as u64) << 32 | u64::from(swapped) << 31 | u64::from(feature);
@@ -149,6 +174,14 @@ impl Detector {
             }
             if !round(first) {
                 search((second, b), (first, a), margin, |f, p, n, d| found(true, f, p, n, d));
+            }
+            if !pair.half_space
+                && let Some(nearest) = distances.distance_within(model, pair.index, margin)
+                && nearest.distance < least.get() - MISSED
+            {
+                let [p, q] = nearest.points;
+                let point = nalgebra::center(&p, &q);
+                found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
             }
         }
         self.complete_within = if self.points.len() < MOST { margin } else { 0.0 };

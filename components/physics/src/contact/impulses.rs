@@ -18,6 +18,10 @@ const FASTEST_RECOVERY: f64 = 0.5;
 /// on more points than determine them.
 const COMPLIANCE: f64 = 1e-6;
 
+/// A contact point of which an impulse moves the robot less than this share of what it would move a free body of the same
+/// mass is held by the robot's joints: it needs no impulse.
+const IMMOVABLE: f64 = 1e-9;
+
 /// Largest number of sweeps over all contact points.
 const SWEEPS: usize = 200;
 
@@ -34,7 +38,8 @@ const SETTLED: f64 = 1e-8;
 /// ```
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
-/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s. The impulses of the last step are the first
+/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the robot's mass has
+/// at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last step are the first
 /// guess. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
@@ -53,6 +58,10 @@ pub(crate) struct Impulses {
     /// Velocities that the objects' fall alone gives.
     falling: Vec<f64>,
     target: Vec<f64>,
+    /// Per contact point: the surfaces overlap, so that the target is a speed of recovery.
+    overlapping: Vec<bool>,
+    /// Inverse of the robot's mass \[1/kg\].
+    inverse_mass: f64,
     friction: Vec<f64>,
     lambda: Vec<f64>,
     keys: Vec<u64>,
@@ -69,8 +78,8 @@ struct ObjectRow {
 }
 
 impl Impulses {
-    /// For a robot of `n` velocities and up to `most` contact points.
-    pub(crate) fn new(n: usize, most: usize) -> Self {
+    /// For a robot of `n` velocities and of `mass` \[kg\], and up to `most` contact points.
+    pub(crate) fn new(n: usize, mass: f64, most: usize) -> Self {
         let rows = 3 * most;
         Self {
             n,
@@ -83,6 +92,8 @@ impl Impulses {
             velocity: vec![0.0; rows],
             falling: vec![0.0; rows],
             target: vec![0.0; most],
+            overlapping: vec![false; most],
+            inverse_mass: 1.0 / mass.max(f64::MIN_POSITIVE),
             friction: vec![0.0; most],
             lambda: vec![0.0; rows],
             keys: Vec::with_capacity(most),
@@ -151,11 +162,13 @@ impl Impulses {
             self.lambda[3 * index..][..3].copy_from_slice(&warm);
             self.friction[index] = point.friction;
             let now = dot(&self.jacobian[3 * index * n..][..n], v) + speed(&self.objects[3 * index], before);
+            self.overlapping[index] = false;
             self.target[index] = if point.distance + h * now < 0.0 && now * point.restitution < -0.01 {
                 -point.restitution * now
             } else if point.distance > 0.0 {
                 -point.distance / h
             } else {
+                self.overlapping[index] = true;
                 (-point.distance * RECOVERY_RATE).min(FASTEST_RECOVERY)
             };
         }
@@ -200,9 +213,26 @@ impl Impulses {
         }
     }
 
+    /// The target of contact point `index`, `stiff` being its diagonal entry of W.
+    fn target(&self, index: usize, stiff: f64) -> f64 {
+        let share = if self.overlapping[index] { (stiff / self.inverse_mass).min(1.0).sqrt() } else { 1.0 };
+        share * self.target[index]
+    }
+
+    /// True when no impulse moves contact point `index`.
+    fn is_immovable(&self, index: usize, rows: usize) -> bool {
+        let row = 3 * index;
+        self.delassus[row * rows + row] < IMMOVABLE * self.inverse_mass
+    }
+
     /// Sweeps over the contact points until nothing changes.
     fn sweep(&mut self) {
         let rows = 3 * self.points;
+        for index in 0..self.points {
+            if self.is_immovable(index, rows) {
+                self.lambda[3 * index..][..3].fill(0.0);
+            }
+        }
         for row in 0..rows {
             let pushes = &self.delassus[row * rows..][..rows];
             self.velocity[row] += dot(pushes, &self.lambda[..rows]);
@@ -220,17 +250,22 @@ impl Impulses {
 
     /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
     fn relax(&mut self, index: usize, rows: usize) -> f64 {
+        if self.is_immovable(index, rows) {
+            return 0.0;
+        }
         let at = 3 * index;
         let w = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
-        let stiff = w(0, 0).max(f64::MIN_POSITIVE);
+        let stiff = w(0, 0);
         let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
         let compliance = COMPLIANCE * stiff;
-        let missing = self.velocity[at] - self.target[index] + compliance * old[0];
+        let missing = self.velocity[at] - self.target(index, stiff) + compliance * old[0];
         let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
         // Slip with the new normal impulse.
         let step = normal - old[0];
         let slip = [self.velocity[at + 1] + w(1, 0) * step, self.velocity[at + 2] + w(2, 0) * step];
-        let (a, b, c) = (w(1, 1) * (1.0 + COMPLIANCE), w(1, 2), w(2, 2) * (1.0 + COMPLIANCE));
+        // Along a tangent that the joints hold, one of them may be zero.
+        let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
+        let (a, b, c) = (w(1, 1) + soft, w(1, 2), w(2, 2) + soft);
         let bound = self.friction[index] * normal;
         let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
         let mut tangent = [

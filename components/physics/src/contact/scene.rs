@@ -33,7 +33,7 @@ struct FrameJacobian {
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
     pub(crate) fn new(model: &Model, colliders: Colliders, world: &World) -> Self {
-        let detector = Detector::new(&colliders.colliders, colliders.model.pairs());
+        let detector = Detector::new(&colliders);
         let frame_on = |body: Option<usize>| {
             let there = |frame: &motorium_robots::Frame| frame.body == body && !frame.in_world;
             let name = model.frames().iter().find(|frame| there(frame)).map(|frame| frame.name.as_str());
@@ -45,7 +45,7 @@ impl ContactScene {
         let jacobian =
             FrameJacobian { known: false, matrix: DMatrix::zeros(6, model.nv()), origin: Vector3::zeros() };
         Self {
-            impulses: Impulses::new(model.nv(), detector.capacity()),
+            impulses: Impulses::new(model.nv(), model.mass(), detector.capacity()),
             jacobians: vec![jacobian; frames.len()],
             objects: Objects::new(world),
             frames,
@@ -62,7 +62,7 @@ impl ContactScene {
     /// Takes pairs of colliders out of the detection. The poses must be [placed](Self::place) anew.
     pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
         self.colliders.exclude(pairs);
-        self.detector = Detector::new(&self.colliders.colliders, self.colliders.model.pairs());
+        self.detector = Detector::new(&self.colliders);
     }
 
     /// Places the robot as `kinematics` stands, its base at `base`, and the objects in their next state.
@@ -86,7 +86,7 @@ impl ContactScene {
         (gravity, h, margin): (&Vector3<f64>, f64, f64),
     ) {
         let Self { colliders, detector, impulses, objects, frames, jacobians } = self;
-        let points = detector.detect(&colliders.colliders, margin);
+        let points = detector.detect(colliders, margin);
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
         objects.fall(gravity, h);
@@ -122,7 +122,7 @@ impl ContactScene {
 
     /// The contact points within `margin` \[m\], as all was placed last. Those of the last step are dropped.
     pub(crate) fn detect(&mut self, margin: f64) -> &[ContactPoint] {
-        self.detector.detect(&self.colliders.colliders, margin)
+        self.detector.detect(&self.colliders, margin)
     }
 
     /// Speed of the fastest body or object \[m/s\], at the origin of its frame.
@@ -142,7 +142,7 @@ impl ContactScene {
         for (index, object) in world.objects.iter().enumerate().filter(|(_, object)| !object.is_dynamic()) {
             self.set_object_pose(index, &object.pose());
         }
-        self.detector.clear();
+        self.detector.forget();
         self.impulses.forget();
     }
 

@@ -5,6 +5,8 @@ use motorium_physics::{
     ArticulatedSimulator, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, World,
 };
 
+use motorium_robots::Kinematics;
+
 use crate::panda;
 
 const DT: f64 = 1e-3;
@@ -63,20 +65,22 @@ fn an_arm_beside_objects_at_rest_allocates_nothing() {
 
 #[test]
 fn an_arm_that_hits_objects_allocates_nothing() {
-    // In its way: hand and fingers push it about on a shelf.
-    let shelf = Object { shape: ObjectShape::Box { size: [0.6, 0.6, 0.2] }, ..cube("shelf", None, 0.3) };
-    let shelf = Object { position: [0.3, 0.0, 0.35], ..shelf };
-    let can = Object {
-        shape: ObjectShape::Cylinder { radius: 0.03, length: 0.1 },
-        position: [0.3, 0.06, 0.5],
-        ..cube("can", Some(0.2), 0.3)
-    };
+    // A cube on a pillar between the fingers: the swinging hand knocks it off.
     let (model, home) = (panda::loaded().model, panda::home());
-    let world = grounded(vec![shelf, can]);
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, &home);
+    let hand = kinematics.pose(&model, model.frame("panda_hand_tcp").unwrap()).translation.vector;
+    let height = hand.z - 0.02;
+    let pillar =
+        Object { shape: ObjectShape::Box { size: [0.03, 0.03, height] }, ..cube("pillar", None, 0.0) };
+    let pillar = Object { position: [hand.x, hand.y, 0.5 * height], ..pillar };
+    let small = Object { shape: ObjectShape::Box { size: [0.04; 3] }, ..cube("cube", Some(0.1), 0.0) };
+    let small = Object { position: hand.into(), ..small };
+    let world = grounded(vec![pillar, small]);
     let mut simulation = ArticulatedSimulator::new(model, world, &home, Options::default()).unwrap();
     assert_eq!(steady(&mut simulation), 0);
-    let can = simulation.object_pose(simulation.object("can").unwrap());
-    assert!((can.translation.vector - nalgebra::Vector3::new(0.3, 0.06, 0.5)).norm() > 0.02, "{can}");
+    let place = simulation.object_pose(simulation.object("cube").unwrap()).translation.vector;
+    assert!((place - hand).norm() > 0.02, "{place}");
 }
 
 #[test]

@@ -343,3 +343,50 @@ fn links_that_a_collision_rule_names_pass_through_one_another() {
         }
     }
 }
+
+/// A block of 2 kg that slides along x and z only, and one that slides along x only.
+fn block(planar: bool) -> Model {
+    let inertia = r#"<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"#;
+    let limit = r#"<limit lower="-9" upper="9" velocity="9" effort="100"/>"#;
+    let z = format!(
+        r#"<link name="lift">{}</link><joint name="z" type="prismatic"><parent link="world"/><child link="lift"/>
+        <axis xyz="0 0 1"/>{limit}</joint>"#,
+        inertia.replace("\"2\"", "\"1e-3\"")
+    );
+    let (z, carrier) = if planar { (z, "lift") } else { (String::new(), "world") };
+    let urdf = format!(
+        r#"<robot name="block"><link name="world"/>{z}<link name="block">{inertia}<collision><geometry>
+        <box size="0.2 0.2 0.1"/></geometry></collision></link><joint name="x" type="prismatic"><parent link="{carrier}"/>
+        <child link="block"/><axis xyz="1 0 0"/>{limit}</joint></robot>"#
+    );
+    parse_urdf(&urdf, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
+}
+
+#[test]
+fn friction_brakes_a_robot_whose_joints_hold_the_other_tangent() {
+    let world = World { ground: Some(Ground { friction: 0.5, ..Ground::default() }), ..World::default() };
+    let options = Options { friction: 0.5, ..Options::default() };
+    let mut simulation = ArticulatedSimulator::new(block(true), world, &[0.05, 0.0], options).unwrap();
+    simulation.reset(&[0.05, 0.0], &[0.0, 1.0]).unwrap();
+    run(&mut simulation, 0.1);
+    // Deceleration mu g.
+    let expected = 1.0 - 0.5 * 9.81 * 0.1;
+    assert!((simulation.velocities()[1] - expected).abs() < 2e-3, "{:?}", simulation.velocities());
+    run(&mut simulation, 0.4);
+    assert!(simulation.velocities()[1].abs() < 1e-6 && simulation.positions()[0] > 0.0499);
+}
+
+#[test]
+fn a_contact_that_the_joints_hold_does_not_disturb_the_motion() {
+    // The block starts 2 cm inside the ground and cannot leave it; without friction it moves freely along its rail.
+    let world = World {
+        ground: Some(Ground { friction: 0.0, height: -0.03, ..Ground::default() }),
+        ..World::default()
+    };
+    let options = Options { friction: 0.0, ..Options::default() };
+    let mut simulation = ArticulatedSimulator::new(block(false), world, &[0.0], options).unwrap();
+    assert!(simulation.warnings().iter().any(|warning| warning.to_string().contains("starts inside")));
+    simulation.reset(&[0.0], &[0.5]).unwrap();
+    run(&mut simulation, 1.0);
+    assert!((simulation.positions()[0] - 0.5).abs() < 1e-9, "{:?}", simulation.positions());
+}
