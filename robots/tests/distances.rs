@@ -1,13 +1,11 @@
 //! Signed distances of shapes, held to what geometry says of them.
 
-mod solids;
-
+use crate::solids::{Random, at, cube, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
     CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode, Proximity,
 };
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use solids::{Random, at, cube, with_shape};
 
 fn random_vector(random: &mut Random, scale: f64) -> Vector3<f64> {
     Vector3::new(random.next(), random.next(), random.next()) * scale
@@ -137,8 +135,8 @@ fn planes_between_the_shapes_prove_every_distance() {
                 let [p, q] = found.points;
                 assert_relative_eq!(normal.norm(), 1.0, epsilon = 1e-9);
                 assert_relative_eq!((q - p).dot(&normal), found.distance, epsilon = 1e-9);
-                // No point of the first lies farther along the normal than p, none of the second less far than q: the slab
-                // between is empty (or shared), so the distance can be no other along it ...
+                // No point of the first lies farther along the normal than p, none of the second less far than q: the
+                // slab between is empty (or shared), so the distance can be no other along it ...
                 let far = support(first, &Isometry3::identity(), &normal);
                 let near = support(second, &placement, &-normal);
                 assert_relative_eq!((near - far).dot(&normal), found.distance, epsilon = 1e-6);

@@ -1,14 +1,13 @@
 //! Robots of others against Pinocchio, where their files are on this machine; each test says why it is skipped.
 //!
-//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs: `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder
-//! with `panda_description` and others in it), or the PyPI package `example-robot-data` of the `python3` in the path.
-
-mod golden;
+//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs: `MOTORIUM_EXAMPLE_ROBOT_DATA` (a
+//! folder with `panda_description` and others in it), or the PyPI package `example-robot-data` of the `python3` in the
+//! path.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use golden::Golden;
+use crate::golden::Golden;
 use motorium_robots::{BaseMode, LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
 
 const ROBOTS: &str = "cmeel.prefix/share/example-robot-data/robots";

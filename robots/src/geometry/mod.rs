@@ -15,7 +15,6 @@ mod mesh;
 mod pairs;
 mod shape;
 mod solid;
-mod srdf;
 mod support;
 
 pub use capsule::fit_capsule;
@@ -24,4 +23,3 @@ pub use mesh::{MeshError, MeshProblem, TriangleMesh};
 pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
 pub use shape::ConvexShape;
 pub use solid::{MeshMode, SolidKind, SolidProblem};
-pub use srdf::{Srdf, SrdfError};

@@ -7,7 +7,7 @@ use parry3d_f64::shape::SharedShape;
 
 use super::shape::ConvexShape;
 use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
-use super::srdf::Srdf;
+use crate::Srdf;
 use crate::model::program::Program;
 use crate::nearest::{nearest, suggestion};
 use crate::{Geometry, Model, Shape};
