@@ -28,9 +28,9 @@ pub enum BuildError {
     Option {
         /// The setting.
         name: &'static str,
-        /// What was found.
+        /// The value found.
         value: f64,
-        /// What was expected.
+        /// The range expected.
         expected: &'static str,
     },
 }

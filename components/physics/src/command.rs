@@ -8,9 +8,9 @@
 /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, -limit, +limit)
 /// ```
 ///
-/// with `limit` the effort limit of the joint: the impedance law of torque-controlled drives ("MIT mode"). `kp = kd = 0`
-/// is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the step (implicit), so
-/// gains of any size are stable; a drive without `kd` is damped by the integration.
+/// with `limit` the effort limit of the joint: the impedance law of torque-controlled drives ("MIT mode"). `kp = kd =
+/// 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the step (implicit),
+/// so gains of any size are stable; a drive without `kd` is damped by the integration.
 ///
 /// # Example
 ///

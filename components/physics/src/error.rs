@@ -18,7 +18,7 @@ pub enum StepError {
         joint: usize,
         /// Its name.
         name: String,
-        /// What was found.
+        /// The command found.
         command: JointCommand,
     },
     /// A step length that is not a positive number.

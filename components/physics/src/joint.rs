@@ -5,13 +5,13 @@ use motorium_robots::Model;
 /// Passive properties of one independent joint, with those of the joints that mimic it folded in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
-    /// Lowest position \[rad or m\], -inf for none.
+    /// Lowest position \[rad or m\], -inf without a limit.
     pub lower: f64,
-    /// Highest position \[rad or m\], +inf for none.
+    /// Highest position \[rad or m\], +inf without a limit.
     pub upper: f64,
     /// Largest effort of the drive, either way \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\], +inf for none. Nothing in the joint enforces it.
+    /// Velocity limit \[rad/s or m/s\], +inf without a limit. It is counted, not enforced.
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

@@ -1,12 +1,12 @@
 //! Physics for motorium: simulated robots and worlds.
 //!
-//! A [`Simulator`] is a robot in a [`World`]. [`ArticulatedSimulator`] moves robots with a fixed or a floating base by
-//! motorium's own dynamics and contact solver; [`RapierSimulator`] moves robots with a fixed base by the rapier engine. Both
-//! share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. All that is a plain
-//! library, usable without the runtime.
+//! A [`Simulator`] is a robot in a [`World`]. [`ArticulatedSimulator`] moves robots with a fixed or a floating base
+//! by motorium's own dynamics and contact solver; [`RapierSimulator`] moves robots with a fixed base by the rapier
+//! engine. Both share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. All
+//! that is a plain library, usable without the runtime.
 //!
-//! [`ArticulatedPhysics`] (`physics.articulated`) and [`RapierPhysics`] (`physics.rapier`) are the components of a graph; they
-//! alone know the runtime.
+//! [`ArticulatedPhysics`] (`physics.articulated`) and [`RapierPhysics`] (`physics.rapier`) are the components of a
+//! graph; they alone know the runtime.
 
 mod articulated;
 mod build;

@@ -7,22 +7,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Integration steps per step while nothing is within a centimetre of a contact, 1 to 100, default 1. One is enough at
-    /// 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it always does
-    /// `contact_iterations` steps.
+    /// Integration steps per step while nothing is within a centimetre of a contact, 1 to 100, default 1. One is
+    /// enough at 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it always
+    /// does `contact_iterations` steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
-    /// Integration steps per step while something is within a centimetre of a contact, 1 to 100, default 2. Two hold a grasp;
-    /// more follow fast impacts better, at the cost of as many solutions of the contact problem.
+    /// Integration steps per step while something is within a centimetre of a contact, 1 to 100, default 2. Two hold
+    /// a grasp; more follow fast impacts better, at the cost of as many solutions of the contact problem.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
-    /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links that start closer
-    /// than a centimetre, never touch each other.
+    /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links that start
+    /// closer than a centimetre, never touch each other.
     pub self_collision: bool,
     /// Inertia of each drive's rotor seen at the joint (kg m2 or kg), added to that of the model; from 0, default 0.
     #[schemars(range(min = 0.0))]
     pub armature: f64,
-    /// Friction coefficient of the robot's surface, from 0, default 0.8. That of a contact is the mean of both surfaces'.
+    /// Friction coefficient of the robot's surface, from 0, default 0.8. That of a contact is the mean of both
+    /// surfaces'.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
 }

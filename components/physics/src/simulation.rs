@@ -14,8 +14,8 @@ use crate::{
 /// The robot's state, commands and limits, the checks before and after a step and the description of the world are
 /// those of the simulation; an engine holds the objects of the world and its own workspace.
 pub trait Engine: Sized {
-    /// Sets the engine up for `robot` in `world`. The state of the robot is not set yet: [`reset`](Self::reset) follows.
-    /// Doubtful input that can still be simulated is added to `warnings`.
+    /// Sets the engine up for `robot` in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
+    /// follows. Doubtful input that can still be simulated is added to `warnings`.
     ///
     /// # Errors
     ///

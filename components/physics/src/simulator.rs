@@ -27,7 +27,7 @@ pub struct Contact<'a> {
     pub point: Point3<f64>,
     /// Unit normal in the world, pointing from `first` to `second`.
     pub normal: Vector3<f64>,
-    /// How deep the surfaces overlap \[m\]; not negative.
+    /// Depth of the overlap of the surfaces \[m\]; not negative.
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
@@ -117,8 +117,8 @@ pub trait Simulator {
     /// [`StepError`]; the robot's state is then that before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses of the world description, at rest. Commands
-    /// become zero efforts.
+    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses of the world description, at rest.
+    /// Commands become zero efforts.
     ///
     /// # Errors
     ///

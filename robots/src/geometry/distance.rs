@@ -1,5 +1,5 @@
-//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the expanding
-//! polytope where they overlap.
+//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the
+//! expanding polytope where they overlap.
 
 use super::depth::Polytope;
 use super::pairs::CollisionModel;
@@ -49,8 +49,8 @@ pub struct Collisions {
 }
 
 impl Collisions {
-    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand where
-    /// they were added.
+    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand
+    /// where they were added.
     pub fn new(model: &CollisionModel) -> Self {
         Self {
             rotations: model.solids.iter().map(|solid| solid.rotation).collect(),

@@ -25,8 +25,8 @@ pub struct CollisionOptions {
     pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist, instead
-    /// of refusing the robot. [`CollisionModel::left_out`] names them.
+    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist,
+    /// instead of refusing the robot. [`CollisionModel::left_out`] names them.
     pub leave_out_defects: bool,
 }
 
@@ -78,8 +78,8 @@ pub enum CollisionError {
     },
 }
 
-/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a [`Collisions`](super::Collisions)
-/// works on it.
+/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a
+/// [`Collisions`](super::Collisions) works on it.
 #[derive(Clone)]
 pub struct CollisionModel {
     pub(super) solids: Vec<Solid>,
@@ -107,8 +107,8 @@ impl std::fmt::Debug for CollisionModel {
 impl CollisionModel {
     /// Prepares the shapes of `model`. Reads its mesh files.
     ///
-    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes in
-    /// between do not count), unless the options ask for these.
+    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes
+    /// in between do not count), unless the options ask for these.
     ///
     /// # Errors
     ///
@@ -322,8 +322,8 @@ impl CollisionModel {
         self.solids[index].placement
     }
 
-    /// Shape of solid `index`, about the origin of its [placement](Self::placement). A [surface](MeshMode::Surface) has that of
-    /// its convex hull.
+    /// Shape of solid `index`, about the origin of its [placement](Self::placement). A [surface](MeshMode::Surface)
+    /// has that of its convex hull.
     pub fn convex_shape(&self, index: usize) -> ConvexShape {
         self.solids[index].convex_shape()
     }

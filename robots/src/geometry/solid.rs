@@ -26,8 +26,8 @@ pub enum MeshMode {
     /// The convex hull of its 26 outermost points, towards the faces, edges and corners of a cube: coarse, and a little
     /// smaller than the mesh. For contact points, of which a robot needs few.
     Outermost,
-    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the depth
-    /// of the deepest triangle.
+    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the
+    /// depth of the deepest triangle.
     Surface,
 }
 

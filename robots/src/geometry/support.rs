@@ -1,7 +1,7 @@
 //! Convex shapes as GJK sees them: a core and a radius around it.
 //!
-//! A sphere is a point with a radius, a capsule a segment with one. As long as the cores stay apart, the signed distance
-//! of two shapes is that of their cores less the radii: exact, smooth, and without a search for the depth.
+//! A sphere is a point with a radius, a capsule a segment with one. As long as the cores stay apart, the signed
+//! distance of two shapes is that of their cores less the radii: exact, smooth, and without a search for the depth.
 
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;

@@ -27,9 +27,9 @@ pub(super) struct Start<'a> {
 
 /// Impulses from outside the robot that depend on its end velocity: contacts.
 pub(crate) trait ExternalImpulses {
-    /// Corrects the end velocity `x` (nv) that drives, friction and stops alone lead to: adds the generalized impulse (nv) to
-    /// `impulse`, which is zero, and its effect to `x`. `factor` is that of the matrix from velocities to impulses; a mode
-    /// fixes the velocity of `held` entries (nv), which no impulse changes.
+    /// Corrects the end velocity `x` (nv) that drives, friction and stops alone lead to: adds the generalized impulse
+    /// (nv) to `impulse`, which is zero, and its effect to `x`. `factor` is that of the matrix from velocities to
+    /// impulses; a mode fixes the velocity of `held` entries (nv), which no impulse changes.
     fn apply(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]);
 }
 

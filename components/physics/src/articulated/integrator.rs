@@ -9,25 +9,25 @@ use crate::joint::JointProperties;
 
 /// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
 ///
-/// Semi-implicit Euler, of first order, in the independent coordinates: mimic joints are exact, since they have no coordinate
-/// of their own. A floating base comes first. The end velocity `v+` of a step of length h solves
+/// Semi-implicit Euler, of first order, in the independent coordinates: mimic joints are exact, since they have no
+/// coordinate of their own. A floating base comes first. The end velocity `v+` of a step of length h solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic limit
-/// stops. A floating base moves on a straight line and turns about a fixed axis during the step; its velocity is taken in
-/// axes that stand still meanwhile, so that its rotation alone changes no velocity.
+/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic
+/// limit stops. A floating base moves on a straight line and turns about a fixed axis during the step; its velocity
+/// is taken in axes that stand still meanwhile, so that its rotation alone changes no velocity.
 ///
-/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and is unique for
-/// any gains (a strictly convex problem). An active set finds it: a joint's drive is linear or saturated, its friction
-/// sticks or slips, its stop holds or not; the linear system of the current modes is solved until its solution confirms the
-/// modes. The modes of the last step are the first guess and nearly always right.
+/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and is
+/// unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear or saturated,
+/// its friction sticks or slips, its stop holds or not; the linear system of the current modes is solved until its
+/// solution confirms the modes. The modes of the last step are the first guess and nearly always right.
 ///
-/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h Kp. A drive
-/// without damping therefore comes to rest.
+/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h Kp. A
+/// drive without damping therefore comes to rest.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -154,8 +154,8 @@ impl JointSpaceIntegrator {
     }
 }
 
-/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start into those at
-/// the end.
+/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start into
+/// those at the end.
 fn integrate_position(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
     let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
     for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {

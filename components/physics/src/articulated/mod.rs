@@ -1,5 +1,5 @@
-//! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots with a fixed or
-//! a floating base.
+//! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots with a
+//! fixed or a floating base.
 
 mod implicit;
 mod integrator;
@@ -53,15 +53,15 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// ```
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
-/// ([`JointSpaceIntegrator`] has the other terms). Free objects of the world are part of the same problem. The method is
-/// semi-implicit Euler, of first order in h.
+/// ([`JointSpaceIntegrator`] has the other terms). Free objects of the world are part of the same problem. The method
+/// is semi-implicit Euler, of first order in h.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
-/// outermost points of meshes, each against the surface of the other collider. Edges that cross far from any corner do
-/// not find each other, and a mesh is not touched by the points of another shape.
+/// outermost points of meshes, each against the surface of the other collider. Edges that cross far from any corner
+/// do not find each other, and a mesh is not touched by the points of another shape.
 ///
-/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration step the
-/// velocity of the base is corrected by the momentum that the integration lost.
+/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
+/// step the velocity of the base is corrected by the momentum that the integration lost.
 ///
 /// Nothing allocates after the simulation has been built.
 pub struct Articulated {
@@ -218,8 +218,8 @@ impl Articulated {
 }
 
 impl Simulation<Articulated> {
-    /// Moves a floating base up or down until the robot stands on the ground plane, or on the plane z = 0 without one, and
-    /// stops it. A robot without collision shapes stays where it is.
+    /// Moves a floating base up or down until the robot stands on the ground plane, or on the plane z = 0 without
+    /// one, and stops it. A robot without collision shapes stays where it is.
     pub fn place_on_ground(&mut self) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
         let lowest = self.engine.scene.lowest();
@@ -232,14 +232,14 @@ impl Simulation<Articulated> {
         }
     }
 
-    /// Sum of the contact forces on the robot, those between its own links excepted, during the last integration step \[N\],
-    /// world axes.
+    /// Sum of the contact forces on the robot, those between its own links excepted, during the last integration step
+    /// \[N\], world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot(self.engine.h)
     }
 
-    /// Passes each contact force on a moving link of the robot, friction included, of the last integration step to `visit`.
-    /// A force between two of its links is passed twice, once for each.
+    /// Passes each contact force on a moving link of the robot, friction included, of the last integration step to
+    /// `visit`. A force between two of its links is passed twice, once for each.
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {

@@ -36,8 +36,8 @@ impl Articulated {
         Ok(report)
     }
 
-    /// One integration step of `h` \[s\] of the next state. Robot and objects have been placed; before the `first` step the
-    /// next state is the current one.
+    /// One integration step of `h` \[s\] of the next state. Robot and objects have been placed; before the `first`
+    /// step the next state is the current one.
     fn integrate(
         &mut self,
         robot: &mut Robot,
@@ -84,8 +84,8 @@ impl Articulated {
         Ok(())
     }
 
-    /// Corrects the velocity of the base in the next state so that the robot has this momentum \[kg m/s, kg m2/s\], about the
-    /// centre of mass.
+    /// Corrects the velocity of the base in the next state so that the robot has this momentum \[kg m/s, kg m2/s\],
+    /// about the centre of mass.
     fn keep_momentum(&mut self, robot: &mut Robot, linear: Vector3<f64>, angular: Vector3<f64>) {
         let state = &mut robot.state;
         self.dynamics.centroidal_map(&robot.model, &state.q_next, &mut self.momentum_map);

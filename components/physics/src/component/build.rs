@@ -42,8 +42,8 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One line on the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; `placed_anywhere` when the configuration does not say where a floating base
-    /// starts.
+    /// Prepares a new simulation for its component; `placed_anywhere` when the configuration does not say where a
+    /// floating base starts.
     fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool);
 }
 

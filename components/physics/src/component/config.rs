@@ -12,13 +12,13 @@ use crate::{BuildError, Options, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or, for a robot without
-    /// a profile, all joints at zero (at the middle of their range where zero is outside).
+    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or,
+    /// for a robot without a profile, all joints at zero (at the middle of their range where zero is outside).
     pub pose: Option<String>,
     /// Joint positions to start at, in the order of the robot's joints (rad or m). Instead of `pose`.
     pub position: Option<Vec<f64>>,
-    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile and file say.
-    /// `physics.rapier` simulates fixed bases only.
+    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile and file
+    /// say. `physics.rapier` simulates fixed bases only.
     pub floating: Option<bool>,
     /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
     pub base: Option<BaseStart>,

@@ -21,16 +21,17 @@ use safe::SafeStates;
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
-/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside rapier are
-/// counted apart.
+/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside
+/// rapier are counted apart.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
-/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state, too.
+/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
+/// too.
 ///
-/// Every step checks the newest command, advances the simulation by the time since the last step, and publishes the state at
-/// its end. A command that is stale, is for another number of joints, or has a negative gain is not applied: the safe
-/// state is, as it is before the first command. When steps were skipped the simulation makes up for up to four of them,
-/// so that the robot does not stand still while its clock goes on.
+/// Every step checks the newest command, advances the simulation by the time since the last step, and publishes the
+/// state at its end. A command that is stale, is for another number of joints, or has a negative gain is not applied:
+/// the safe state is, as it is before the first command. When steps were skipped the simulation makes up for up to
+/// four of them, so that the robot does not stand still while its clock goes on.
 ///
 /// After a crash the robot goes on from its last published state, the objects from the start.
 pub struct PhysicsComponent<E> {

@@ -51,8 +51,9 @@ pub(crate) struct Colliders {
 }
 
 impl Colliders {
-    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the robot has no
-    /// self-collision; `rules` disable and enable further pairs. Shapes that cannot be used are left out with a warning.
+    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the robot has
+    /// no self-collision; `rules` disable and enable further pairs. Shapes that cannot be used are left out with a
+    /// warning.
     pub(crate) fn new(
         robot: &Model,
         rules: &Srdf,
@@ -117,7 +118,7 @@ impl Colliders {
                 }
             })
             .collect();
-        // Two that never move need no look, and parts of one thing none either.
+        // Colliders of one owner, and two that never move, need no check.
         model.retain_pairs(|&[a, b]| colliders[a].owner != colliders[b].owner);
         Self { colliders, first_object, model }
     }

@@ -48,8 +48,9 @@ const NEAREST: u32 = u32::MAX >> 1;
 
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
 ///
-/// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other. Where
-/// these miss the contact, as between edges that cross or on a hull, it is found at the nearest points of the two.
+/// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other.
+/// Where these miss the contact, as between edges that cross or on a hull, it is found at the nearest points of the
+/// two.
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     poses: Vec<Isometry3<f64>>,

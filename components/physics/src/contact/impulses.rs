@@ -18,8 +18,8 @@ const FASTEST_RECOVERY: f64 = 0.5;
 /// on more points than determine them.
 const COMPLIANCE: f64 = 1e-6;
 
-/// A contact point of which an impulse moves the robot less than this share of what it would move a free body of the same
-/// mass is held by the robot's joints: it needs no impulse.
+/// Smallest mobility of a contact point (its diagonal entry of W) relative to that of a free body of the robot's
+/// mass. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
 /// Largest number of sweeps over all contact points.
@@ -38,9 +38,9 @@ const SETTLED: f64 = 1e-8;
 /// ```
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
-/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the robot's mass has
-/// at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last step are the first
-/// guess. Nothing allocates after [`new`](Self::new).
+/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
+/// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
+/// step are the first guess. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     n: usize,
@@ -118,9 +118,9 @@ impl Impulses {
         (3 * index..3 * index + 3).map(|row| self.directions[row] * self.lambda[row]).sum()
     }
 
-    /// Sets up the contact points of a step of `h` \[s\]. `slope(owner, point, direction, sign, row)` adds to `row` (nv)
-    /// `sign` times the Jacobian of the velocity along `direction` of the robot's part there; `v` (nv) is the robot's velocity now, `before` and `falling` the objects' now
-    /// and after falling for the step.
+    /// Sets up the contact points of a step of `h` \[s\]. `slope(owner, point, direction, sign, row)` adds to `row`
+    /// (nv) `sign` times the Jacobian of the velocity along `direction` of the robot's part there; `v` (nv) is the
+    /// robot's velocity now, `before` and `falling` the objects' now and after falling for the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],
@@ -333,7 +333,8 @@ fn speed(parts: &[Option<ObjectRow>; 2], bodies: &[FreeBody]) -> f64 {
     parts.iter().flatten().map(part).sum()
 }
 
-/// Two unit vectors square to `normal` and to one another. They are continuous in it except where the chosen axis changes.
+/// Two unit vectors square to `normal` and to one another. They are continuous in it except where the chosen axis
+/// changes.
 fn tangents(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let axis = if normal.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() };
     let one = (axis - normal * normal.dot(&axis)).normalize();

@@ -1,9 +1,9 @@
 //! Contact of a robot and of free objects with the ground, fixed objects and one another.
 //!
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
-//! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds where they
-//! come near another surface; [impulses](impulses) solves for the impulses there, so that surfaces do not overlap and
-//! friction stays in its cone. A [scene] holds all of these.
+//! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
+//! where they come near another surface; [impulses](impulses) solves for the impulses there, so that surfaces do not
+//! overlap and friction stays in its cone. A [scene] holds all of these.
 
 mod colliders;
 mod detect;

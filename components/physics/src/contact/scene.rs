@@ -76,8 +76,8 @@ impl ContactScene {
         });
     }
 
-    /// Finds the contact points within `margin` \[m\] and sets up their impulses for a step of `h` \[s\]: the objects of the
-    /// next state fall, the robot moves with `v`.
+    /// Finds the contact points within `margin` \[m\] and sets up their impulses for a step of `h` \[s\]: the objects
+    /// of the next state fall, the robot moves with `v`.
     pub(crate) fn prepare(
         &mut self,
         model: &Model,

@@ -1,4 +1,4 @@
-//! Drives with effort limits on an engine that knows none.
+//! Drives with effort limits, which rapier does not have.
 
 use super::Rapier;
 use super::multibody::DriveAction;
@@ -7,8 +7,8 @@ use crate::robot::{Robot, State};
 use crate::{StepError, StepReport};
 
 impl Rapier {
-    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven` then marks the
-    /// latter, and `tau_next` holds its effort.
+    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven` then
+    /// marks the latter, and `tau_next` holds its effort.
     pub(super) fn command_drives(&mut self, robot: &mut Robot, h: f64) -> Result<(), StepError> {
         let Robot { model, joints, commands, state, gravity, .. } = robot;
         let State { q, v, q_next, v_next, tau_next, .. } = state;

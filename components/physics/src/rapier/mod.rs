@@ -31,13 +31,13 @@ pub type RapierSimulator = Simulation<Rapier>;
 
 /// The rapier engine.
 ///
-/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's contact solver;
-/// it cannot tell steps near a contact from others, so `substeps` must be 1.
+/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's contact
+/// solver; it cannot tell steps near a contact from others, so `substeps` must be 1.
 ///
 /// A robot with a floating base is refused. The robot's base stands at the origin of the world. Continuous collision
-/// detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort limits: a drive is
-/// taken to be saturated when it would be without contacts or when the last step pushed it beyond its limit, so an impact
-/// may exceed the limit for one step.
+/// detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort limits: a drive
+/// is taken to be saturated when it would be without contacts or when the last step pushed it beyond its limit, so an
+/// impact may exceed the limit for one step.
 pub struct Rapier {
     options: Options,
     colliders: Colliders,
@@ -165,8 +165,8 @@ impl Engine for Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart, for
-    /// one.
+    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart,
+    /// for one.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

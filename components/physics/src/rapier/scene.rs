@@ -40,8 +40,9 @@ pub(super) struct Scene {
 impl Scene {
     /// Rapier with the objects of `world`, without their colliders.
     pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
-        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g sink
-        // in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms, without bouncing.
+        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g
+        // sink in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms,
+        // without bouncing.
         let softness = SpringCoefficients::new(500.0, 5.0);
         let parameters = IntegrationParameters {
             num_solver_iterations: contact_iterations,

@@ -5,7 +5,8 @@ use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
 use crate::engines::ENGINES;
 
-/// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the world's y axis.
+/// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the world's y
+/// axis.
 fn rod(axis: &str) -> Model {
     let urdf = format!(
         r#"<robot name="rod"><link name="wall"/><link name="rod"><inertial><origin xyz="0.3 0 0"/><mass value="1.5"/>

@@ -43,7 +43,8 @@ fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
         panda::command_hold(&mut *simulation, &home);
         let cube = simulation.object("cube").unwrap();
         run(&mut *simulation, 0.1);
-        // Free fall for 0.1 s, semi-implicit in integration steps of h: g t (t + h) / 2. Rapier takes two a millisecond.
+        // Free fall for 0.1 s, semi-implicit in integration steps of h: g t (t + h) / 2. Rapier takes two a
+        // millisecond.
         let fallen = 0.3 - simulation.object_pose(cube).translation.z;
         let h = if engine == Engine::Rapier { 0.5 * DT } else { DT };
         assert!((fallen - 0.5 * 9.81 * 0.1 * (0.1 + h)).abs() < 1e-4, "{engine:?}: {fallen}");

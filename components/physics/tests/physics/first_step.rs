@@ -1,8 +1,8 @@
 //! The first step from a state against Pinocchio's forward dynamics: the engine integrates the right equations.
 //!
-//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` where they are on this machine:
-//! URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the `python3` of the
-//! path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
+//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` where they are on this
+//! machine: URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the
+//! `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
