@@ -248,12 +248,26 @@ impl Declare {
     /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
     /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
-        self.port_of(TypeLayout::any(), name, Direction::Input, TopicPattern::State, true, doc);
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Input,
+            pattern: TopicPattern::State,
+            layout: TypeLayout::any(),
+            required: true,
+            doc: doc.to_string(),
+        });
     }
 
     /// An output of a type that the configuration names.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
-        self.port_of(layout, name, Direction::Output, TopicPattern::State, false, doc);
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Output,
+            pattern: TopicPattern::State,
+            layout,
+            required: false,
+            doc: doc.to_string(),
+        });
     }
 
     /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
@@ -292,30 +306,17 @@ impl Declare {
         required: bool,
         doc: &str,
     ) {
-        self.port_of(T::layout(), name, direction, pattern, required, doc);
+        let (name, layout, doc) = (name.to_string(), T::layout(), doc.to_string());
+        self.add(PortDeclaration { name, direction, pattern, layout, required, doc });
     }
 
-    fn port_of(
-        &mut self,
-        layout: TypeLayout,
-        name: &str,
-        direction: Direction,
-        pattern: TopicPattern,
-        required: bool,
-        doc: &str,
-    ) {
+    fn add(&mut self, port: PortDeclaration) {
         debug_assert!(
-            self.declaration.ports.iter().all(|port| port.name != name),
-            "port `{name}` declared twice"
+            self.declaration.ports.iter().all(|other| other.name != port.name),
+            "port `{}` declared twice",
+            port.name
         );
-        self.declaration.ports.push(PortDeclaration {
-            name: name.to_string(),
-            direction,
-            pattern,
-            layout,
-            required,
-            doc: doc.to_string(),
-        });
+        self.declaration.ports.push(port);
     }
 
     fn parameter(
