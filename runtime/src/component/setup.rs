@@ -6,14 +6,14 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 
 use super::ConfigureError;
-use crate::declare::RobotReference;
+use crate::declare::{RobotReference, TopicPattern};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan};
 use crate::region::CHECKPOINT_BYTES;
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
     AnyParameter, Connect, Context, Domain, Input, InputPlace, Output, Parameter, ParameterReader, PortError,
-    Probe, RawInput, RawOutput, Shared, Trigger, open_trigger,
+    Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput, Trigger, open_trigger,
 };
 
 /// Hands a component what it declared.
@@ -104,6 +104,43 @@ impl Setup {
         let input = Input::<T>::open(&self.node, place, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
+    }
+
+    /// Opens a declared input of slices.
+    ///
+    /// # Errors
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    pub fn slice_input<T: StateBuffer>(&mut self, port: &str) -> Result<SliceInput<T>, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        same_type(&T::layout(), plan)?;
+        let Some(place) = self.place(index, plan) else {
+            return Ok(SliceInput::unwired(self.context.clone()));
+        };
+        let input = SliceInput::<T>::open(&self.node, place, self.context.clone())?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output of slices.
+    ///
+    /// # Errors
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    pub fn slice_output<T: StateBuffer>(&mut self, port: &'static str) -> Result<SliceOutput<T>, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        same_type(&T::layout(), plan)?;
+        let Some(topic) = plan.topic else {
+            let longest = match plan.pattern {
+                TopicPattern::Slices { longest, .. } => longest,
+                TopicPattern::State | TopicPattern::Stream { .. } => 0,
+            };
+            return Ok(SliceOutput::unwired(port, longest, self.context.clone()));
+        };
+        let wired = (topic, &self.plan.topics[topic]);
+        let output =
+            SliceOutput::<T>::open(&self.node, wired, port, self.probes(index), self.context.clone())?
+                .ending_steps(self.plan.stays_on_core(topic));
+        self.ports.extend(output.connection());
+        Ok(output)
     }
 
     /// Opens a declared input as bytes, of whatever type its topic is.

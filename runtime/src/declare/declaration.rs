@@ -27,6 +27,23 @@ pub enum TopicPattern {
         /// Samples a reader may lag behind before it loses the oldest.
         capacity: usize,
     },
+    /// A queue of this many slices per reader, each of another length.
+    Slices {
+        /// Slices a reader may lag behind before it loses the oldest.
+        capacity: usize,
+        /// Elements of the longest slice. An input declares 0: its topic's writer says it.
+        longest: usize,
+    },
+}
+
+impl TopicPattern {
+    /// Samples or slices in a queue; `None` for a state, which has none.
+    pub fn capacity(self) -> Option<usize> {
+        match self {
+            Self::State => None,
+            Self::Stream { capacity } | Self::Slices { capacity, .. } => Some(capacity),
+        }
+    }
 }
 
 /// A declared port.
@@ -216,6 +233,16 @@ impl Declare {
     /// An output whose readers may ask for every sample.
     pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
+    }
+
+    /// An input that reads every slice of a stream of slices, such as images or frames.
+    pub fn slice_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
+    /// An output of slices of up to `longest` elements, such as images or frames.
+    pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
     }
 
     /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the

@@ -94,7 +94,7 @@ macro_rules! joint_buffer {
 
             fn digest(&self, digest: &mut Digest) {
                 digest.write_u64(u64::from(self.count));
-                $( for value in self.$field() { digest.write(&value.to_le_bytes()); } )*
+                $( f64::digest_all(self.$field(), digest); )*
             }
         }
     };

@@ -37,7 +37,7 @@ pub use parameter::{AnyParameter, Parameter, ParameterError, ParameterTable};
 pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
-pub use stream::Shared;
+pub use stream::{Shared, SliceInput, SliceLoan, SliceOutput};
 pub use tap::{Sample, Tap};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};

@@ -13,7 +13,7 @@ use iceoryx2::node::Node;
 use super::context::AfterStep;
 use super::latest::{StateWriter, TopicMemory};
 use super::stream::{Lent, StreamWriter};
-use super::topic::same_layout;
+use super::topic::{refused, same_layout};
 use super::{Context, PortError, Shared};
 use crate::declare::{StepError, TopicPattern};
 use crate::plan::{OnMiss, TopicPlan};
@@ -134,6 +134,10 @@ impl<T: StateBuffer> Output<T> {
                 (Sink::State(state.clone()), Some(state))
             }
             TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(node, topic, port)?), None),
+            TopicPattern::Slices { .. } => {
+                let reason = &"it carries slices: open the port with `Setup::slice_output`";
+                return Err(refused(&topic.name, "opening a port for single values")(reason));
+            }
         };
         let wired = Wired::new(index, memory, state, probes);
         Ok(Self { port, sink, wired: Some(wired), context })
@@ -232,22 +236,24 @@ impl<T: StateBuffer> Loan<'_, T> {
         }
         let sequence = match &output.sink {
             Sink::State(state) => state.number(),
-            Sink::Unwired(_) | Sink::Stream(_) => wired.memory.newest().number() + 1,
+            Sink::Unwired(_) | Sink::Stream(_) => wired.next_number(),
         };
         let stamp = stamp(context, sequence, now);
         if context.clock().is_lockstep() {
             // SAFETY: as in `deref`.
             wired.digest(context, stamp, |digest| unsafe { value.as_ref() }.digest(digest));
         }
-        wired.memory.publish_from(context.core());
         match (&output.sink, sample) {
-            (Sink::State(state), _) => state.publish(stamp),
+            (Sink::State(state), _) => {
+                wired.memory.publish_from(context.core());
+                state.publish(stamp);
+            }
             (Sink::Stream(stream), Some(sample)) => {
                 if !stream.send(sample, stamp) {
                     let reason = "the sample was not sent";
                     return Err(StepError::Transport { port: output.port, reason });
                 }
-                wired.memory.count(now);
+                wired.count(context, now);
             }
             (Sink::Stream(_) | Sink::Unwired(_), _) => {}
         }
@@ -285,6 +291,17 @@ impl Wired {
     pub(super) fn ending_steps(&mut self, context: &Context, stays_on_core: bool) {
         (self.ends_steps, self.wakes_late) = (true, stays_on_core);
         context.deferred().add(self.after.clone());
+    }
+
+    /// Number of the publication to come, of a stream.
+    pub(super) fn next_number(&self) -> u64 {
+        self.memory.newest().number() + 1
+    }
+
+    /// Announces a publication of a stream.
+    pub(super) fn count(&self, context: &Context, now_ns: u64) {
+        self.memory.publish_from(context.core());
+        self.memory.count(now_ns);
     }
 
     /// Takes a value into the digest of everything published on the topic.

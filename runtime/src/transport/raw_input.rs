@@ -9,6 +9,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample::Sample;
 use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::service::static_config::message_type_details::TypeVariant;
 
 use super::latest::StateReader;
 use super::topic::{refused, service_name, type_detail};
@@ -62,12 +63,15 @@ impl RawInput {
         let (name, layout) = (&topic.name, &topic.layout);
         let source = match topic.pattern {
             TopicPattern::State => Source::State(StateReader::new(context.memory(node, topic)?, pin)),
+            TopicPattern::Slices { .. } => {
+                return Err(refused(name, "opening a port for bytes")(&"it carries slices"));
+            }
             TopicPattern::Stream { .. } => {
                 let builder = node
                     .service_builder(&service_name("topic", name)?)
                     .publish_subscribe::<[CustomPayloadMarker]>()
                     .user_header::<Stamp>();
-                let detail = type_detail(name, layout)?;
+                let detail = type_detail(name, layout, TypeVariant::FixedSize)?;
                 // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
                 let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
                 let service = builder.open().map_err(|error| refused(name, "opening")(&error))?;

@@ -103,17 +103,17 @@ impl Parts<'_, '_> {
         let written = self.written(topic)?;
         let readers: Vec<usize> =
             self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
+        // every reader gets as much room as the one that wants most
+        let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
+            self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern.capacity()
+        });
         let pattern = match written.pattern {
             TopicPattern::State => TopicPattern::State,
-            // every reader gets as much room as the one that wants most
             TopicPattern::Stream { capacity } => {
-                let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
-                    match self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern {
-                        TopicPattern::Stream { capacity } => Some(capacity),
-                        TopicPattern::State => None,
-                    }
-                });
                 TopicPattern::Stream { capacity: wanted.fold(capacity, usize::max) }
+            }
+            TopicPattern::Slices { capacity, longest } => {
+                TopicPattern::Slices { capacity: wanted.fold(capacity, usize::max), longest }
             }
         };
         let triggered = |component: &usize| matches!(self.timing.activation[*component], Some(Activation::Triggered { topic: by, .. }) if by == topic);

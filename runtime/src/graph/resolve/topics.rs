@@ -111,6 +111,14 @@ fn agree(
                 written.layout.difference(&of_writer, &read.layout, &of_reader).trim_end()
             ))
             .advise("the programs were built from different versions of this type; build both again");
+    } else if matches!(written.pattern, TopicPattern::Slices { .. })
+        != matches!(read.pattern, TopicPattern::Slices { .. })
+    {
+        report
+            .error(format!("topic `{name}` carries slices on one side and single values on the other"))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1)
+            .advise("a slice output is read by slice inputs");
     } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
         report
             .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))

@@ -91,6 +91,7 @@ pub(super) fn carries(port: &PortDeclaration) -> String {
     match port.pattern {
         TopicPattern::State => port.layout.type_name.clone(),
         TopicPattern::Stream { .. } => format!("stream of {}", port.layout.type_name),
+        TopicPattern::Slices { .. } => format!("slices of {}", port.layout.type_name),
     }
 }
 
