@@ -12,10 +12,10 @@ use nalgebra::Vector3;
 ///
 /// let panda = load("panda", Path::new("."))?;
 /// let solids = CollisionModel::new(&panda.model, &CollisionOptions::default())?;
-/// let capsules = (0..solids.solid_count())
-///     .filter(|&solid| matches!(solids.convex_shape(solid), ConvexShape::Capsule { .. }))
+/// let cylinders = (0..solids.solid_count())
+///     .filter(|&solid| matches!(solids.convex_shape(solid), ConvexShape::Cylinder { .. }))
 ///     .count();
-/// assert!(capsules > 0);
+/// assert!(cylinders > 0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
