@@ -1,22 +1,22 @@
-//! How many eigenforces are kept.
+//! Truncation of the eigenforces.
 
 use crate::algebra::Wanted;
 
-/// How many eigenforces a library keeps.
+/// Number of eigenforces that a library keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Keep {
+pub enum Truncation {
     /// All that are not rounding.
     All,
-    /// At most so many.
+    /// A number of eigenforces at most.
     Rank(usize),
     /// The fewest that leave at most this part of the root mean square of the forces (of the responses, in
     /// [`Metric::Position`](super::Metric::Position)): 0.05 keeps all but 5 %.
     Error(f64),
-    /// As many as fit into so many bytes: `8 (rows + 1)` for each.
+    /// As many as fit into a number of bytes: `8 (rows + 1)` for each.
     Bytes(usize),
 }
 
-impl Keep {
+impl Truncation {
     pub(super) fn wanted(self, rows: usize) -> Wanted {
         match self {
             Self::All => Wanted::All,

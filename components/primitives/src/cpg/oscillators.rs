@@ -20,7 +20,7 @@ pub enum Oscillator {
     Matsuoka {
         /// Those of a neuron.
         settings: MatsuokaSettings,
-        /// How strongly the two of a pair inhibit each other, `w`.
+        /// Inhibition between the neurons of a pair, `w`.
         inhibition: f64,
     },
 }
@@ -28,13 +28,13 @@ pub enum Oscillator {
 /// Oscillators of one model. Each runs with an angular velocity of its own, and is read as a value of amplitude 1, as the
 /// same a quarter of a turn later, and as a phase that grows evenly in time and is 0 at the maximum of the value.
 #[derive(Clone, Debug)]
-pub(super) enum Units {
+pub(super) enum Oscillators {
     Kuramoto { phases: Vec<f64>, omega: Vec<f64> },
     Hopf { oscillators: Vec<HopfNetwork>, settings: HopfSettings, duty_factor: f64 },
     Matsuoka { pairs: Vec<MatsuokaOscillator>, omega: Vec<f64>, cycle: Box<Cycle> },
 }
 
-impl Units {
+impl Oscillators {
     pub(super) fn new(model: &Oscillator, phases: &[f64], duty_factor: f64) -> Result<Self, CpgError> {
         let mut units = match model {
             Oscillator::Kuramoto => {

@@ -1,4 +1,4 @@
-//! Where the hand starts from.
+//! Pose the end effector starts from.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
@@ -8,11 +8,12 @@ use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
 
 use super::config::DmpPolicyConfig;
-use super::course;
+use super::waypoints;
+use crate::robot;
 
 /// Finds the pose the hand starts from.
 #[derive(Debug)]
-pub(super) enum Origin {
+pub(super) enum StartPose {
     /// From the file.
     Configured(Isometry3<f64>),
     /// From the joint state, through the model of the robot.
@@ -27,11 +28,11 @@ pub(super) struct Measured {
     kinematics: Kinematics,
 }
 
-impl Origin {
+impl StartPose {
     /// Declares the input that is needed, and checks what can be checked.
     pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         if let Some(start) = &config.start {
-            course::pose(start, "start")?;
+            waypoints::pose(start, "start")?;
             if config.frame.is_some() {
                 return Err(ConfigError::key(
                     "frame",
@@ -54,7 +55,7 @@ impl Origin {
 
     pub(super) fn new(config: &DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         if let Some(start) = &config.start {
-            return Ok(Self::Configured(course::pose(start, "start")?));
+            return Ok(Self::Configured(waypoints::pose(start, "start")?));
         }
         let (model, frame) = load(setup.robot()?, config.frame.as_deref())?;
         let kinematics = Kinematics::new(&model);
@@ -66,12 +67,12 @@ impl Origin {
         })))
     }
 
-    /// Whether the pose is measured.
+    /// True if the pose is measured.
     pub(super) fn is_measured(&self) -> bool {
         matches!(self, Self::Measured(_))
     }
 
-    /// Where the hand is measured to be at this moment, if it is.
+    /// Measured position of the end effector, m, if it is measured.
     pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };
         let Measured { state, model, frame, kinematics } = measured.as_mut();
@@ -99,33 +100,17 @@ impl Origin {
 }
 
 /// The model of a robot and the frame that is led.
-pub(super) fn load(robot: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+    let loaded = robot::load(reference)?;
     if loaded.model.base().floating {
-        let message =
-            format!("robot `{}` has a floating base: where its hand is, its joints do not say", robot.name);
+        let message = format!(
+            "robot `{}` has a floating base: where its hand is, its joints do not say",
+            reference.name
+        );
         return Err(
             ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
         );
     }
-    let (name, key) = match frame {
-        Some(name) => (name, "frame"),
-        None => {
-            let mut hands = loaded.profile.iter().flat_map(|profile| profile.end_effectors.values());
-            match (hands.next(), hands.next()) {
-                (Some(hand), None) => (hand.frame.as_str(), "frame"),
-                (one, _) => {
-                    let number =
-                        if one.is_some() { "several end effectors" } else { "no known end effector" };
-                    let message = format!("robot `{}` has {number}, and no `frame` is given", robot.name);
-                    let example = loaded.model.frames().last().map_or("", |frame| frame.name.as_str());
-                    let advice = format!("name the link that is led, such as `frame = \"{example}\"`");
-                    return Err(ConfigError::new(message).advise(advice));
-                }
-            }
-        }
-    };
-    let id = loaded.model.frame(name).map_err(|error| ConfigError::key(key, error.to_string()))?;
+    let id = robot::end_effector(&loaded, frame, "frame")?;
     Ok((loaded.model, id))
 }

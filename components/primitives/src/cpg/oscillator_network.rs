@@ -2,14 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use super::follower::Follower;
-use super::lags::wrapped;
-use super::unit::{Oscillator, Units};
+use super::follower::{Commands, Follower, check_phases};
+use super::oscillators::{Oscillator, Oscillators};
 use super::{CpgError, Entrainment, finite, positive, size};
 use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
-/// How a joint of a leg swings: `offset + amplitude value(phase of the leg + phase)`.
+/// Oscillation of a joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// The leg, counted from 0.
@@ -24,10 +23,10 @@ pub struct Swing {
 
 /// The numbers of a rhythm; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RhythmSettings {
+pub struct OscillatorNetworkSettings {
     /// Strides per second, Hz. Default 1.
     pub frequency: f64,
-    /// How fast a deviation from the gait decays, `k`, 1/s. Default 5.
+    /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
     pub coupling: f64,
     /// The part of a stride that is stance, in (0, 1). Only Hopf's oscillators have one. Default 0.5.
     pub duty_factor: f64,
@@ -37,7 +36,7 @@ pub struct RhythmSettings {
     pub transition: f64,
 }
 
-impl Default for RhythmSettings {
+impl Default for OscillatorNetworkSettings {
     fn default() -> Self {
         Self { frequency: 1.0, coupling: 5.0, duty_factor: 0.5, damping: 20.0, transition: 8.0 }
     }
@@ -58,18 +57,15 @@ const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 /// feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous with its
 /// derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
 #[derive(Clone, Debug)]
-pub struct Rhythm {
-    settings: RhythmSettings,
-    units: Units,
-    /// Which oscillator each joint has, and the cosine and sine by which it is ahead of it.
+pub struct OscillatorNetwork {
+    settings: OscillatorNetworkSettings,
+    oscillators: Oscillators,
+    /// Oscillator of each joint, with cosine and sine of its phase lead.
     joints: Vec<(usize, f64, f64)>,
     /// Of each oscillator: its leg, and by how much it is ahead of that.
     places: Vec<(usize, f64)>,
-    frequency: Follower,
     duty_factor: Follower,
-    amplitude: Vec<Follower>,
-    offset: Vec<Follower>,
-    theta: Vec<Follower>,
+    commands: Commands,
     phases: Vec<f64>,
     /// Sine and cosine of `chi - theta`.
     deviation: Vec<(f64, f64)>,
@@ -79,7 +75,7 @@ pub struct Rhythm {
     strides: (f64, [Stride; 2]),
 }
 
-impl Rhythm {
+impl OscillatorNetwork {
     /// From the model, the joints that swing and the phase of every leg in the gait, rad. It begins in the gait.
     ///
     /// # Errors
@@ -88,7 +84,7 @@ impl Rhythm {
         model: Oscillator,
         swings: &[Swing],
         gait: &[f64],
-        settings: RhythmSettings,
+        settings: OscillatorNetworkSettings,
     ) -> Result<Self, CpgError> {
         finite("the gait", gait)?;
         finite("frequency", &[settings.frequency])?;
@@ -113,7 +109,7 @@ impl Rhythm {
                 }));
             }
         }
-        let (places, joints): (Vec<_>, Vec<_>) = if Units::turns(&model) {
+        let (places, joints): (Vec<_>, Vec<_>) = if Oscillators::turns(&model) {
             let joint = |swing: &Swing| (swing.leg, swing.phase.cos(), swing.phase.sin());
             ((0..gait.len()).map(|leg| (leg, 0.0)).collect(), swings.iter().map(joint).collect())
         } else {
@@ -123,15 +119,13 @@ impl Rhythm {
         let start: Vec<f64> = places.iter().map(|(leg, ahead)| gait[*leg] + ahead).collect();
         let spring = CriticalSpring::new(settings.damping).stride(0.0);
         let mut rhythm = Self {
-            units: Units::new(&model, &start, settings.duty_factor)?,
-            frequency: Follower::at(settings.frequency),
+            oscillators: Oscillators::new(&model, &start, settings.duty_factor)?,
+            commands: Commands::new(
+                settings.frequency,
+                swings.iter().map(|swing| (swing.amplitude, swing.offset)),
+                start.iter().copied(),
+            ),
             duty_factor: Follower::at(settings.duty_factor),
-            amplitude: swings
-                .iter()
-                .map(|swing| Follower { state: (0.0, 0.0), target: swing.amplitude })
-                .collect(),
-            offset: swings.iter().map(|swing| Follower::at(swing.offset)).collect(),
-            theta: start.iter().map(|theta| Follower::at(*theta)).collect(),
             phases: start.iter().map(|theta| theta.rem_euclid(TAU)).collect(),
             deviation: vec![(0.0, 1.0); start.len()],
             pull: vec![0.0; start.len()],
@@ -160,7 +154,7 @@ impl Rhythm {
             let (name, expected) = ("frequency", "a finite number of at least 0");
             return Err(CpgError::Value(ValueError::OutOfRange { name, value: frequency, expected }));
         }
-        self.frequency.target = frequency;
+        self.commands.frequency.target = frequency;
         Ok(())
     }
 
@@ -178,18 +172,13 @@ impl Rhythm {
     ///
     /// # Errors
     /// A joint that does not exist, or numbers that are not finite.
-    pub fn set_swing(&mut self, joint: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
-        finite("amplitude and offset", &[amplitude, offset])?;
-        if joint >= self.joints() {
-            return Err(CpgError::Value(ValueError::Size {
-                name: "the rhythm",
-                found: self.joints(),
-                expected: joint + 1,
-            }));
-        }
-        self.amplitude[joint].target = amplitude;
-        self.offset[joint].target = offset;
-        Ok(())
+    pub fn set_amplitude_offset(
+        &mut self,
+        joint: usize,
+        amplitude: f64,
+        offset: f64,
+    ) -> Result<(), CpgError> {
+        self.commands.set_amplitude_offset("the network", joint, [amplitude, offset])
     }
 
     /// Commands the phase of every leg in the gait, rad. Each goes the short way round.
@@ -202,9 +191,7 @@ impl Rhythm {
             size("the gait", gait.len(), legs)?;
         }
         finite("the gait", gait)?;
-        for (theta, (leg, ahead)) in self.theta.iter_mut().zip(&self.places) {
-            theta.target = theta.state.0 + wrapped(gait[*leg] + ahead - theta.state.0);
-        }
+        self.commands.set_pattern(self.places.iter().map(|(leg, ahead)| gait[*leg] + ahead));
         Ok(())
     }
 
@@ -213,10 +200,9 @@ impl Rhythm {
     /// # Errors
     /// Wrong length, or numbers that are not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
-        size("phases", phases.len(), self.places.len())?;
-        finite("phases", phases)?;
+        check_phases("phases", phases, self.places.len())?;
         for (unit, phase) in phases.iter().enumerate() {
-            self.units.place(unit, *phase);
+            self.oscillators.place(unit, *phase);
         }
         self.write();
         Ok(())
@@ -228,7 +214,7 @@ impl Rhythm {
     }
 
     /// As [`step`](Self::step), with `pull[i]` (rad/s) for each joint: the mean over the joints of an oscillator is added to
-    /// its angular velocity. An empty `pull` is none; see [`pull`](Self::pull).
+    /// its angular velocity. An empty slice means no entrainment; see [`pull`](Self::pull).
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -239,12 +225,11 @@ impl Rhythm {
             self.strides = (dt, [quick, slow]);
         }
         let [quick, slow] = self.strides.1;
-        let followers = self.amplitude.iter_mut().chain(&mut self.offset);
-        followers
-            .chain([&mut self.frequency, &mut self.duty_factor])
-            .for_each(|follower| follower.step(&quick));
-        self.theta.iter_mut().for_each(|theta| theta.step(&slow));
-        self.units.set_duty_factor(self.duty_factor.state.0);
+        let Commands { frequency, amplitude, offset, theta } = &mut self.commands;
+        let quickly = amplitude.iter_mut().chain(offset).chain([frequency, &mut self.duty_factor]);
+        quickly.for_each(|follower| follower.step(&quick));
+        theta.iter_mut().for_each(|theta| theta.step(&slow));
+        self.oscillators.set_duty_factor(self.duty_factor.state.0);
         self.pull.fill(0.0);
         for (unit, total) in self.pull.iter_mut().enumerate() {
             let own = self.joints.iter().zip(pull).filter(|(joint, _)| joint.0 == unit);
@@ -252,17 +237,19 @@ impl Rhythm {
             *total = sum / f64::from(count.max(1));
         }
         let (mut sines, mut cosines) = (0.0, 0.0);
-        for ((deviation, phase), theta) in self.deviation.iter_mut().zip(&self.phases).zip(&self.theta) {
+        for ((deviation, phase), theta) in
+            self.deviation.iter_mut().zip(&self.phases).zip(&self.commands.theta)
+        {
             let (sine, cosine) = (phase - theta.state.0).sin_cos();
             *deviation = (sine, cosine);
             sines += sine;
             cosines += cosine;
         }
         let coupling = self.settings.coupling / (self.places.len().max(2) - 1) as f64;
-        let omega = TAU * self.frequency.state.0;
+        let omega = TAU * self.commands.frequency.state.0;
         for (unit, (sine, cosine)) in self.deviation.iter().enumerate() {
             let speed = omega + self.pull[unit] + coupling * (sines * cosine - cosines * sine);
-            self.units.advance(unit, dt, speed);
+            self.oscillators.advance(unit, dt, speed);
         }
         self.write();
     }
@@ -270,11 +257,11 @@ impl Rhythm {
     /// What draws a joint along that is measured at `position` with `velocity` (per second): `gain sin(difference)` of the
     /// phases of the measured motion and of that commanded, both read as if they were harmonic. None while it stands.
     pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
-        let omega = TAU * self.frequency.state.0;
+        let omega = TAU * self.commands.frequency.state.0;
         if omega <= 0.0 || joint >= self.joints() {
             return 0.0;
         }
-        let offset = self.offset[joint].state.0;
+        let offset = self.commands.offset[joint].state.0;
         let phase = |q: f64, v: f64| Entrainment::measured_phase(q, v, offset, omega);
         let commanded = phase(self.output[joint], self.velocity[joint]);
         Entrainment { gain, lead: 0.0 }.pull(phase(position, velocity), commanded)
@@ -297,20 +284,17 @@ impl Rhythm {
 
     /// The largest deviation of a phase difference from the gait at this moment, relative to the first oscillator, rad.
     pub fn gait_error(&self) -> f64 {
-        let deviation = |unit: usize| self.phases[unit] - self.theta[unit].state.0;
-        (1..self.phases.len()).map(|unit| wrapped(deviation(unit) - deviation(0)).abs()).fold(0.0, f64::max)
+        self.commands.pattern_error(&self.phases)
     }
 
     fn write(&mut self) {
         for (unit, phase) in self.phases.iter_mut().enumerate() {
-            *phase = self.units.phase(unit);
+            *phase = self.oscillators.phase(unit);
         }
         for (joint, (unit, cosine, sine)) in self.joints.iter().enumerate() {
-            let [(value, rate), (later, later_rate)] = self.units.read(*unit);
+            let [(value, rate), (later, later_rate)] = self.oscillators.read(*unit);
             let (value, rate) = (cosine * value - sine * later, cosine * rate - sine * later_rate);
-            let ((a, a_rate), (o, o_rate)) = (self.amplitude[joint].state, self.offset[joint].state);
-            self.output[joint] = o + a * value;
-            self.velocity[joint] = o_rate + a_rate * value + a * rate;
+            (self.output[joint], self.velocity[joint]) = self.commands.output(joint, value, rate);
         }
     }
 }

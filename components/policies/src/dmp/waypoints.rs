@@ -1,4 +1,4 @@
-//! Goals as they are configured, turned into legs.
+//! Goals as they are configured, turned into segments.
 
 use motorium::declare::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -6,14 +6,14 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
 use super::imitation::{self, Demonstrated, PathRecord};
 use motorium_primitives::dmp::DmpModel;
-use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachError, Repeat, SteerError};
+use motorium_primitives::reach::{PathShape, PoseReach, ReachError, Repeat, Segment, SteerError};
 
 /// The goals of a policy, some of them relative to where it starts.
 #[derive(Debug)]
-pub(super) struct Course {
+pub(super) struct Waypoints {
     goals: Vec<Goal>,
-    legs: Vec<Leg>,
-    /// Of every leg, the goal of the configuration it belongs to, and the path that was demonstrated.
+    segments: Vec<Segment>,
+    /// Of every segment, the goal of the configuration it belongs to, and the path that was demonstrated.
     keys: Vec<usize>,
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     primitives: Vec<DmpModel>,
@@ -36,11 +36,11 @@ enum Place {
     Beside(Vector3<f64>),
 }
 
-impl Course {
+impl Waypoints {
     pub(super) fn new(config: &DmpPolicyConfig, robot: Option<&RobotReference>) -> Result<Self, ConfigError> {
-        let mut course = Self {
+        let mut waypoints = Self {
             goals: Vec::new(),
-            legs: Vec::new(),
+            segments: Vec::new(),
             keys: Vec::new(),
             paths: Vec::new(),
             primitives: Vec::new(),
@@ -51,20 +51,20 @@ impl Course {
         for (index, file) in config.primitives.iter().enumerate() {
             let key = format!("primitives[{index}]");
             let model = imitation::primitive(file, robot, &key)?;
-            if course.primitives.first().is_some_and(|first| first.settings() != model.settings()) {
+            if waypoints.primitives.first().is_some_and(|first| first.settings() != model.settings()) {
                 let message = format!("{file} was fitted with other settings than the first primitive");
                 return Err(ConfigError::key(key, message)
                     .advise("fit all of them with the same variant and number of kernels"));
             }
-            course.primitives.push(model);
+            waypoints.primitives.push(model);
         }
         for (index, goal) in config.goals.iter().enumerate() {
-            course.add(index, goal, robot, config.frame.as_deref())?;
+            waypoints.add(index, goal, robot, config.frame.as_deref())?;
         }
-        Ok(course)
+        Ok(waypoints)
     }
 
-    /// Adds the legs of a goal.
+    /// Adds the segments of a goal.
     fn add(
         &mut self,
         index: usize,
@@ -74,10 +74,10 @@ impl Course {
     ) -> Result<(), ConfigError> {
         let key = |name: &str| format!("goals[{index}].{name}");
         let mut turn = orientation(goal.orientation, goal.rpy, key)?;
-        let mut leg = Leg {
+        let mut segment = Segment {
             goal: Isometry3::identity(),
-            duration: goal.duration.unwrap_or_default(),
-            dwell: goal.dwell,
+            duration: goal.duration.unwrap_or_default().into(),
+            dwell: goal.dwell.into(),
             shape: PathShape::Straight,
         };
         let (mut at, mut path) = (None, None);
@@ -88,25 +88,30 @@ impl Course {
                     place: Place::At(shown.start()),
                     turn: shown.turns.map(|[start, _]| start).or(turn),
                 };
-                let to_start = Leg { duration: approach, dwell: std::time::Duration::ZERO, ..leg.clone() };
+                let to_start = Segment {
+                    duration: approach.into(),
+                    dwell: std::time::Duration::ZERO,
+                    ..segment.clone()
+                };
                 self.push(index, goal, to_start, None);
             }
             at = Some(Place::At(shown.end()));
             turn = turn.or(shown.turns.map(|[_, end]| end));
-            leg.duration = goal.duration.unwrap_or(shown.duration);
-            leg.shape = PathShape::Learned(Box::new(shown.model));
+            segment.duration = goal.duration.map_or(shown.duration, Into::into);
+            segment.shape = PathShape::Learned(Box::new(shown.model));
             path = Some(shown.path);
         } else {
             if goal.duration.is_none() {
                 return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
                     .advise("say how long the way takes, such as `duration = \"2 s\"`"));
             }
-            leg.shape = self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
-                None => ConfigError { key: Some(key("shape")), ..error },
-                Some(_) => error,
-            })?;
+            segment.shape =
+                self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
+                    None => ConfigError { key: Some(key("shape")), ..error },
+                    Some(_) => error,
+                })?;
             if matches!(goal.shape, ShapeConfig::Selected) {
-                self.selected.push(self.legs.len());
+                self.selected.push(self.segments.len());
             }
         }
         let place = match at {
@@ -117,13 +122,13 @@ impl Course {
                 place(goal, &format!("goals[{index}]"), key)?
             }
         };
-        self.push(index, Goal { place, turn }, leg, path);
+        self.push(index, Goal { place, turn }, segment, path);
         Ok(())
     }
 
-    fn push(&mut self, index: usize, goal: Goal, leg: Leg, path: Option<Vec<Vector3<f64>>>) {
+    fn push(&mut self, index: usize, goal: Goal, segment: Segment, path: Option<Vec<Vector3<f64>>>) {
         self.goals.push(goal);
-        self.legs.push(leg);
+        self.segments.push(segment);
         self.keys.push(index);
         self.paths.push(path);
     }
@@ -154,48 +159,52 @@ impl Course {
         &self.primitives
     }
 
-    /// The legs that follow the selected primitive.
+    /// The segments that follow the selected primitive.
     pub(super) fn selected(&self) -> &[usize] {
         &self.selected
     }
 
-    /// What there is to be followed.
+    /// Record of the deviations from the demonstrated paths.
     pub(super) fn record(&self) -> PathRecord {
         PathRecord::new(self.paths.clone())
     }
 
     /// The reach, its goals still to be aimed at.
     pub(super) fn reach(&self) -> Result<PoseReach, ConfigError> {
-        PoseReach::new(self.legs.clone(), self.repeat).map_err(|error| match &error {
-            ReachError::NoLegs => ConfigError::key("goals", error.to_string()),
-            ReachError::Goal { leg } => {
-                ConfigError::key(format!("goals[{}]", self.keys[*leg]), error.to_string())
+        PoseReach::new(self.segments.clone(), self.repeat).map_err(|error| match &error {
+            ReachError::NoSegments => ConfigError::key("goals", error.to_string()),
+            ReachError::Goal { segment } => {
+                ConfigError::key(format!("goals[{}]", self.keys[*segment]), error.to_string())
             }
-            ReachError::Duration { leg, .. } => {
-                ConfigError::key(format!("goals[{}].duration", self.keys[*leg]), error.to_string())
+            ReachError::Duration { segment, .. } => {
+                ConfigError::key(format!("goals[{}].duration", self.keys[*segment]), error.to_string())
             }
-            ReachError::Shape { leg, source } => {
-                ConfigError::key(format!("goals[{}].shape", self.keys[*leg]), source.to_string())
+            ReachError::Shape { segment, source } => {
+                ConfigError::key(format!("goals[{}].shape", self.keys[*segment]), source.to_string())
             }
         })
     }
 
-    /// Aims every leg, for a course that begins at a pose.
-    pub(super) fn aim(&mut self, reach: &mut PoseReach, origin: &Isometry3<f64>) -> Result<(), SteerError> {
+    /// Sets the goal of every segment, for a start pose.
+    pub(super) fn set_goals(
+        &mut self,
+        reach: &mut PoseReach,
+        origin: &Isometry3<f64>,
+    ) -> Result<(), SteerError> {
         let (mut place, mut turn) = (origin.translation.vector, origin.rotation);
-        for (leg, goal) in self.goals.iter().enumerate() {
+        for (segment, goal) in self.goals.iter().enumerate() {
             place = match goal.place {
                 Place::At(position) => position,
                 Place::Beside(offset) => place + offset,
             };
             turn = goal.turn.unwrap_or(turn);
-            reach.aim(leg, Isometry3::from_parts(Translation3::from(place), turn))?;
+            reach.set_goal(segment, Isometry3::from_parts(Translation3::from(place), turn))?;
         }
         self.origin = *origin;
         Ok(())
     }
 
-    /// The pose the course began at.
+    /// Start pose of the waypoints.
     pub(super) fn origin(&self) -> Isometry3<f64> {
         self.origin
     }

@@ -1,4 +1,4 @@
-//! The legs of a reach, and what cannot be one.
+//! The segments of a reach, and what cannot be one.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::dmp::MoveError;
 
 /// One goal and the way there.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Leg {
+pub struct Segment {
     /// Pose of the hand at the end, in the world frame.
     pub goal: Isometry3<f64>,
     /// Time to get there, at least 1 ms.
@@ -22,7 +22,7 @@ pub struct Leg {
     pub shape: PathShape,
 }
 
-/// What follows the last leg.
+/// Behaviour after the last segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Repeat {
@@ -33,78 +33,78 @@ pub enum Repeat {
     Forever,
 }
 
-/// Why a sequence of legs is none.
+/// An invalid sequence of segments.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReachError {
     /// Nowhere to go.
     #[error("no goal given, expected at least one")]
-    NoLegs,
+    NoSegments,
     /// A goal that is no pose.
-    #[error("the pose of goal {leg} holds numbers that are not finite")]
+    #[error("the pose of goal {segment} holds numbers that are not finite")]
     Goal {
-        /// Which one, from 0.
-        leg: usize,
+        /// Index, counted from 0.
+        segment: usize,
     },
     /// Too little time.
-    #[error("goal {leg} is to be reached in {found:?}, expected at least 1 ms")]
+    #[error("goal {segment} is to be reached in {found:?}, expected at least 1 ms")]
     Duration {
-        /// Which one, from 0.
-        leg: usize,
-        /// What was found.
+        /// Index, counted from 0.
+        segment: usize,
+        /// Value found.
         found: Duration,
     },
     /// A shape that leads nowhere.
-    #[error("the way to goal {leg}: {source}")]
+    #[error("the way to goal {segment}: {source}")]
     Shape {
-        /// Which one, from 0.
-        leg: usize,
+        /// Index, counted from 0.
+        segment: usize,
         /// Why.
         source: ShapeError,
     },
 }
 
-/// Why a hand cannot be started or steered. What ran before goes on unchanged.
+/// An error of starting or steering a reach, which leaves it unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SteerError {
     /// Steered before it was started.
     #[error("the reach has not been started, so it has no pose to be steered from")]
     NotStarted,
-    /// A leg that does not exist.
-    #[error("there is no leg {leg}: there are {legs}, counted from 0")]
-    NoSuchLeg {
-        /// What was asked for.
-        leg: usize,
-        /// How many there are.
-        legs: usize,
+    /// A segment that does not exist.
+    #[error("there is no segment {segment}: there are {segments}, counted from 0")]
+    NoSuchSegment {
+        /// Index asked for.
+        segment: usize,
+        /// Number that exists.
+        segments: usize,
     },
     /// A speed that cannot be run.
     #[error("a speed factor of {found}, expected a finite number of at least 0")]
     Speed {
-        /// What was found.
+        /// Value found.
         found: f64,
     },
-    /// Another shape for a leg that is under way.
-    #[error("leg {leg} is under way: its shape can change when the hand has arrived")]
+    /// Another shape for a segment that is under way.
+    #[error("segment {segment} is under way: its shape can change when the hand has arrived")]
     UnderWay {
-        /// Which one, from 0.
-        leg: usize,
+        /// Index, counted from 0.
+        segment: usize,
     },
-    /// What the primitives refused.
+    /// An error of the primitives.
     #[error(transparent)]
     Move(#[from] MoveError),
 }
 
-/// The shortest time a leg may take.
+/// The shortest time a segment may take.
 const SHORTEST: Duration = Duration::from_millis(1);
 
-impl Leg {
-    /// Checks what does not depend on the shape. `index` is the number of the leg, from 0.
+impl Segment {
+    /// Checks what does not depend on the shape. `index` is the number of the segment, from 0.
     pub(super) fn check(&self, index: usize) -> Result<(), ReachError> {
         if !numbers(&self.goal).all(f64::is_finite) {
-            return Err(ReachError::Goal { leg: index });
+            return Err(ReachError::Goal { segment: index });
         }
         if self.duration < SHORTEST {
-            return Err(ReachError::Duration { leg: index, found: self.duration });
+            return Err(ReachError::Duration { segment: index, found: self.duration });
         }
         Ok(())
     }

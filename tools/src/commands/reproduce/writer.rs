@@ -18,14 +18,14 @@ pub(super) struct Claim {
 }
 
 /// Where figures are written and claims collected.
-pub(super) struct Sheet {
+pub(super) struct FigureWriter {
     folder: PathBuf,
     pub(super) bar: ProgressBar,
     pub(super) files: Vec<PathBuf>,
     pub(super) claims: Vec<Claim>,
 }
 
-impl Sheet {
+impl FigureWriter {
     pub(super) fn new(folder: PathBuf, steps: u64) -> anyhow::Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         Ok(Self { folder, bar: ProgressBar::new(steps), files: Vec::new(), claims: Vec::new() })
@@ -48,12 +48,4 @@ impl Sheet {
     pub(super) fn claim(&mut self, figure: &'static str, claim: &str, holds: bool, evidence: String) {
         self.claims.push(Claim { figure, claim: claim.to_string(), holds, evidence });
     }
-}
-
-/// Mean and standard error of the mean.
-pub(super) fn mean(values: &[f64]) -> (f64, f64) {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0).max(1.0) / n).sqrt())
 }

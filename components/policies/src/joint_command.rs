@@ -1,6 +1,4 @@
-//! What the joint policies share: from setpoints of some joints to the command of all of them.
-
-use std::time::Duration;
+//! Joint command writer: from setpoints of some joints to the command of all of them.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
@@ -14,26 +12,24 @@ use serde::Deserialize;
 
 use motorium_primitives::dmp::{Jet, Quintic};
 
-/// How the joints are driven.
+/// Gains, easing and feed-forward of joint commands.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct DriveConfig {
+pub struct JointCommandConfig {
     /// Stiffness of every joint, N m/rad or N/m. Without it, that of the robot's profile.
     pub kp: Option<Vec<f64>>,
     /// Damping of every joint, N m s/rad or N s/m. Without it, that of the robot's profile.
     pub kd: Option<Vec<f64>>,
     /// Time over which it goes over from where the robot is to the movement, such as "1 s". Default 1 s.
-    #[serde(deserialize_with = "crate::dmp::config::time")]
-    #[schemars(with = "TimeSpan")]
-    pub ease: Duration,
+    pub ease: TimeSpan,
     /// Whether the torque that gravity calls for is added: that of the limbs, with a floating base taken for upright and
     /// held. Default true.
     pub gravity_compensation: bool,
 }
 
-impl Default for DriveConfig {
+impl Default for JointCommandConfig {
     fn default() -> Self {
-        Self { kp: None, kd: None, ease: Duration::from_secs(1), gravity_compensation: true }
+        Self { kp: None, kd: None, ease: TimeSpan { ns: 1_000_000_000 }, gravity_compensation: true }
     }
 }
 
@@ -42,7 +38,7 @@ const GRAVITY: f64 = 9.806_65;
 
 /// The model of the robot of a component, its gains and the joints that a policy moves.
 #[derive(Debug)]
-pub(crate) struct Driven {
+pub(crate) struct CommandedJoints {
     pub(crate) model: Model,
     gains: Gains,
     joints: Vec<usize>,
@@ -50,10 +46,10 @@ pub(crate) struct Driven {
     passive: Vec<usize>,
 }
 
-impl Driven {
+impl CommandedJoints {
     /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config.
     pub(crate) fn new<'a>(
-        config: &DriveConfig,
+        config: &JointCommandConfig,
         robot: Option<&RobotReference>,
         joints: impl Iterator<Item = (&'a str, String)>,
     ) -> Result<Self, ConfigError> {
@@ -61,8 +57,7 @@ impl Driven {
             ConfigError::new("it moves the joints of a robot, and the component names none")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-            .map_err(|error| ConfigError::new(error.to_string()))?;
+        let loaded = crate::robot::load(robot)?;
         let model = loaded.model;
         let mut found = Vec::new();
         for (name, key) in joints {
@@ -129,8 +124,8 @@ impl Driven {
 /// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others stay
 /// where they are found. Setpoints are kept within the position limits.
 #[derive(Debug)]
-pub(crate) struct JointDrive {
-    driven: Driven,
+pub(crate) struct JointCommandWriter {
+    driven: CommandedJoints,
     state: Input<JointState>,
     command: Output<JointCommand>,
     kp_scale: Parameter<f64>,
@@ -139,7 +134,7 @@ pub(crate) struct JointDrive {
     ease: f64,
     /// Since the first joint state, s.
     elapsed: f64,
-    /// Where the joints were then, once there was one.
+    /// Joint positions of the first joint state.
     found: Vec<f64>,
     is_found: bool,
     setpoint: Vec<f64>,
@@ -151,10 +146,10 @@ pub(crate) struct JointDrive {
     gravity: Vec<f64>,
 }
 
-impl JointDrive {
+impl JointCommandWriter {
     pub(crate) fn new(
-        driven: Driven,
-        config: &DriveConfig,
+        driven: CommandedJoints,
+        config: &JointCommandConfig,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
         let zeros = vec![0.0; driven.model.joint_count()];
@@ -250,7 +245,7 @@ impl JointDrive {
         command.publish()
     }
 
-    /// Whether it has gone over to the movement altogether.
+    /// True once the easing into the movement is over.
     pub(crate) fn is_eased_in(&self) -> bool {
         self.elapsed >= self.ease
     }
