@@ -1,4 +1,4 @@
-//! What a component is configured with: its ports, its parameters, its place in the graph.
+//! The set-up of a component: its ports, its parameters, its place in the graph.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use crate::transport::{
     Trigger, open_trigger,
 };
 
-/// Hands a component what it declared.
+/// The set-up of one component: it opens the ports and parameters that the component declared.
 ///
 /// Ports are opened here, once; a port that the graph leaves unwired can be opened too and stays silent.
 pub struct Setup {
@@ -75,7 +75,7 @@ impl Setup {
     /// The robot the graph gives this component.
     ///
     /// # Errors
-    /// The graph gives it none; say so in `declare` already, so that `check` finds it.
+    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
@@ -152,10 +152,10 @@ impl Setup {
         Ok(Parameter::new(value.clone()))
     }
 
-    /// A place for `N` numbers that outlives a crash of this component.
+    /// Memory for numbers that outlives a crash of this component.
     ///
     /// # Errors
-    /// More than it holds.
+    /// The checkpoint has no room for so many.
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(

@@ -1,4 +1,4 @@
-//! How a running graph is doing, read from its region without touching any component.
+//! The status of a running graph, read from its control block without touching any component.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::region::{Misses, Phase, Region, Stalls};
 use crate::telemetry::Percentiles;
 
-/// How a running graph is doing.
+/// The status of a running graph.
 #[derive(Debug, Clone, Serialize)]
 pub struct Status {
     /// Time since the start, ns.
@@ -23,12 +23,12 @@ pub struct Status {
     pub edges: Vec<EdgeReport>,
 }
 
-/// How a component is doing.
+/// The status of a component.
 #[derive(Debug, Clone, Serialize)]
 pub struct ComponentStatus {
     /// Its name.
     pub name: String,
-    /// Where it is in its life.
+    /// Phase of its life.
     pub phase: Phase,
     /// Its process.
     pub pid: u32,
@@ -38,19 +38,19 @@ pub struct ComponentStatus {
     pub rate_hz: f64,
     /// Release lateness, ns.
     pub lateness_ns: Percentiles,
-    /// Execution time on the clock on the wall, ns.
+    /// Execution time, wall-clock ns.
     pub execution_ns: Percentiles,
-    /// Time of the core that each step took, ns.
+    /// CPU time of each step, ns.
     pub cpu_ns: Percentiles,
-    /// How long it now spins before a release, ns.
+    /// Current spin time before a release, ns.
     pub spin_ns: u64,
-    /// What it saw of the machine while it spun.
+    /// Stalls of the machine while it spun.
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
-    /// How often it was restarted.
+    /// Restarts.
     pub restarts: u32,
-    /// Whether it is an actuator in its safe state.
+    /// True if it is an actuator in its safe state.
     pub safe: bool,
 }
 

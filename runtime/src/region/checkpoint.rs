@@ -1,17 +1,17 @@
-//! A place where a component leaves its state, so that it can resume after a crash.
+//! Memory for a component's state that outlives a crash of the component.
 
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
-/// The most bytes a checkpoint holds.
+/// Capacity of a checkpoint, bytes.
 pub const CHECKPOINT_BYTES: usize = 4096;
 const WORDS: usize = CHECKPOINT_BYTES / 8;
 
-/// Two copies of a component's state; while one is written the other is whole, whenever the writer dies.
+/// Two copies of a component's state: while one is written the other is whole, even if the writer dies.
 #[derive(Debug)]
 #[repr(C)]
 pub struct CheckpointBlock {
-    /// Counts saved checkpoints; the newest whole one is in copy `saved % 2`.
+    /// Number of saved checkpoints; the newest whole one is copy `saved % 2`.
     saved: AtomicU64,
     copies: [[AtomicU64; WORDS]; 2],
 }
@@ -29,7 +29,7 @@ impl CheckpointBlock {
         true
     }
 
-    /// The newest whole checkpoint, if there ever was one. Only the component itself, after a restart, reads it.
+    /// Loads the newest whole checkpoint, if there is one. Only the component itself, after a restart, calls it.
     pub fn load(&self, words: &mut [u64]) -> bool {
         let saved = self.saved.load(Acquire);
         if saved == 0 || words.len() > WORDS {

@@ -1,4 +1,4 @@
-//! How long data may take through a graph.
+//! Bounds on the latency of data through a graph.
 //!
 //! The way from one topic to another goes in *legs*: the component at the head of a chain, and those that trigger one
 //! another after it. From one leg to the next the data waits in shared memory until the next head reads it.
@@ -171,7 +171,8 @@ fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
 }
 
-/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in between.
+/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in
+/// between.
 fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
@@ -219,12 +220,12 @@ fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<Bounded> {
     Some(Bounded { ns: total + end, terms })
 }
 
-/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is released
-/// and reads it.
+/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is
+/// released and reads it.
 ///
-/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago the
-/// newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common divisor of
-/// the periods and d the difference of the phases.
+/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago
+/// the newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
+/// divisor of the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
     let end = since_release(analysis, *writer.last()?)? as i64;
     let timer = |component: usize| {

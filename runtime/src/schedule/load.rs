@@ -1,4 +1,4 @@
-//! How busy real-time components keep a core, and whether the kernel would stop them.
+//! The load of real-time components on a core, against the kernel's limit.
 
 use super::admission::{Activity, CoreLoad, DeadlineLoad, LoadTerm, Verdict};
 use super::response::Responses;
@@ -74,7 +74,7 @@ fn term(plan: &Plan, reservation: &Reservation) -> LoadTerm {
     }
 }
 
-/// What all components that are scheduled by deadlines take of all cores together; `None` if there are none.
+/// Load on all cores of all components that are scheduled by deadlines; `None` if there are none.
 ///
 /// The kernel takes no more than [`RtLimit::deadline_share`] of all cores.
 pub(super) fn deadlines(plan: &Plan, tasks: &StaticPlan, limit: &RtLimit) -> Option<DeadlineLoad> {
@@ -115,12 +115,12 @@ pub(super) struct Burst {
     pub terms: Vec<(Vec<usize>, u64)>,
 }
 
-/// The longest time, ns, that real-time components may run within one throttling period, with the terms of the sum, each
-/// by its components. `None` if there is no throttling, or no bound.
+/// The longest time, ns, that real-time components may run within one throttling period, with the terms of the sum,
+/// each by its components. `None` if there is no throttling, or no bound.
 ///
 /// The share of a core is a mean; the kernel counts in periods. In a window of length P a task of cost C, period T and
-/// response time R runs for at most `n * C + min(C, P + R - C - n * T)` with `n = floor((P + R - C) / T)`: its first job
-/// as late as it can be, its last one at once (M. Bertogna, M. Cirinei, G. Lipari 2005).
+/// response time R runs for at most `n * C + min(C, P + R - C - n * T)` with `n = floor((P + R - C) / T)`: its first
+/// job as late as it can be, its last one at once (M. Bertogna, M. Cirinei, G. Lipari 2005).
 pub(super) fn longest_burst(
     tasks: &StaticPlan,
     responses: &Responses,

@@ -1,4 +1,4 @@
-//! Whether a graph can hold its times: a static plan, response times, latencies; all pure functions, without a clock.
+//! The analysis of a plan's times: a static plan, response times, latencies; pure functions without a clock.
 //!
 //! [`admit`] is the check before a launch. Its model, and what it rests on:
 //!
@@ -13,12 +13,12 @@
 //!   cannot be interrupted are no part of the model: they show while the graph runs, counted by cause.
 //! * Equal priorities: a chain that is ahead in the queue is counted whole. What waits for the clock goes to the end of
 //!   the queue once more as it gets the core, so that those which a publication woke meanwhile come first.
-//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds up
-//!   those that are triggered on its core, unless they are more urgent.
+//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds
+//!   up those that are triggered on its core, unless they are more urgent.
 //! * What is not known counts as nothing, and what rests on it as not provable.
 //!
-//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and cores
-//! to components for which a graph does not.
+//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and
+//! cores to components for which a graph does not.
 
 mod admission;
 pub mod assign;

@@ -1,8 +1,8 @@
 //! Response times that know the phases: tasks whose releases lie on one clock at known offsets do not all meet.
 //!
-//! Every job of one hyperperiod is looked at, in every busy window that it can fall into. A window that is worst opens as
-//! some release comes as late as it can (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994): opening it
-//! earlier than the latest release that it contains only adds time in which nothing of it can be left over.
+//! Every job of one hyperperiod is looked at, in every busy window that it can fall into. A window that is worst opens
+//! as some release comes as late as it can (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994):
+//! opening it earlier than the latest release that it contains only adds time in which nothing of it can be left over.
 
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 

@@ -1,4 +1,4 @@
-//! What does not hold, or cannot be proved to, in words and with advice.
+//! The problems of an admission, as text with advice.
 
 use super::admission::{Admission, Problem, TaskBound, Verdict};
 use super::latency::Analysis;

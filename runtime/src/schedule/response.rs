@@ -1,9 +1,9 @@
 //! Bounds of all tasks of all cores.
 //!
 //! Tasks on different cores, or of different priorities, that trigger one another depend on one another through their
-//! release jitter: what triggers a task may come as late as the bound of the one that publishes. Starting from no jitter,
-//! bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability analysis
-//! for distributed hard real-time systems*, 1994).
+//! release jitter: what triggers a task may come as late as the bound of the one that publishes. Starting from no
+//! jitter, bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
+//! analysis for distributed hard real-time systems*, 1994).
 
 use super::Overheads;
 use super::global::{Global, Reserved};
@@ -25,7 +25,7 @@ pub(super) struct Responses {
     pub reserved: Vec<Demand>,
     /// By reservation: longest time from its wake-up to the end of its step, ns; `None` if there is no bound.
     pub reserved_response: Vec<Option<i64>>,
-    /// How late a reservation may be woken, ns.
+    /// Lateness of a reservation's wake-up, ns.
     pub reserved_late: i64,
 }
 
@@ -141,12 +141,12 @@ fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     }
 }
 
-/// How late a component may be woken for its release, in spite of spinning.
+/// Lateness of a component's wake-up for its release, in spite of spinning.
 fn late_wake(spin_ns: u64, overheads: &Overheads) -> i64 {
     overheads.wake_ns.saturating_sub(spin_ns) as i64
 }
 
-/// How late a task may be released after it is due: a triggered one is due as the head of its chain is released.
+/// Release jitter of a task, ns: a triggered one is due when the head of its chain is released.
 fn jitter(
     task: &Task,
     plan: &StaticPlan,

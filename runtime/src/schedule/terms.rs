@@ -1,4 +1,4 @@
-//! The terms of a bound, in words.
+//! The terms of a bound, as text.
 
 use super::latency::Analysis;
 use super::tasks::Place;

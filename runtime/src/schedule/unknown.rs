@@ -1,9 +1,9 @@
-//! What is not known of a graph, and what rests on it.
+//! The unknown times of a graph, and the bounds that rest on them.
 
 use super::tasks::{Release, StaticPlan};
 use crate::plan::{Activation, Plan};
 
-/// What is not known, and the tasks whose bounds do not hold because of it.
+/// The unknown times of a graph, and the tasks whose bounds do not hold because of them.
 #[derive(Debug)]
 pub(super) struct Unknown {
     /// Real-time components without a budget.
@@ -12,7 +12,7 @@ pub(super) struct Unknown {
     pub released_by_others: Vec<usize>,
     /// Real-time components that may run on several cores.
     pub without_core: Vec<usize>,
-    /// By task of the static plan: whether its bounds rest on any of that.
+    /// By task of the static plan: true if its bounds rest on any of them.
     pub rests: Vec<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! Sums as people read them.
+//! Sums as text.
 
 use crate::plan::Plan;
 use crate::units::TimeSpan;
@@ -28,7 +28,7 @@ pub(super) fn comparison(terms: &[String], total: String, holds: bool, limit: &s
     }
 }
 
-/// Shares with as many digits as it takes to tell two of them apart, three or more.
+/// Number of digits, from 3, that tell two shares apart.
 pub(super) fn shares(share: f64, limit: f64) -> usize {
     (3..9)
         .find(|digits| share == limit || format!("{share:.digits$}") != format!("{limit:.digits$}"))

@@ -1,5 +1,5 @@
-//! The layers of the house: the arrows between the modules of the runtime and between the crates of the workspace, drawn
-//! from the sources. An arrow that runs back up, or a cycle, fails.
+//! The layers of the house: the arrows between the modules of the runtime and between the crates of the workspace,
+//! drawn from the sources. An arrow that runs back up, or a cycle, fails.
 
 mod crates;
 mod paths;
