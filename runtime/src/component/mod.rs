@@ -28,10 +28,18 @@ pub use crate::{
 
 use std::time::Duration;
 
-/// One step in the life of a component: the time it is for, not the time it runs at.
+/// One step of a component: its number and the time it computes for, which is not the time it runs at.
+///
+/// ```
+/// use motorium::component::Tick;
+/// use std::time::Duration;
+///
+/// let tick = Tick { index: 3, time_ns: 3_000_000, period: Duration::from_millis(1) };
+/// assert_eq!((tick.dt(), tick.time()), (0.001, 0.003));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Counts the steps of this component from 0, through restarts.
+    /// Number of the step, from 0; it goes on through restarts of the component.
     pub index: u64,
     /// Nanoseconds since the run began for which the step computes: the scheduled release of a time-triggered
     /// component, the publish time of the sample that woke a triggered one.

@@ -171,6 +171,19 @@ pub struct Declaration {
 }
 
 /// The receiver of a component's declarations.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// let mut declare = Declare::new(None);
+/// declare.input::<JointState>("state", "measured joint state");
+/// declare.output::<JointState>("filtered", "joint state with filtered velocities");
+/// declare.float("time_constant", 0.01, 0.0..=1.0, "s", "time constant of the filter");
+///
+/// let declaration = declare.into_declaration();
+/// assert_eq!(declaration.ports.len(), 2);
+/// assert!(declaration.parameters[0].admit(motorium::declare::ParameterValue::Float(2.0)).is_err());
+/// ```
 #[derive(Debug)]
 pub struct Declare {
     pub(crate) declaration: Declaration,

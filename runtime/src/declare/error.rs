@@ -5,6 +5,13 @@ use std::borrow::Cow;
 use crate::state::Defect;
 
 /// The error of a configuration that cannot work, found while the graph is checked.
+///
+/// ```
+/// use motorium::declare::ConfigError;
+///
+/// let error = ConfigError::key("radius", "0.9 m, expected 0 to 0.5 m").advise("the arm reaches 0.85 m");
+/// assert_eq!(error.key.as_deref(), Some("radius"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct ConfigError {
@@ -36,6 +43,15 @@ impl ConfigError {
 }
 
 /// The error of a step. It holds no heap memory unless its message was formatted at run time.
+///
+/// ```
+/// use motorium::declare::StepError;
+///
+/// fn check(joints: usize) -> Result<(), StepError> {
+///     if joints == 7 { Ok(()) } else { Err(StepError::failed("the state has another number of joints")) }
+/// }
+/// assert_eq!(check(6).unwrap_err().to_string(), "the state has another number of joints");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// An output held an invalid value, which was not published.

@@ -67,7 +67,7 @@ pub struct Report {
 }
 
 /// One component in the report.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComponentReport {
     /// Its name in the graph.
     pub name: String,
@@ -209,13 +209,14 @@ impl Launch<'_> {
 }
 
 /// Steps per second between the first and the last step.
-pub(super) fn rate_hz(block: &ComponentBlock) -> f64 {
+fn rate_hz(block: &ComponentBlock) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
     let intervals = block.steps.load(Relaxed).saturating_sub(1);
     if last > first { intervals as f64 * 1e9 / (last - first) as f64 } else { 0.0 }
 }
 
-fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
+/// The report of one component, from its counters.
+pub(super) fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
     let counts = block.counts_allocations.load(Relaxed) != 0;
     ComponentReport {
         name: name.to_string(),

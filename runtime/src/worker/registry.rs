@@ -98,7 +98,7 @@ pub struct RobotSource {
     pub check: RobotCheck,
 }
 
-/// All component kinds a program can host, and the robots it can find.
+/// All component kinds a program can host, and the robots it can load.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,

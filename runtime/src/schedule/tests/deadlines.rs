@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::graphs::{Node, When, graph, node};
 use super::stepwise::{Chance, Machine};
-use crate::schedule::global::{Global, Reserved};
+use crate::schedule::analysis::global::{Global, Reserved};
 use crate::schedule::{Activity, Admission, Overheads, RtLimit, Verdict, admit};
 
 const US: u64 = 1_000;

@@ -8,8 +8,9 @@ mod simulation;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::tasks::StaticPlan;
-use super::{Activity, Overheads, words};
+use super::analysis::tasks::StaticPlan;
+use super::explain::words;
+use super::{Activity, Overheads};
 use crate::plan::Plan;
 use simulation::Simulation;
 
@@ -149,6 +150,6 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
 fn hyperperiod(periods_ns: impl Iterator<Item = u64>) -> Option<u64> {
     periods_ns
         .map(|period| i64::try_from(period).ok())
-        .try_fold(1, |lcm, period| super::phases::least_common_multiple(lcm, period?))
+        .try_fold(1, |lcm, period| crate::schedule::analysis::phases::least_common_multiple(lcm, period?))
         .and_then(|lcm| u64::try_from(lcm).ok())
 }

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use super::{Activity, Lane, Segment};
 use crate::plan::{Activation, OnOverrun, Plan};
 use crate::schedule::Overheads;
-use crate::schedule::tasks::{self, Place, StaticPlan};
+use crate::schedule::analysis::tasks::{self, Place, StaticPlan};
 
 /// More segments than this are not drawn.
 const MOST_SEGMENTS: usize = 20_000;

@@ -22,7 +22,7 @@
 
 /// A task on a core, as this analysis sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Demand {
+pub(in crate::schedule) struct Demand {
     /// Higher is more urgent.
     pub priority: u8,
     /// Time between two releases.
@@ -44,7 +44,7 @@ pub(super) struct Demand {
 
 /// Bounds of one stage of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Bound {
+pub(in crate::schedule) struct Bound {
     /// From the time a release is due to the end of the stage.
     pub finish: Sum,
     /// From the actual release to the end of the stage.
@@ -53,7 +53,7 @@ pub(super) struct Bound {
 
 /// The terms of a bound: the stages of the job up to its own, other jobs, less the time that ran before.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Sum {
+pub(in crate::schedule) struct Sum {
     /// The bound.
     pub total: i64,
     /// By task of the core: jobs that run in the window before the stage ends, besides the job itself.
@@ -67,7 +67,7 @@ const MOST: usize = 100_000;
 
 /// The start of the window.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Opening {
+pub(in crate::schedule) enum Opening {
     /// At time 0, with every other task released as late as it can be, so that the next release follows soonest.
     Worst,
     /// At this time, with releases as their offsets say.
@@ -83,17 +83,17 @@ impl Opening {
     }
 }
 
-pub(super) fn floor_div(a: i64, b: i64) -> i64 {
+pub(in crate::schedule) fn floor_div(a: i64, b: i64) -> i64 {
     a.div_euclid(b)
 }
 
-pub(super) fn ceil_div(a: i64, b: i64) -> i64 {
+pub(in crate::schedule) fn ceil_div(a: i64, b: i64) -> i64 {
     -((-a).div_euclid(b))
 }
 
 impl Demand {
     /// Cost of one job.
-    pub(super) fn cost(&self) -> i64 {
+    pub(in crate::schedule) fn cost(&self) -> i64 {
         self.stages.iter().sum()
     }
 
@@ -116,7 +116,7 @@ impl Demand {
 
 /// A task, and those of its core that can hold it up: of its own priority or above.
 #[derive(Debug)]
-pub(super) struct Level<'a> {
+pub(in crate::schedule) struct Level<'a> {
     tasks: &'a [Demand],
     index: usize,
     others: Vec<usize>,
@@ -124,7 +124,7 @@ pub(super) struct Level<'a> {
 
 impl<'a> Level<'a> {
     /// The jobs that can hold up a task; `None` if there is no bound.
-    pub(super) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
+    pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
         let utilisation: f64 = level.all().map(|task| task.cost() as f64 / task.period as f64).sum();
@@ -132,17 +132,17 @@ impl<'a> Level<'a> {
         (bounded && utilisation <= 1.0 + 1e-12).then_some(level)
     }
 
-    pub(super) fn own(&self) -> &'a Demand {
+    pub(in crate::schedule) fn own(&self) -> &'a Demand {
         &self.tasks[self.index]
     }
 
     /// The task and all that can hold it up.
-    pub(super) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
+    pub(in crate::schedule) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
         self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
     }
 
     /// Length of the longest busy window.
-    pub(super) fn longest(&self) -> Option<i64> {
+    pub(in crate::schedule) fn longest(&self) -> Option<i64> {
         let length = settle(1, |until| {
             self.all().map(|task| task.releases(Opening::Worst, until) * task.cost()).sum()
         })?;
@@ -166,7 +166,12 @@ impl<'a> Level<'a> {
 
     /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task run first.
     /// By stage: the time, and the jobs that ran before it, by task.
-    pub(super) fn run(&self, opening: Opening, due: i64, before: i64) -> Option<Vec<(i64, Vec<i64>)>> {
+    pub(in crate::schedule) fn run(
+        &self,
+        opening: Opening,
+        due: i64,
+        before: i64,
+    ) -> Option<Vec<(i64, Vec<i64>)>> {
         let own = self.own();
         let start = opening.time();
         let mut joins = due + own.queue;
@@ -228,7 +233,7 @@ fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
 }
 
 /// Keeps the worst of each stage, with what was found for a job that is due at `due`.
-pub(super) fn keep_worst(
+pub(in crate::schedule) fn keep_worst(
     bounds: &mut [Option<Bound>],
     opening: Opening,
     due: i64,
@@ -256,7 +261,7 @@ pub(super) fn keep_worst(
 }
 
 /// Bounds of all stages of a task, whatever the offsets of the tasks are. `None` if there is no bound.
-pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
+pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let longest = level.longest()?;
@@ -279,7 +284,12 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
 /// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the
 /// queue after the job did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so
 /// much before that end as it takes to do that much of the stage.
-pub(super) fn after_first_stage(tasks: &[Demand], index: usize, queued: i64, rest: i64) -> Option<Vec<Sum>> {
+pub(in crate::schedule) fn after_first_stage(
+    tasks: &[Demand],
+    index: usize,
+    queued: i64,
+    rest: i64,
+) -> Option<Vec<Sum>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let mut bounds = Vec::with_capacity(own.stages.len());

@@ -5,7 +5,7 @@ use crate::plan::{Activation, Plan};
 
 /// The unknown times of a graph, and the tasks whose bounds do not hold because of them.
 #[derive(Debug)]
-pub(super) struct Unknown {
+pub(in crate::schedule) struct Unknown {
     /// Real-time components without a budget.
     pub without_budget: Vec<usize>,
     /// Real-time components that are triggered by one that is not.
@@ -18,7 +18,7 @@ pub(super) struct Unknown {
 
 impl Unknown {
     /// Looks through a graph.
-    pub(super) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
+    pub(in crate::schedule) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
         let fifo = |component: usize| super::tasks::priority(&plan.components[component]).is_some();
         let all = 0..plan.components.len();
         let without_budget: Vec<usize> =

@@ -5,8 +5,8 @@
 //! jitter, bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
 //! analysis for distributed hard real-time systems*, 1994).
 
-use super::Overheads;
 use super::global::{Global, Reserved};
+use super::overheads::Overheads;
 use super::phases;
 use super::tasks::{Release, Reservation, StaticPlan, Task};
 use super::window::{self, Bound, Demand};
@@ -16,7 +16,7 @@ const MOST_ROUNDS: usize = 100;
 
 /// All tasks as the analysis sees them, with what was found.
 #[derive(Debug)]
-pub(super) struct Responses {
+pub(in crate::schedule) struct Responses {
     /// By task of the static plan.
     pub demands: Vec<Demand>,
     /// By task: the bound of each stage; `None` if there is no bound.
@@ -31,7 +31,7 @@ pub(super) struct Responses {
 
 impl Responses {
     /// The tasks on the core of one of them with all reservations behind them, and its index.
-    pub(super) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
+    pub(in crate::schedule) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
         let core = plan.on_core(plan.tasks[task].core);
         let index = core.iter().position(|other| *other == task).expect("a task is on its core");
         let tasks = core.into_iter().map(|task| self.demands[task].clone());
@@ -39,13 +39,13 @@ impl Responses {
     }
 
     /// Longest time from the release of a reservation to the end of its step, ns.
-    pub(super) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
+    pub(in crate::schedule) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
         Some(self.reserved_response[reservation]? + self.reserved_late)
     }
 }
 
 /// Finds the bounds of all tasks.
-pub(super) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
+pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
     let late = overheads.wake_ns as i64;
     let global = Global::of(plan.reservations.iter().map(reserved).collect(), plan.available_cores, late);
     let all = || plan.reservations.iter().enumerate();
@@ -171,7 +171,7 @@ fn jitter(
 }
 
 /// Bounds of the tasks of one core. On the way it finds out which of them always go to the end of the queue.
-pub(super) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
+pub(in crate::schedule) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
     loop {
         let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(&tasks, index)).collect();
         let mut changed = false;

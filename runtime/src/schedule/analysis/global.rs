@@ -26,7 +26,7 @@ const MOST_STEPS: usize = 100_000;
 
 /// The times of one reservation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Reserved {
+pub(in crate::schedule) struct Reserved {
     /// Run time in each period.
     pub runtime: i64,
     /// The period, and the deadline from the wake-up.
@@ -35,7 +35,7 @@ pub(super) struct Reserved {
 
 /// Reservations that share some cores.
 #[derive(Debug, Clone)]
-pub(super) struct Global {
+pub(in crate::schedule) struct Global {
     reserved: Vec<Reserved>,
     cores: i64,
     /// Lateness of a wake-up.
@@ -47,7 +47,7 @@ pub(super) struct Global {
 
 impl Global {
     /// Analyses a set.
-    pub(super) fn of(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
+    pub(in crate::schedule) fn of(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
         let slack = vec![0; reserved.len()];
         let cores = i64::try_from(cores.max(1)).unwrap_or(1);
         let mut global = Self { reserved, cores, jitter, slack, in_time: false };
@@ -70,7 +70,7 @@ impl Global {
     }
 
     /// Longest time from the wake-up of one to the end of so much of its run time; `None` without a bound.
-    pub(super) fn response(&self, index: usize, work: i64) -> Option<i64> {
+    pub(in crate::schedule) fn response(&self, index: usize, work: i64) -> Option<i64> {
         let Reserved { runtime, period } = self.reserved[index];
         // All of this assumes that every component is in time; no more than the run time is promised.
         if !self.in_time || work > runtime {

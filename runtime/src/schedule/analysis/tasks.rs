@@ -12,7 +12,7 @@
 
 use serde::Serialize;
 
-use super::Overheads;
+use super::overheads::Overheads;
 use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, Spin};
 
 /// All real-time components of a graph as tasks.
@@ -302,12 +302,12 @@ fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step 
 }
 
 /// Whether the kernel schedules a component by its deadline, on any core.
-pub(super) fn has_deadline(component: &ComponentPlan) -> bool {
+pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
     matches!(component.class, SchedulingClass::Deadline { .. })
 }
 
 /// Priority of a component that is scheduled as `SCHED_FIFO`.
-pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
+pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     match component.class {
         SchedulingClass::Fifo(priority) => Some(priority),
         _ => None,
@@ -315,7 +315,7 @@ pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
 }
 
 /// The one core that a component may run on, if it is one.
-pub(super) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
+pub(in crate::schedule) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
     if has_deadline(component) {
         return None;
     }
