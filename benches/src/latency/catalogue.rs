@@ -165,8 +165,8 @@ impl Case {
         match &self.kind {
             Kind::Clock => Ok(Outcome::of(timer::clock(), 0)),
             Kind::Timer => {
-                let (late, fifo) = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
-                Ok(Outcome::of(late, fifo))
+                let measured = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
+                Ok(Outcome::of(measured.late_ns, u32::from(measured.fifo)))
             }
             Kind::Throw { carrier, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));

@@ -4,6 +4,7 @@
 
 mod cpu_time;
 mod idle;
+pub mod machine;
 mod process;
 mod realtime;
 mod wait;

@@ -12,8 +12,8 @@ use super::decode::{Decoded, Decoder};
 use super::pace::Pace;
 use super::watch::{End, Watch, poll_for};
 use super::{find, readable};
-use crate::commands::runs::{LivingRun, RunArg};
 use crate::out::errln;
+use crate::runs::{LivingRun, RunArg};
 use crate::style;
 
 /// Print the samples of a topic.

@@ -11,9 +11,9 @@ use serde::Serialize;
 use super::find;
 use super::pace::{Pace, percentiles};
 use super::watch::{End, Watch, poll_for};
-use crate::commands::runs::RunArg;
 use crate::out::{errln, out, outln};
 use crate::report::microseconds;
+use crate::runs::RunArg;
 use crate::{exit, style};
 
 /// Measure the rate of a topic and how evenly it comes.

@@ -9,8 +9,8 @@ use motorium::plan::TopicPlan;
 use motorium::region::Phase;
 use motorium::transport::{Observed, Observer};
 
-use super::super::runs::LivingRun;
 use crate::out::errln;
+use crate::runs::LivingRun;
 
 /// How often it is looked whether the run is over.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
