@@ -9,6 +9,7 @@
 //!
 //! | modules | contents |
 //! |---|---|
+//! | `atomics` | the atomic operations of the protocols in shared memory, native or model-checked |
 //! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers, histograms |
 //! | [`declare`], [`plan`] | the declaration of a component; the checked plan that all processes of a run read |
 //! | [`os`], [`region`] | system calls; the control block of a run |
@@ -20,10 +21,13 @@
 //! | [`launcher`], [`program`] | starting, watching and ending a run; the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 
+mod atomics;
 pub mod component;
 pub mod declare;
 pub mod graph;
 pub mod launcher;
+#[cfg(all(test, feature = "loom"))]
+mod model;
 pub mod nearest;
 pub mod os;
 pub mod plan;

@@ -41,6 +41,8 @@ pub(super) struct GraphTable<'i> {
     /// Components, by name: each runs as a process of its own.
     #[schemars(required)]
     pub component: Option<At<Named<ComponentTable<'i>>>>,
+    /// Settings of topics, by name.
+    pub topic: Option<At<Named<TopicTable>>>,
     /// End-to-end latency budgets, measured from stamps that travel with the data.
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
     /// Limits and states that keep the robot safe.
@@ -51,14 +53,26 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 10] =
-    ["name", "clock", "duration", "seed", "cores", "realtime", "robot", "component", "latency", "safety"];
+pub(super) const TOP_KEYS: [&str; 11] = [
+    "name",
+    "clock",
+    "duration",
+    "seed",
+    "cores",
+    "realtime",
+    "robot",
+    "component",
+    "topic",
+    "latency",
+    "safety",
+];
 
 impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
-            keys, name, clock, duration, seed, cores, realtime, robot, component, latency, safety; meant: Vec::new()
+            keys, name, clock, duration, seed, cores, realtime, robot, component, topic, latency, safety;
+            meant: Vec::new()
         );
         table.meant = keys.finish("the graph");
         Some(table)
@@ -111,6 +125,24 @@ impl<'i> Read<'i> for RealtimeTable {
         let mut keys = Keys::read(key, value, report)?;
         let table = take_fields!(keys, spin, spin_share, on_denied, idle_exit);
         keys.finish("`[realtime]`");
+        Some(table)
+    }
+}
+
+/// Settings of one topic.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Topic")]
+pub(super) struct TopicTable {
+    /// Values of a state kept behind the newest one, for taps (`motorium topic echo --every`, recorders), up to 10000.
+    #[schemars(range(max = 10_000), extend("default" = 0))]
+    pub history: Option<At<usize>>,
+}
+
+impl<'i> Read<'i> for TopicTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(&format!("topic.{key}"), value, report)?;
+        let table = take_fields!(keys, history);
+        keys.finish(&format!("topic `{key}`"));
         Some(table)
     }
 }

@@ -219,7 +219,7 @@ pub struct ComponentBlock {
     /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu: Histogram,
     /// Numbers that a restarted component may resume from.
-    pub checkpoint: CheckpointBlock,
+    pub(crate) checkpoint: CheckpointBlock,
 }
 
 impl ComponentBlock {

@@ -1,23 +1,19 @@
-//! The iceoryx2 service variant: which mechanism does what.
+//! The iceoryx2 service variant of a run: its choice of mechanisms.
 
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 use iceoryx2_cal::shm_allocator::{bump_allocator::BumpAllocator, pool_allocator::PoolAllocator};
-use iceoryx2_cal::zero_copy_connection::common::details::{Connection, SharedManagementData};
 use iceoryx2_cal::{
     bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory, serialize,
-    shared_memory, static_storage,
+    shared_memory, static_storage, zero_copy_connection,
 };
 
-use super::eager::Eager;
 use super::pooled::Pooled;
 
-/// Processes on one machine, as `ipc::Service`, but lending samples without the heap, and fetching the memory of a
-/// connection as a whole.
+/// The mechanisms of stock `ipc::Service`, but samples of a stream are lent without the heap.
 ///
-/// What lies in memory is that of stock `ipc::Service` programs (`iox2`, the Python wheel), which therefore exchange
-/// samples with this variant. Topics carry no event: a component is woken through the topic's own
-/// [`Trigger`](super::Trigger).
+/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics carry no iceoryx2 event: a component is woken
+/// by the notifier of the topic ([`Trigger`](crate::transport::Trigger)).
 #[derive(Debug, Clone)]
 pub struct Shared {}
 
@@ -32,7 +28,7 @@ impl iceoryx2::service::Service for Shared {
     type ServiceNameHasher = hash::recommended::Recommended;
     type SharedMemory = shared_memory::recommended::Ipc<PoolAllocator>;
     type ResizableSharedMemory = resizable_shared_memory::recommended::Ipc<PoolAllocator>;
-    type Connection = Connection<Eager<SharedManagementData>>;
+    type Connection = zero_copy_connection::recommended::Ipc;
     type Event = event::SemaphoreShmCountingBitSet;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
