@@ -84,5 +84,5 @@ pub use srdf::{Srdf, SrdfError};
 pub use twist::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
-    parse_urdf_with,
+    parse_urdf_with, pinocchio_joint_order,
 };

@@ -102,15 +102,25 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// The slots of the topic: one for each reader and each tool that may look on, two for the writer, and its history.
-    /// 0 for a stream, whose queues are iceoryx2's.
+    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
+    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
     pub fn slots(&self) -> usize {
-        Dimensions::of(self).slots
+        match self.pattern {
+            TopicPattern::State => Dimensions::of(self).slots,
+            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
+            TopicPattern::Stream { capacity } => 2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2,
+        }
     }
 
-    /// The shared memory that the topic takes, bytes, in whole pages; for a stream without its queues.
+    /// The shared memory that the topic takes, bytes, in whole pages.
     pub fn memory_bytes(&self) -> usize {
-        Dimensions::of(self).bytes().next_multiple_of(PAGE)
+        let queues = match self.pattern {
+            TopicPattern::State => 0,
+            TopicPattern::Stream { .. } => {
+                self.slots() * (self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE)
+            }
+        };
+        (Dimensions::of(self).bytes() + PAGE + queues).next_multiple_of(PAGE)
     }
 }
 
