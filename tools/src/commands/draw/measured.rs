@@ -45,8 +45,7 @@ pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
 
 impl Table {
     fn of_report(report: Report) -> Self {
-        let rates =
-            report.components.into_iter().map(|component| (component.report.name, component.report.rate_hz));
+        let rates = report.components.into_iter().map(|component| (component.name, component.rate_hz));
         Self { rates: rates.collect(), edges: report.edges, latencies: report.latencies }
     }
 
