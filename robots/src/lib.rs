@@ -63,8 +63,8 @@ pub use dynamics::{
 };
 pub use end_effector::EndEffectorError;
 pub use geometry::{
-    CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
-    Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
+    MeshMode, MeshProblem, Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};

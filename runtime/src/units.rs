@@ -20,7 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// assert_eq!(config.duration.ns, 1_500_000);
 /// # Ok::<(), toml::de::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TimeSpan {
     /// Nanoseconds.
     pub ns: u64,
