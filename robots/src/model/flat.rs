@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::normals::Normals;
+use super::dh_frames::DhFrames;
 use super::{Base, Body, Frame, Inertia, JointKind};
 use crate::algebra::{LANES, M3, RigidInertia, S3, V3, sin_cos};
 
@@ -33,8 +33,8 @@ pub(crate) struct Node {
 
 /// A frame, by the node it is fixed to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Mount {
-    /// 0 is the base, body `i` is `i + 1`; [`Program::WORLD`] does not move at all.
+pub(crate) struct FramePlacement {
+    /// 0 is the base, body `i` is `i + 1`; [`FlatModel::WORLD`] does not move at all.
     pub(crate) slot: usize,
     pub(crate) rotation: M3,
     pub(crate) position: V3,
@@ -42,11 +42,11 @@ pub(crate) struct Mount {
 
 /// Everything the algorithms read.
 #[derive(Clone, Debug)]
-pub(crate) struct Program {
+pub(crate) struct FlatModel {
     pub(crate) nodes: Vec<Node>,
     /// Node frame in the body frame.
     pub(crate) align: Vec<M3>,
-    pub(crate) mounts: Vec<Mount>,
+    pub(crate) frame_placements: Vec<FramePlacement>,
     /// Inertia of the floating base about its origin; zero on a fixed base.
     pub(crate) base: RigidInertia,
     pub(crate) floating: bool,
@@ -57,7 +57,7 @@ pub(crate) struct Program {
     /// Bodies stand depth first and each has a column of `v` of its own.
     pub(crate) orderly: bool,
     /// The same bodies in frames on their axes.
-    pub(crate) normals: Normals,
+    pub(crate) dh_frames: DhFrames,
     /// For every column of `v` the next one towards the base, itself at the root: the sparsity of the mass matrix.
     pub(crate) above: Vec<usize>,
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
@@ -69,7 +69,7 @@ pub(crate) struct Program {
     pub(crate) ends: Vec<usize>,
 }
 
-impl Program {
+impl FlatModel {
     /// The slot of frames that stand still beside a floating base.
     pub(crate) const WORLD: usize = usize::MAX;
 
@@ -105,18 +105,18 @@ impl Program {
                 armature: joint.drive.armature() * joint.coordinate.multiplier().powi(2),
             });
         }
-        let mounts = frames
+        let frame_placements = frames
             .iter()
             .map(|frame| {
                 let rotation = frame.placement.rotation.to_rotation_matrix().into_inner();
                 let position = frame.placement.translation.vector;
                 match frame.body {
-                    Some(body) => Mount {
+                    Some(body) => FramePlacement {
                         slot: body + 1,
                         rotation: align[body].tr_mul(&rotation).into(),
                         position: align[body].tr_mul(&position).into(),
                     },
-                    None => Mount {
+                    None => FramePlacement {
                         slot: if frame.in_world && floating { Self::WORLD } else { 0 },
                         rotation: rotation.into(),
                         position: position.into(),
@@ -129,10 +129,10 @@ impl Program {
         Self {
             orderly: ends.is_some() && !coupled,
             carried_masses: carried_masses(&nodes, if floating { base.inertia.mass } else { 0.0 }),
-            normals: Normals::new(&nodes),
+            dh_frames: DhFrames::new(&nodes),
             above: columns_above(&nodes, floating, coupled, nv),
             align: align.into_iter().map(M3::from).collect(),
-            mounts,
+            frame_placements,
             base: if floating { rigid(&base.inertia, &Matrix3::identity()) } else { RigidInertia::ZERO },
             floating,
             geared: nodes.iter().any(|node| node.armature != 0.0),

@@ -1,46 +1,47 @@
-//! The model in frames on its joints' axes and the common normals between them (Denavit and Hartenberg 1955, in the
-//! modified form of Craig 1986): from a body to its parent it takes a screw about z and one about x, where a general
-//! placement would take three times the arithmetic.
+//! Denavit-Hartenberg frames of the model: on its joints' axes and the common normals between them (Denavit and
+//! Hartenberg 1955, in the modified form of Craig 1986): from a body to its parent it takes a screw about z and one
+//! about x, where a general placement would take three times the arithmetic.
 //!
 //! A body's frame may turn about and slide along its joint's axis freely; that freedom is spent on the child that
 //! carries most. Its other children, and children of a floating base whose frame is given, keep a general placement.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
-use super::program::Node;
+use super::flat::Node;
 use crate::algebra::{LANES, M3, RigidInertia, Turn, V3};
 
 /// Axes less parallel than this have their common normal near enough for its foot to be exact.
 const SKEW: f64 = 0.05;
 
-/// What rounding may leave of angles and lengths of about one.
+/// Rounding of angles and lengths of about one.
 const ROUNDING: f64 = 1e-14;
 
 /// The constant part of the way from a body's axis to its parent's, after the turn about and the lift along its own.
 #[derive(Clone, Debug)]
-pub(crate) enum Bend {
+pub(crate) enum LinkTransform {
     /// Along the common normal.
-    Normal { turn: Turn, shift: f64 },
+    CommonNormal { turn: Turn, shift: f64 },
     /// Anything else.
-    Placement { rotation: M3, translation: V3 },
+    General { rotation: M3, translation: V3 },
 }
 
 /// A body in its frame on the axis.
 #[derive(Clone, Debug)]
-pub(crate) struct Arm {
+pub(crate) struct DhBody {
     /// Place of the parent: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
     pub(crate) prismatic: bool,
     /// Some child does not come right after it.
     pub(crate) forks: bool,
-    pub(crate) bend: Bend,
+    pub(crate) transform: LinkTransform,
     /// About the frame's origin.
     pub(crate) inertia: RigidInertia,
 }
 
-/// What joints add to their positions: angle = turning * q, turned further by `sin`, `cos`; lift = sliding * q + lift.
+/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift = sliding * q +
+/// lift.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Zero {
+pub(crate) struct JointZeros {
     pub(crate) turning: [f64; LANES],
     pub(crate) sliding: [f64; LANES],
     pub(crate) sin: [f64; LANES],
@@ -50,9 +51,9 @@ pub(crate) struct Zero {
 
 /// The bodies in their frames, and their joints' zeros side by side.
 #[derive(Clone, Debug)]
-pub(crate) struct Normals {
-    pub(crate) arms: Vec<Arm>,
-    pub(crate) zeros: Vec<Zero>,
+pub(crate) struct DhFrames {
+    pub(crate) bodies: Vec<DhBody>,
+    pub(crate) zeros: Vec<JointZeros>,
 }
 
 /// Turn about and slide along z that takes a node frame to the body's frame here.
@@ -72,7 +73,7 @@ impl Along {
     }
 }
 
-impl Normals {
+impl DhFrames {
     /// Of bodies that stand parents first.
     pub(crate) fn new(nodes: &[Node]) -> Self {
         let mut along = vec![Along::NONE; nodes.len()];
@@ -84,8 +85,8 @@ impl Normals {
                 normals[child] = Some((turn, shift, rest));
             }
         }
-        let mut arms = Vec::with_capacity(nodes.len());
-        let blank = Zero {
+        let mut bodies = Vec::with_capacity(nodes.len());
+        let blank = JointZeros {
             turning: [0.0; LANES],
             sliding: [0.0; LANES],
             sin: [0.0; LANES],
@@ -94,18 +95,26 @@ impl Normals {
         };
         let mut zeros = vec![blank; nodes.len().div_ceil(LANES)];
         for (index, (node, own)) in nodes.iter().zip(&along).enumerate() {
-            let (bend, rest) = match &normals[index] {
-                Some((turn, shift, rest)) => (Bend::Normal { turn: *turn, shift: *shift }, *rest),
+            let (transform, rest) = match &normals[index] {
+                Some((turn, shift, rest)) => {
+                    (LinkTransform::CommonNormal { turn: *turn, shift: *shift }, *rest)
+                }
                 None => {
                     let parent = node.parent.checked_sub(1).map_or(Along::NONE, |parent| along[parent]);
                     let way = parent.pose().inverse() * placement(node);
                     let (rotation, translation) = parts(&way);
-                    (Bend::Placement { rotation, translation }, Along::NONE)
+                    (LinkTransform::General { rotation, translation }, Along::NONE)
                 }
             };
             let (back, lift) = parts(&own.pose().inverse());
             let inertia = node.inertia.moved(&back, lift);
-            arms.push(Arm { parent: node.parent, prismatic: node.prismatic, forks: false, bend, inertia });
+            bodies.push(DhBody {
+                parent: node.parent,
+                prismatic: node.prismatic,
+                forks: false,
+                transform,
+                inertia,
+            });
             let (zero, lane) = (&mut zeros[index / LANES], index % LANES);
             zero.turning[lane] = if node.prismatic { 0.0 } else { 1.0 };
             zero.sliding[lane] = if node.prismatic { 1.0 } else { 0.0 };
@@ -117,10 +126,10 @@ impl Normals {
             if let Some(parent) = node.parent.checked_sub(1)
                 && node.parent != index
             {
-                arms[parent].forks = true;
+                bodies[parent].forks = true;
             }
         }
-        Self { arms, zeros }
+        Self { bodies, zeros }
     }
 }
 
@@ -139,7 +148,7 @@ fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     heaviest
 }
 
-/// Where the frame of the parent has to stand on its axis, turn about and shift along the common normal, and what is
+/// Turn and slide of the parent's frame along its axis, turn about and shift along the common normal, and what is
 /// left to turn about and lift along the node's axis; `None` where the normal cannot be told exactly.
 fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let way = placement(node);
