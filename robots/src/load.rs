@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Posture, Profile, ProfileError,
-    Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
+    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Position, Posture, Profile,
+    ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
 };
 
 /// A robot ready to use.
@@ -29,7 +29,7 @@ pub struct Loaded {
     pub path: Option<PathBuf>,
 }
 
-/// How a robot stands in the world.
+/// Treatment of the root link: fixed to the world, or free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
     /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world,
@@ -42,14 +42,14 @@ pub enum BaseMode {
     Fixed,
 }
 
-/// How to read a robot.
+/// Options of loading a robot.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// What becomes of the root link.
+    /// Treatment of the root link.
     pub base: BaseMode,
-    /// What becomes of mimic joints.
+    /// Treatment of mimic joints.
     pub mimic: MimicMode,
-    /// Where packages are searched before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
 }
 
@@ -62,9 +62,9 @@ pub enum LoadError {
         .path.display(), suggestion(.nearest.as_deref())
     )]
     NotFound {
-        /// What was asked for.
+        /// The text that should name a robot.
         reference: String,
-        /// Where it would be.
+        /// The path it would have.
         path: PathBuf,
         /// The robot of the catalogue or the installed one most likely meant.
         nearest: Option<String>,
@@ -85,8 +85,18 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: io::Error,
+    },
+    /// A file that is not text in UTF-8.
+    #[error("{}:{}:{}: byte {byte:#04x} is not UTF-8; save the file as UTF-8", .path.display(), .at.line, .at.column)]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// The first byte at fault; columns count characters.
+        at: Position,
+        /// That byte.
+        byte: u8,
     },
     /// A URDF with a fault.
     #[error(transparent)]
@@ -99,7 +109,7 @@ pub enum LoadError {
     Profile {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: ProfileError,
     },
 }
@@ -163,7 +173,7 @@ fn parse(
     Ok((model, warnings, Srdf::default()))
 }
 
-/// Whether the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
+/// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
 fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {
@@ -208,7 +218,15 @@ fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
 }
 
 fn read(path: &Path) -> Result<String, LoadError> {
-    std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
+    let bytes = std::fs::read(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let (before, rest) = error.as_bytes().split_at(error.utf8_error().valid_up_to());
+        let before = String::from_utf8_lossy(before);
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX - 1) + 1;
+        let at = Position { line: count(before.matches('\n').count()), column: count(line.chars().count()) };
+        LoadError::NotText { path: path.to_owned(), at, byte: rest[0] }
+    })
 }
 
 /// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF
