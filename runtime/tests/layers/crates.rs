@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::tokens::{self, Token};
 
-/// Wings that may use other wings; all others meet in topics only.
+/// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
 const BETWEEN_WINGS: [(&str, &[&str]); 3] = [
     ("library", &["primitives", "recordings"]),
     ("learners", &["primitives", "library", "models", "physics", "recordings"]),

@@ -1,13 +1,13 @@
-//! What does not hold, or cannot be proved to, in words and with advice.
+//! The problems of an admission, as text with advice.
 
-use super::admission::{Admission, Problem, TaskBound, Verdict};
-use super::latency::Analysis;
-use super::load::{Burst, longest_burst};
 use super::words;
+use crate::schedule::admission::{Admission, Problem, TaskBound, Verdict};
+use crate::schedule::analysis::Analysis;
+use crate::schedule::analysis::load::{Burst, longest_burst};
 use crate::severity::Severity;
 
 /// Finds all problems of an admission, refusals first.
-pub(super) fn find(analysis: &Analysis<'_>, admission: &mut Admission) {
+pub(in crate::schedule) fn find(analysis: &Analysis<'_>, admission: &mut Admission) {
     let mut problems = overload(admission);
     problems.extend(reserved_too_much(admission));
     bursts(analysis, admission, &mut problems);

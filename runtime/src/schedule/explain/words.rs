@@ -1,15 +1,15 @@
-//! Sums as people read them.
+//! Sums as text.
 
 use crate::plan::Plan;
 use crate::units::TimeSpan;
 
 /// A time with its unit.
-pub(super) fn time(ns: u64) -> String {
+pub(in crate::schedule) fn time(ns: u64) -> String {
     TimeSpan { ns }.to_string()
 }
 
 /// Names as a list: "`a`, `b` and `c`".
-pub(super) fn names(plan: &Plan, components: &[usize]) -> String {
+pub(in crate::schedule) fn names(plan: &Plan, components: &[usize]) -> String {
     let quoted: Vec<String> =
         components.iter().map(|component| format!("`{}`", plan.components[*component].name)).collect();
     match quoted.split_last() {
@@ -20,7 +20,7 @@ pub(super) fn names(plan: &Plan, components: &[usize]) -> String {
 }
 
 /// A sum, and how it compares with its limit.
-pub(super) fn comparison(terms: &[String], total: String, holds: bool, limit: &str) -> String {
+pub(in crate::schedule) fn comparison(terms: &[String], total: String, holds: bool, limit: &str) -> String {
     let relation = if holds { "<=" } else { ">" };
     match terms {
         [_] | [] => format!("{} {relation} {limit}", terms.first().unwrap_or(&total)),
@@ -28,8 +28,8 @@ pub(super) fn comparison(terms: &[String], total: String, holds: bool, limit: &s
     }
 }
 
-/// Shares with as many digits as it takes to tell two of them apart, three or more.
-pub(super) fn shares(share: f64, limit: f64) -> usize {
+/// Number of digits, from 3, that tell two shares apart.
+pub(in crate::schedule) fn shares(share: f64, limit: f64) -> usize {
     (3..9)
         .find(|digits| share == limit || format!("{share:.digits$}") != format!("{limit:.digits$}"))
         .unwrap_or(9)

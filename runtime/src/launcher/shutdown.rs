@@ -1,4 +1,4 @@
-//! How a run ends: signals, the safe state, the orderly stop.
+//! The end of a run: signals, the safe state, the orderly stop.
 
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
@@ -35,12 +35,12 @@ impl Signals {
         Ok(Self { count, stream, registered })
     }
 
-    /// How many have come.
+    /// Number of signals so far.
     pub(super) fn raised(&self) -> usize {
         self.count.load(Relaxed)
     }
 
-    /// Becomes readable when one comes.
+    /// A stream that becomes readable at a signal.
     pub(super) fn stream(&self) -> &UnixStream {
         let mut drain = [0; 16];
         while matches!((&self.stream).read(&mut drain), Ok(n) if n > 0) {}
@@ -67,7 +67,7 @@ fn signal_hook_registry_count(signal: i32, count: Arc<AtomicUsize>) -> std::io::
 }
 
 impl Launch<'_> {
-    /// Brings the actuators to their safe state and gives the robot the time to come to rest there.
+    /// Brings the actuators to their safe state and waits until the robot has settled.
     pub(super) fn safe_stop(&mut self, reason: &str, observe: &mut dyn FnMut(Event<'_>)) {
         let noticed = monotonic_ns();
         let header = self.region.header();
@@ -104,8 +104,8 @@ impl Launch<'_> {
         any.then(|| last - noticed)
     }
 
-    /// Ends all components: the actuators reach their safe state first, then everybody stops in good order, and
-    /// whoever does not is killed.
+    /// Ends all components: the actuators reach their safe state first, then all components are asked to stop, and
+    /// those that do not are killed.
     pub(super) fn end(&mut self, services: &Services, observe: &mut dyn FnMut(Event<'_>)) {
         let running = self.plan.clock == ClockKind::Realtime
             && self.region.components().iter().any(|block| block.phase() == Phase::Running);
@@ -124,7 +124,7 @@ impl Launch<'_> {
             }
             self.children[index].kill();
         }
-        // Their pipes are closed now: what they said last has arrived or will in a moment.
+        // Their pipes are closed now: their last lines have arrived or will in a moment.
         std::thread::sleep(Duration::from_millis(2));
         self.relay_output(observe);
     }

@@ -13,27 +13,28 @@
 //! 1993).
 //!
 //! Equals wait in one queue, first come first served, and do not interrupt each other. With phases that are not known
-//! they count like the more urgent, which is right for any order in that queue, and costs nothing: as long as all of one
-//! priority finish within their periods, at most one job of each runs before a job that waits with it. With known phases
-//! only those count that joined the queue no later.
+//! they count like the more urgent, which is right for any order in that queue, and costs nothing: as long as all of
+//! one priority finish within their periods, at most one job of each runs before a job that waits with it. With known
+//! phases only those count that joined the queue no later.
 //!
-//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due before.
+//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due
+//! before.
 
 /// A task on a core, as this analysis sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Demand {
+pub(in crate::schedule) struct Demand {
     /// Higher is more urgent.
     pub priority: u8,
     /// Time between two releases.
     pub period: i64,
-    /// When releases are due: `offset + n * period` on a clock that all tasks share; any time if `None`.
+    /// Offset of the releases, ns: due at `offset + n * period` on a clock that all tasks share; at any time if `None`.
     pub offset: Option<i64>,
-    /// How late after it is due a release may come; `None` if there is no end to it.
+    /// Release jitter, ns: the longest time from the due time to the release; `None` if unbounded.
     pub jitter: Option<i64>,
-    /// How late after it is due it may join the queue of its priority: not less than the jitter.
+    /// Longest time from the due time until it joins the queue of its priority, ns: not less than the jitter.
     pub queue: i64,
-    /// Whether it goes to the end of that queue once more as it first gets the core: what waits for the clock lets those
-    /// have their turn that it has woken. Among those who all do so that changes nothing.
+    /// Whether it goes to the end of that queue once more as it first gets the core: what waits for the clock lets
+    /// those have their turn that it has woken. Among those who all do so that changes nothing.
     pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
@@ -43,16 +44,16 @@ pub(super) struct Demand {
 
 /// Bounds of one stage of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Bound {
+pub(in crate::schedule) struct Bound {
     /// From the time a release is due to the end of the stage.
     pub finish: Sum,
     /// From the actual release to the end of the stage.
     pub response: Sum,
 }
 
-/// What a bound is made of: the stages of the job up to its own, other jobs, less what ran before.
+/// The terms of a bound: the stages of the job up to its own, other jobs, less the time that ran before.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Sum {
+pub(in crate::schedule) struct Sum {
     /// The bound.
     pub total: i64,
     /// By task of the core: jobs that run in the window before the stage ends, besides the job itself.
@@ -64,9 +65,9 @@ pub(super) struct Sum {
 /// More jobs than this in one window are not followed.
 const MOST: usize = 100_000;
 
-/// Where the window opens.
+/// The start of the window.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Opening {
+pub(in crate::schedule) enum Opening {
     /// At time 0, with every other task released as late as it can be, so that the next release follows soonest.
     Worst,
     /// At this time, with releases as their offsets say.
@@ -82,17 +83,17 @@ impl Opening {
     }
 }
 
-pub(super) fn floor_div(a: i64, b: i64) -> i64 {
+pub(in crate::schedule) fn floor_div(a: i64, b: i64) -> i64 {
     a.div_euclid(b)
 }
 
-pub(super) fn ceil_div(a: i64, b: i64) -> i64 {
+pub(in crate::schedule) fn ceil_div(a: i64, b: i64) -> i64 {
     -((-a).div_euclid(b))
 }
 
 impl Demand {
     /// Cost of one job.
-    pub(super) fn cost(&self) -> i64 {
+    pub(in crate::schedule) fn cost(&self) -> i64 {
         self.stages.iter().sum()
     }
 
@@ -115,15 +116,15 @@ impl Demand {
 
 /// A task, and those of its core that can hold it up: of its own priority or above.
 #[derive(Debug)]
-pub(super) struct Level<'a> {
+pub(in crate::schedule) struct Level<'a> {
     tasks: &'a [Demand],
     index: usize,
     others: Vec<usize>,
 }
 
 impl<'a> Level<'a> {
-    /// What can hold up a task; `None` if there is no bound to that.
-    pub(super) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
+    /// The jobs that can hold up a task; `None` if there is no bound.
+    pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
         let utilisation: f64 = level.all().map(|task| task.cost() as f64 / task.period as f64).sum();
@@ -131,17 +132,17 @@ impl<'a> Level<'a> {
         (bounded && utilisation <= 1.0 + 1e-12).then_some(level)
     }
 
-    pub(super) fn own(&self) -> &'a Demand {
+    pub(in crate::schedule) fn own(&self) -> &'a Demand {
         &self.tasks[self.index]
     }
 
     /// The task and all that can hold it up.
-    pub(super) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
+    pub(in crate::schedule) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
         self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
     }
 
     /// Length of the longest busy window.
-    pub(super) fn longest(&self) -> Option<i64> {
+    pub(in crate::schedule) fn longest(&self) -> Option<i64> {
         let length = settle(1, |until| {
             self.all().map(|task| task.releases(Opening::Worst, until) * task.cost()).sum()
         })?;
@@ -163,9 +164,14 @@ impl<'a> Level<'a> {
         self.others.iter().map(|other| &self.tasks[*other]).map(|other| count(other) * other.cost()).sum()
     }
 
-    /// When the stages of a job end that is due at `due`, in a window in which `before` jobs of its own task run first.
+    /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task run first.
     /// By stage: the time, and the jobs that ran before it, by task.
-    pub(super) fn run(&self, opening: Opening, due: i64, before: i64) -> Option<Vec<(i64, Vec<i64>)>> {
+    pub(in crate::schedule) fn run(
+        &self,
+        opening: Opening,
+        due: i64,
+        before: i64,
+    ) -> Option<Vec<(i64, Vec<i64>)>> {
         let own = self.own();
         let start = opening.time();
         let mut joins = due + own.queue;
@@ -227,7 +233,7 @@ fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
 }
 
 /// Keeps the worst of each stage, with what was found for a job that is due at `due`.
-pub(super) fn keep_worst(
+pub(in crate::schedule) fn keep_worst(
     bounds: &mut [Option<Bound>],
     opening: Opening,
     due: i64,
@@ -255,7 +261,7 @@ pub(super) fn keep_worst(
 }
 
 /// Bounds of all stages of a task, whatever the offsets of the tasks are. `None` if there is no bound.
-pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
+pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let longest = level.longest()?;
@@ -275,10 +281,15 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
 /// Bound of the time from the end of the first stage of a job to the end of each of its stages, for a task that is
 /// through before it is due again.
 ///
-/// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the queue after the job
-/// did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so much before that end
-/// as it takes to do that much of the stage.
-pub(super) fn after_first_stage(tasks: &[Demand], index: usize, queued: i64, rest: i64) -> Option<Vec<Sum>> {
+/// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the
+/// queue after the job did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so
+/// much before that end as it takes to do that much of the stage.
+pub(in crate::schedule) fn after_first_stage(
+    tasks: &[Demand],
+    index: usize,
+    queued: i64,
+    rest: i64,
+) -> Option<Vec<Sum>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let mut bounds = Vec::with_capacity(own.stages.len());

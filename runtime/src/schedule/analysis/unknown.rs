@@ -1,24 +1,24 @@
-//! What is not known of a graph, and what rests on it.
+//! The unknown times of a graph, and the bounds that rest on them.
 
 use super::tasks::{Release, StaticPlan};
 use crate::plan::{Activation, Plan};
 
-/// What is not known, and the tasks whose bounds do not hold because of it.
+/// The unknown times of a graph, and the tasks whose bounds do not hold because of them.
 #[derive(Debug)]
-pub(super) struct Unknown {
+pub(in crate::schedule) struct Unknown {
     /// Real-time components without a budget.
     pub without_budget: Vec<usize>,
     /// Real-time components that are triggered by one that is not.
     pub released_by_others: Vec<usize>,
     /// Real-time components that may run on several cores.
     pub without_core: Vec<usize>,
-    /// By task of the static plan: whether its bounds rest on any of that.
+    /// By task of the static plan: true if its bounds rest on any of them.
     pub rests: Vec<bool>,
 }
 
 impl Unknown {
     /// Looks through a graph.
-    pub(super) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
+    pub(in crate::schedule) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
         let fifo = |component: usize| super::tasks::priority(&plan.components[component]).is_some();
         let all = 0..plan.components.len();
         let without_budget: Vec<usize> =

@@ -1,10 +1,10 @@
-//! Why the components of a graph have ordered its safe stop.
+//! The reason for which components have ordered a safe stop.
 
 use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
 use crate::units::TimeSpan;
 
-/// What broke a promise that the graph says must not be broken, in words.
+/// The limits of the graph that were exceeded, as text.
 pub(super) fn reason(plan: &Plan, region: &Region) -> String {
     let misses: Vec<Misses> = region.components().iter().map(|block| block.misses()).collect();
     let latencies: Vec<(u64, u64)> = region
@@ -17,12 +17,12 @@ pub(super) fn reason(plan: &Plan, region: &Region) -> String {
     words(plan, &misses, &latencies)
 }
 
-/// By component what it missed, by latency budget how often it was missed and the longest time, ns.
+/// As [`reason`], from the misses of each component, and the number of misses and longest time (ns) of each budget.
 fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     let overruns = plan.components.iter().zip(misses).filter_map(|(component, misses)| {
         let strict = component.on_overrun == OnOverrun::SafeStop;
         let tolerated = component.overruns_tolerated.or(strict.then_some(0))?;
-        // what it found stale is no overrun of its own
+        // a stale input is no overrun of its own
         let late = misses.late_wake + misses.long_step + misses.stolen;
         (late > u64::from(tolerated)).then(|| {
             let causes = [
@@ -55,7 +55,7 @@ fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     });
     let found: Vec<String> = overruns.chain(late).collect();
     match found.as_slice() {
-        // the accounts of the one who ordered it may not be seen yet
+        // the counters of the component that ordered it may not be visible yet
         [] => "a component ordered the safe stop (a latency budget or an overrun policy)".to_string(),
         found => found.join("; "),
     }

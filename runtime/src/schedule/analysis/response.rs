@@ -1,12 +1,12 @@
 //! Bounds of all tasks of all cores.
 //!
 //! Tasks on different cores, or of different priorities, that trigger one another depend on one another through their
-//! release jitter: what triggers a task may come as late as the bound of the one that publishes. Starting from no jitter,
-//! bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability analysis
-//! for distributed hard real-time systems*, 1994).
+//! release jitter: what triggers a task may come as late as the bound of the one that publishes. Starting from no
+//! jitter, bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
+//! analysis for distributed hard real-time systems*, 1994).
 
-use super::Overheads;
 use super::global::{Global, Reserved};
+use super::overheads::Overheads;
 use super::phases;
 use super::tasks::{Release, Reservation, StaticPlan, Task};
 use super::window::{self, Bound, Demand};
@@ -16,7 +16,7 @@ const MOST_ROUNDS: usize = 100;
 
 /// All tasks as the analysis sees them, with what was found.
 #[derive(Debug)]
-pub(super) struct Responses {
+pub(in crate::schedule) struct Responses {
     /// By task of the static plan.
     pub demands: Vec<Demand>,
     /// By task: the bound of each stage; `None` if there is no bound.
@@ -25,13 +25,13 @@ pub(super) struct Responses {
     pub reserved: Vec<Demand>,
     /// By reservation: longest time from its wake-up to the end of its step, ns; `None` if there is no bound.
     pub reserved_response: Vec<Option<i64>>,
-    /// How late a reservation may be woken, ns.
+    /// Lateness of a reservation's wake-up, ns.
     pub reserved_late: i64,
 }
 
 impl Responses {
     /// The tasks on the core of one of them with all reservations behind them, and its index.
-    pub(super) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
+    pub(in crate::schedule) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
         let core = plan.on_core(plan.tasks[task].core);
         let index = core.iter().position(|other| *other == task).expect("a task is on its core");
         let tasks = core.into_iter().map(|task| self.demands[task].clone());
@@ -39,13 +39,13 @@ impl Responses {
     }
 
     /// Longest time from the release of a reservation to the end of its step, ns.
-    pub(super) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
+    pub(in crate::schedule) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
         Some(self.reserved_response[reservation]? + self.reserved_late)
     }
 }
 
 /// Finds the bounds of all tasks.
-pub(super) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
+pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
     let late = overheads.wake_ns as i64;
     let global = Global::of(plan.reservations.iter().map(reserved).collect(), plan.available_cores, late);
     let all = || plan.reservations.iter().enumerate();
@@ -141,12 +141,12 @@ fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     }
 }
 
-/// How late a component may be woken for its release, in spite of spinning.
+/// Lateness of a component's wake-up for its release, in spite of spinning.
 fn late_wake(spin_ns: u64, overheads: &Overheads) -> i64 {
     overheads.wake_ns.saturating_sub(spin_ns) as i64
 }
 
-/// How late a task may be released after it is due: a triggered one is due as the head of its chain is released.
+/// Release jitter of a task, ns: a triggered one is due when the head of its chain is released.
 fn jitter(
     task: &Task,
     plan: &StaticPlan,
@@ -171,7 +171,7 @@ fn jitter(
 }
 
 /// Bounds of the tasks of one core. On the way it finds out which of them always go to the end of the queue.
-pub(super) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
+pub(in crate::schedule) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
     loop {
         let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(&tasks, index)).collect();
         let mut changed = false;

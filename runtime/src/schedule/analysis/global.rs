@@ -24,9 +24,9 @@ const MOST_ROUNDS: usize = 100;
 /// Steps of one iteration after which there is taken to be no bound.
 const MOST_STEPS: usize = 100_000;
 
-/// What one reservation takes.
+/// The times of one reservation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Reserved {
+pub(in crate::schedule) struct Reserved {
     /// Run time in each period.
     pub runtime: i64,
     /// The period, and the deadline from the wake-up.
@@ -35,10 +35,10 @@ pub(super) struct Reserved {
 
 /// Reservations that share some cores.
 #[derive(Debug, Clone)]
-pub(super) struct Global {
+pub(in crate::schedule) struct Global {
     reserved: Vec<Reserved>,
     cores: i64,
-    /// How late a wake-up may come.
+    /// Lateness of a wake-up.
     jitter: i64,
     /// Time that each is known to be through before its deadline.
     slack: Vec<i64>,
@@ -47,7 +47,7 @@ pub(super) struct Global {
 
 impl Global {
     /// Analyses a set.
-    pub(super) fn of(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
+    pub(in crate::schedule) fn of(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
         let slack = vec![0; reserved.len()];
         let cores = i64::try_from(cores.max(1)).unwrap_or(1);
         let mut global = Self { reserved, cores, jitter, slack, in_time: false };
@@ -70,9 +70,9 @@ impl Global {
     }
 
     /// Longest time from the wake-up of one to the end of so much of its run time; `None` without a bound.
-    pub(super) fn response(&self, index: usize, work: i64) -> Option<i64> {
+    pub(in crate::schedule) fn response(&self, index: usize, work: i64) -> Option<i64> {
         let Reserved { runtime, period } = self.reserved[index];
-        // What all rests on is that everybody is in time; and no more than the run time is promised.
+        // All of this assumes that every component is in time; no more than the run time is promised.
         if !self.in_time || work > runtime {
             return None;
         }
@@ -113,7 +113,7 @@ impl Global {
         None
     }
 
-    /// What one can run in a window of some length: its first job as late as it can be, those after it at once.
+    /// Work of one component in a window of some length: its first job as late as possible, those after it at once.
     fn workload(&self, index: usize, length: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = (length + self.jitter + period - runtime - self.slack[index]).max(0);
@@ -121,7 +121,8 @@ impl Global {
         whole * runtime + runtime.min(span - whole * period)
     }
 
-    /// What one can run between a wake-up and the deadline that follows it, so far as its own deadline is not later.
+    /// Work of one component between a wake-up and the deadline that follows it, as far as its own deadline is not
+    /// later.
     fn earlier(&self, index: usize, deadline: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = deadline + self.jitter;

@@ -1,12 +1,12 @@
-//! The terms of a bound, in words.
+//! The terms of a bound, as text.
 
-use super::latency::Analysis;
-use super::tasks::Place;
-use super::window::Sum;
 use super::words;
+use crate::schedule::analysis::Analysis;
+use crate::schedule::analysis::tasks::Place;
+use crate::schedule::analysis::window::Sum;
 
 /// The terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then what ran before.
-pub(super) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum) -> Vec<String> {
+pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum) -> Vec<String> {
     let tasks = &analysis.tasks.tasks;
     let task = &tasks[place.task];
     let name = |component: usize| &analysis.plan.components[component].name;
@@ -46,6 +46,6 @@ pub(super) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum)
 }
 
 /// A term with its sign, unless it is the first.
-pub(super) fn joined(index: usize, term: &str) -> String {
+pub(in crate::schedule) fn joined(index: usize, term: &str) -> String {
     if index == 0 || term.starts_with('-') { term.to_string() } else { format!("+ {term}") }
 }

@@ -1,4 +1,4 @@
-//! What the machine itself takes, and how much of a core the kernel lets real-time threads have.
+//! The overheads of the machine, and the kernel's limit on real-time threads.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,9 +7,9 @@ const MICROSECOND: u64 = 1_000;
 
 /// Time that goes to the machine and to the runtime rather than to components.
 ///
-/// The defaults are what 99 of 100 cases stay below, with room to spare, on virtual machines of two cores (Linux 6.18) on
-/// their worse days; `motorium calibrate` measures a machine's own, which are put in their place. Times of the core are
-/// what `CLOCK_THREAD_CPUTIME_ID` counts besides the step itself.
+/// The defaults are what 99 of 100 cases stay below, with room to spare, on virtual machines of two cores (Linux 6.18)
+/// on their worse days; `motorium calibrate` measures a machine's own, which are put in their place. Times of the core
+/// are what `CLOCK_THREAD_CPUTIME_ID` counts besides the step itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
     /// How late a sleeping component may be woken, ns; 150 us. It costs no time of the core. What of it falls into the
@@ -36,7 +36,7 @@ impl Overheads {
     pub const NONE: Self =
         Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
-    /// What is taken where nothing was measured.
+    /// Defaults where nothing was measured.
     pub const CAUTIOUS: Self = Self {
         wake_ns: 150 * MICROSECOND,
         timer_ns: 80 * MICROSECOND,
@@ -67,7 +67,7 @@ impl RtLimit {
     /// No throttling.
     pub const NONE: Self = Self { runtime_ns: None, period_ns: 1_000_000_000 };
 
-    /// What a Linux kernel does unless it is told otherwise: 950 ms in every second.
+    /// Linux's default: 950 ms in every second.
     pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
 
     /// The limit from the two files in `/proc/sys/kernel`, in us; a negative run time means that there is none.
@@ -88,9 +88,10 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
-    /// Share of each core that the kernel promises to components by their deadlines, 0 to 1: what real-time threads may
-    /// have, less what it reserves for those at normal priority in the same way (the fair server of Linux 6.12 and later,
-    /// 50 ms in every second of each core; counted for earlier ones too). Everything where there is no throttling.
+    /// Share of each core that the kernel promises to components by their deadlines, 0 to 1: what real-time threads
+    /// may have, less what it reserves for those at normal priority in the same way (the fair server of Linux 6.12 and
+    /// later, 50 ms in every second of each core; counted for earlier ones too). Everything where there is no
+    /// throttling.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {

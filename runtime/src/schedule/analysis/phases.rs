@@ -1,8 +1,8 @@
 //! Response times that know the phases: tasks whose releases lie on one clock at known offsets do not all meet.
 //!
-//! Every job of one hyperperiod is looked at, in every busy window that it can fall into. A window that is worst opens as
-//! some release comes as late as it can (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994): opening it
-//! earlier than the latest release that it contains only adds time in which nothing of it can be left over.
+//! Every job of one hyperperiod is looked at, in every busy window that it can fall into. A window that is worst opens
+//! as some release comes as late as it can (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994):
+//! opening it earlier than the latest release that it contains only adds time in which nothing of it can be left over.
 
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 
@@ -10,7 +10,7 @@ use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_wor
 const MOST_WINDOWS: i64 = 20_000;
 
 /// Bounds of all stages of a task, as the offsets say. `None` if there is no bound, or too much to look at.
-pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
+pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
     let offset = own.offset?;
@@ -50,12 +50,12 @@ pub(super) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
 }
 
 /// The least common multiple; `None` if it is too large to count with.
-pub(super) fn least_common_multiple(a: i64, b: i64) -> Option<i64> {
+pub(in crate::schedule) fn least_common_multiple(a: i64, b: i64) -> Option<i64> {
     (a / greatest_common_divisor(a, b)).checked_mul(b)
 }
 
 /// The greatest common divisor of two positive numbers.
-pub(super) fn greatest_common_divisor(a: i64, b: i64) -> i64 {
+pub(in crate::schedule) fn greatest_common_divisor(a: i64, b: i64) -> i64 {
     let (mut a, mut b) = (a, b);
     while b != 0 {
         (a, b) = (b, a % b);

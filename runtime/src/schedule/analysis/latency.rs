@@ -1,4 +1,4 @@
-//! How long data may take through a graph.
+//! Bounds on the latency of data through a graph.
 //!
 //! The way from one topic to another goes in *legs*: the component at the head of a chain, and those that trigger one
 //! another after it. From one leg to the next the data waits in shared memory until the next head reads it.
@@ -6,78 +6,48 @@
 //! A component is taken to publish at the end of its step: what it does after it has published is not part of the
 //! latency of what it published, but holds up those it triggers on its core.
 
-use super::admission::{LatencyBound, Verdict};
+use super::Analysis;
 use super::phases::greatest_common_divisor;
-use super::response::Responses;
-use super::tasks::{self, Place, Release, StaticPlan};
-use super::unknown::Unknown;
+use super::tasks::{self, Place, Release};
 use super::window::{Sum, after_first_stage};
-use super::{terms, words};
 use crate::plan::{Activation, LatencyPlan, Plan};
 
-/// Everything that the bound of a latency is found from.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Analysis<'a> {
-    pub plan: &'a Plan,
-    pub tasks: &'a StaticPlan,
-    pub responses: &'a Responses,
-    pub unknown: &'a Unknown,
+/// A bound on a latency, as a sum.
+#[derive(Debug)]
+pub(in crate::schedule) struct LatencySum {
+    /// The bound, ns.
+    pub ns: u64,
+    /// The terms of the sum, in the order of the path.
+    pub terms: Vec<LatencyTerm>,
 }
 
-/// A bound and the terms of its sum.
-struct Bounded {
-    ns: u64,
-    terms: Vec<String>,
+/// A term of a latency's bound.
+#[derive(Debug)]
+pub(in crate::schedule) enum LatencyTerm {
+    /// The whole path, from the release of its first component to the end of its last.
+    WholePath { ns: u64 },
+    /// The rest of the first component's step after it has published.
+    AfterPublication { ns: u64 },
+    /// The way of a wake-up to another core.
+    ToCore { ns: u64, core: usize },
+    /// The stages of a task from `first` on.
+    Stages { place: Place, first: usize, sum: Sum },
+    /// From the release of `writer` until the time-triggered `reader` reads its data.
+    Wait { ns: u64, writer: usize, reader: usize },
+    /// The last leg, to the end of its last component.
+    ToEnd { ns: u64, component: usize },
 }
 
-/// The bound of one latency budget.
-pub(super) fn latency(analysis: &Analysis<'_>, latency: &LatencyPlan) -> LatencyBound {
-    let plan = analysis.plan;
-    let path = path(plan, latency);
-    let analysed = path.iter().all(|component| analysis.tasks.knows(*component));
-    let bounded = match legs(plan, &path).as_slice() {
-        _ if !analysed => None,
-        [_] => triggered(analysis, &path),
+/// The bound of a latency budget whose path is `path`; `None` if there is none.
+pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
+    match legs(analysis.plan, path).as_slice() {
+        [_] => triggered(analysis, path),
         legs => sampled(analysis, legs),
-    };
-    let max = words::time(latency.max_ns);
-    let holds = bounded.as_ref().is_some_and(|bounded| bounded.ns <= latency.max_ns);
-    let rests = |component: &usize| match analysis.tasks.places[*component] {
-        Some(place) => analysis.unknown.rests[place.task],
-        None => plan.components[*component].budget_ns.is_none(),
-    };
-    let known = !path.iter().any(rests);
-    let arithmetic = match (&bounded, analysed) {
-        (Some(bounded), _) => words::comparison(&bounded.terms, words::time(bounded.ns), holds, &max),
-        (None, true) => format!("grows without bound > {max}"),
-        (None, false) => {
-            let others: Vec<usize> =
-                path.iter().copied().filter(|component| !analysis.tasks.knows(*component)).collect();
-            format!("{} not real-time on one core: no bound", are(&words::names(plan, &others), others.len()))
-        }
-    };
-    LatencyBound {
-        from: plan.topics[latency.from].name.clone(),
-        to: plan.topics[latency.to].name.clone(),
-        path: path.iter().map(|component| plan.components[*component].name.clone()).collect(),
-        bound_ns: bounded.map(|bounded| bounded.ns),
-        max_ns: latency.max_ns,
-        verdict: match (analysed, holds, known) {
-            (false, ..) | (_, true, false) => Verdict::NotProvable,
-            (_, true, true) => Verdict::Holds,
-            (_, false, _) => Verdict::Exceeds,
-        },
-        arithmetic,
     }
 }
 
-/// "`a` is", "`a` and `b` are".
-fn are(names: &str, count: usize) -> String {
-    format!("{names} {}", if count == 1 { "is" } else { "are" })
-}
-
 /// The components that data goes through, from the writer of `from` to that of `to`.
-fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize> {
+pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize> {
     let mut path = vec![latency.component];
     let mut topic = latency.to;
     // a way is no longer than there are components
@@ -102,18 +72,11 @@ fn legs<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
 }
 
 /// From the publication of the first component to the end of the last, all triggered by one another.
-fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<Bounded> {
+fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     let last = path.last()?;
     let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
-    let since_release = since_release(analysis, *last).map(|ns| Bounded {
-        ns,
-        terms: vec![format!(
-            "{} from the release of `{}` to the end of `{}`",
-            words::time(ns),
-            analysis.plan.components[path[0]].name,
-            analysis.plan.components[*last].name
-        )],
-    });
+    let since_release = since_release(analysis, *last)
+        .map(|ns| LatencySum { ns, terms: vec![LatencyTerm::WholePath { ns }] });
     let hop_by_hop = places.and_then(|places| hop_by_hop(analysis, path, &places));
     match (since_release, hop_by_hop) {
         (Some(one), Some(other)) => Some(if one.ns < other.ns { one } else { other }),
@@ -122,22 +85,21 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<Bounded> {
 }
 
 /// The same as a sum: the rest of the first task, then each task after it from its own release.
-fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<Bounded> {
+fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<LatencySum> {
     let tasks = &analysis.tasks.tasks;
     let mut total = 0;
-    let mut words: Vec<String> = Vec::new();
+    let mut terms = Vec::new();
     let mut places = places.iter().peekable();
     while let Some(place) = places.next() {
         // only the last stage of each task matters
         if places.peek().is_some_and(|next| next.task == place.task) {
             continue;
         }
-        let (sum, first): (Sum, usize) = if words.is_empty() && total == 0 && first_task(analysis, place.task)
+        let (sum, first): (Sum, usize) = if terms.is_empty() && total == 0 && first_task(analysis, place.task)
         {
             let goes_on = goes_on(analysis, path, *place);
             if goes_on > 0 {
-                let name = &analysis.plan.components[path[0]].name;
-                words.push(format!("{} ({name}, after it has published)", words::time(goes_on)));
+                terms.push(LatencyTerm::AfterPublication { ns: goes_on });
             }
             (rest(analysis, *place, goes_on)?, 1)
         } else {
@@ -146,15 +108,14 @@ fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Opti
                 && delay_ns > 0
             {
                 total += delay_ns as i64;
-                words.push(format!("{} (to core {})", words::time(delay_ns), tasks[place.task].core));
+                terms.push(LatencyTerm::ToCore { ns: delay_ns, core: tasks[place.task].core });
             }
             (bounds.get(place.stage)?.response.clone(), 0)
         };
         total += sum.total;
-        words.extend(terms::of(analysis, *place, first, &sum));
+        terms.push(LatencyTerm::Stages { place: *place, first, sum });
     }
-    let words = words.iter().enumerate().map(|(index, term)| terms::joined(index, term)).collect();
-    Some(Bounded { ns: u64::try_from(total).ok()?, terms: words })
+    Some(LatencySum { ns: u64::try_from(total).ok()?, terms })
 }
 
 fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
@@ -171,7 +132,8 @@ fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
 }
 
-/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in between.
+/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in
+/// between.
 fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
@@ -183,7 +145,7 @@ fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
 }
 
 /// From the release at the head of a chain to the end of a component's step, ns.
-pub(super) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
+pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
     if let Some((reservation, _)) = analysis.tasks.reservation(component) {
         return u64::try_from(analysis.responses.reserved_finish(reservation)?).ok();
     }
@@ -194,37 +156,27 @@ pub(super) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option
 }
 
 /// From the release at the head of the first leg to the end of the last one.
-fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<Bounded> {
-    let plan = analysis.plan;
+fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<LatencySum> {
     let mut total = 0;
     let mut terms = Vec::new();
     for pair in legs.windows(2) {
         let (writer, reader) = (pair[0], pair[1]);
-        let age = age_at_read(analysis, writer, reader)?;
-        let topic =
-            plan.components[reader[0]].cause.and_then(|cause| plan.components[reader[0]].inputs[cause].topic);
-        let topic = topic.map_or("its data", |topic| plan.topics[topic].name.as_str());
-        terms.push(format!(
-            "{} (from the release of `{}` until `{}` reads {topic})",
-            words::time(age),
-            plan.components[writer[0]].name,
-            plan.components[reader[0]].name
-        ));
-        total += age;
+        let ns = age_at_read(analysis, writer, reader)?;
+        terms.push(LatencyTerm::Wait { ns, writer: writer[0], reader: reader[0] });
+        total += ns;
     }
-    let last = legs.last()?;
-    let end = since_release(analysis, *last.last()?)?;
-    terms.push(format!("{} (to the end of `{}`)", words::time(end), plan.components[*last.last()?].name));
-    let terms = terms.iter().enumerate().map(|(index, term)| terms::joined(index, term)).collect();
-    Some(Bounded { ns: total + end, terms })
+    let component = *legs.last()?.last()?;
+    let ns = since_release(analysis, component)?;
+    terms.push(LatencyTerm::ToEnd { ns, component });
+    Some(LatencySum { ns: total + ns, terms })
 }
 
-/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is released
-/// and reads it.
+/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is
+/// released and reads it.
 ///
-/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago the
-/// newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common divisor of
-/// the periods and d the difference of the phases.
+/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago
+/// the newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
+/// divisor of the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
     let end = since_release(analysis, *writer.last()?)? as i64;
     let timer = |component: usize| {

@@ -1,4 +1,4 @@
-//! Keeping all cores awake, or nearly, while real-time components wait for their time.
+//! The limit on idle states of all cores while real-time components run.
 
 use std::time::Duration;
 
@@ -6,21 +6,21 @@ use super::{Hosting, Launch, LaunchError};
 use crate::os::IdleLimit;
 use crate::plan::{ClockKind, OnDenied, Plan, SchedulingClass};
 
-/// No idle state takes this long to leave: then there is nothing to ask for, ns.
+/// A limit from which on nothing is requested, ns: no idle state takes this long to leave.
 const ANY_NS: u64 = 1_000_000_000;
 
-/// What became of the limit on idle states that a plan asks for.
+/// The limit on idle states that a plan requests, and the system's answer.
 #[derive(Debug, Default)]
-pub(super) struct Idling {
+pub(super) struct IdleStates {
     _limit: Option<IdleLimit>,
-    /// Nothing was asked for, or it was denied: `None`; ns.
+    /// The limit that holds, ns; `None` if none was requested or the system denied it.
     pub(super) exit_ns: Option<u64>,
-    /// Why it was denied.
+    /// The reason of a denial.
     pub(super) denied: Option<String>,
 }
 
-impl Idling {
-    /// Asks for the limit of a plan; it holds until this is dropped, when all components have ended, or this process dies.
+impl IdleStates {
+    /// Requests the limit of a plan; it holds until this is dropped or this process dies.
     pub(super) fn begin(plan: &Plan) -> Self {
         let exit_ns = plan.scheduling.idle_exit_ns;
         let waits = plan.components.iter().any(|component| component.class != SchedulingClass::Normal);
@@ -35,12 +35,12 @@ impl Idling {
 }
 
 impl Launch<'_> {
-    /// Threads of one process have no priorities, and need no cores that are awake.
-    pub(super) fn limit_idling(&mut self) -> Result<(), LaunchError> {
+    /// Requests the limit, unless the components are threads of one process, which have no priorities.
+    pub(super) fn limit_idle_states(&mut self) -> Result<(), LaunchError> {
         if self.options.hosting == Hosting::Processes {
-            self.idling = Idling::begin(&self.plan);
+            self.idle_states = IdleStates::begin(&self.plan);
         }
-        match &self.idling.denied {
+        match &self.idle_states.denied {
             Some(reason) if self.plan.scheduling.on_denied == OnDenied::Strict => Err(LaunchError::System {
                 what: "limiting idle states (/dev/cpu_dma_latency)",
                 reason: reason.clone(),

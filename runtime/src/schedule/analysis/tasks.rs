@@ -1,18 +1,18 @@
 //! The static plan: which tasks share which core, and what releases them.
 //!
 //! A *task* is what the scheduler cannot tell apart: a real-time component together with everything that it triggers,
-//! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but stay
-//! below whatever else there is. Its *stages* run one after the other: the first is the component at its head, the next
-//! are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of the queue of
-//! its priority, and nobody of that priority interrupts another, so that everything triggered by one stage has run before
-//! anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as the step that triggers it
-//! ends, and runs at once.) With rising priorities and several components triggered by one, it is open whether one of them
-//! or what another one triggers comes first: from there on all is one stage. A component that is triggered from another
-//! core, or by one of another priority, is the head of a task of its own.
+//! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but
+//! stay below whatever else there is. Its *stages* run one after the other: the first is the component at its head,
+//! the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of
+//! the queue of its priority, and nobody of that priority interrupts another, so that everything triggered by one
+//! stage has run before anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as
+//! the step that triggers it ends, and runs at once.) With rising priorities and several components triggered by one,
+//! it is open whether one of them or what another one triggers comes first: from there on all is one stage. A
+//! component that is triggered from another core, or by one of another priority, is the head of a task of its own.
 
 use serde::Serialize;
 
-use super::Overheads;
+use super::overheads::Overheads;
 use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, Spin};
 
 /// All real-time components of a graph as tasks.
@@ -22,9 +22,9 @@ pub struct StaticPlan {
     pub tasks: Vec<Task>,
     /// By component of the plan: where it is; `None` if it is not real-time, or may run on several cores.
     pub places: Vec<Option<Place>>,
-    /// What the kernel schedules by deadlines: before all tasks, on any core.
+    /// The components that the kernel schedules by deadlines: before all tasks, on any core.
     pub reservations: Vec<Reservation>,
-    /// How many cores the graph has for real-time and shared work together.
+    /// Number of cores of the graph, for real-time and shared work together.
     pub available_cores: usize,
 }
 
@@ -39,7 +39,7 @@ pub struct Reservation {
     pub period_ns: u64,
     /// Offset of the first release, ns.
     pub phase_ns: u64,
-    /// Whether releases never leave that grid.
+    /// True if releases never leave that grid.
     pub fixed: bool,
 }
 
@@ -50,7 +50,7 @@ impl Reservation {
     }
 }
 
-/// Where a component is in a static plan.
+/// The place of a component in a static plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// Index of its task.
@@ -68,13 +68,13 @@ pub struct Task {
     pub priority: u8,
     /// Time between two releases of the time-triggered component at the head of the whole chain, ns.
     pub period_ns: u64,
-    /// What releases its first stage.
+    /// The release of its first stage.
     pub release: Release,
-    /// What runs, one stage after the other.
+    /// Its stages, one after the other.
     pub stages: Vec<Stage>,
 }
 
-/// What releases a task.
+/// The release of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Release {
@@ -82,11 +82,11 @@ pub enum Release {
     Timer {
         /// Offset of the first release, ns.
         phase_ns: u64,
-        /// How long before a release the component begins to spin at the earliest, ns.
+        /// Earliest start of spinning before a release, ns.
         spin_ns: u64,
-        /// Whether it may begin later, as the wake errors of the machine allow.
+        /// True if it may begin later, as the wake errors of the machine allow.
         tuned: bool,
-        /// Whether releases never leave that grid; the overrun policy `rephase` moves it.
+        /// True if releases never leave that grid; the overrun policy `rephase` moves it.
         fixed: bool,
     },
     /// A publication of another component.
@@ -112,9 +112,9 @@ pub struct Step {
     pub component: usize,
     /// Execution time allowed, ns.
     pub budget_ns: Option<u64>,
-    /// What the runtime and the machine add, ns.
+    /// Overhead of the runtime and the machine, ns.
     pub overhead_ns: u64,
-    /// How much of that comes after the step has published, ns.
+    /// Part of the overhead after the step has published, ns.
     pub after_ns: u64,
 }
 
@@ -133,7 +133,7 @@ impl Stage {
 }
 
 impl Task {
-    /// How long its head spins before every release, ns.
+    /// Spin time of its head before every release, ns.
     pub fn spin_ns(&self) -> u64 {
         match self.release {
             Release::Timer { spin_ns, .. } => spin_ns,
@@ -277,7 +277,7 @@ impl StaticPlan {
     }
 }
 
-/// What the kernel reserves for a component, if it is scheduled by its deadline.
+/// The kernel's reservation for a component that is scheduled by its deadline.
 fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Option<Reservation> {
     let (index, component) = component;
     let SchedulingClass::Deadline { runtime_ns, period_ns } = component.class else { return None };
@@ -291,7 +291,7 @@ fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Opt
     Some(Reservation { step, runtime_ns, period_ns, phase_ns, fixed })
 }
 
-/// A step of a component with what is added to it whoever triggers it.
+/// A step of a component, with the overhead common to all triggers.
 fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step {
     let timer_ns = match component.activation {
         Activation::Periodic { .. } => overheads.timer_ns,
@@ -301,13 +301,13 @@ fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step 
     Step { component: index, budget_ns: component.budget_ns, overhead_ns: added_ns, after_ns: added_ns }
 }
 
-/// Whether the kernel schedules a component by its deadline, on whatever core.
-pub(super) fn has_deadline(component: &ComponentPlan) -> bool {
+/// Whether the kernel schedules a component by its deadline, on any core.
+pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
     matches!(component.class, SchedulingClass::Deadline { .. })
 }
 
 /// Priority of a component that is scheduled as `SCHED_FIFO`.
-pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
+pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     match component.class {
         SchedulingClass::Fifo(priority) => Some(priority),
         _ => None,
@@ -315,7 +315,7 @@ pub(super) fn priority(component: &ComponentPlan) -> Option<u8> {
 }
 
 /// The one core that a component may run on, if it is one.
-pub(super) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
+pub(in crate::schedule) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
     if has_deadline(component) {
         return None;
     }
