@@ -1,4 +1,4 @@
-//! What a component says of itself before it runs: ports, parameters, what it needs.
+//! The declaration of a component: its ports, its parameters, its needs.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::state::{StateBuffer, TypeLayout};
 
-/// Whether a port reads or writes its topic.
+/// The direction of a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -16,17 +16,34 @@ pub enum Direction {
     Output,
 }
 
-/// How a topic carries its samples.
+/// The pattern by which a topic carries its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TopicPattern {
-    /// The newest value, read in place; older ones are gone.
+    /// State: the newest value; older ones are gone.
     State,
-    /// A queue of this many samples per reader; what does not fit is dropped, oldest first, and counted.
+    /// Stream: a queue for each reader; samples that do not fit are dropped, oldest first, and counted.
     Stream {
         /// Samples a reader may lag behind before it loses the oldest.
         capacity: usize,
     },
+    /// A queue of this many slices per reader, each of another length.
+    Slices {
+        /// Slices a reader may lag behind before it loses the oldest.
+        capacity: usize,
+        /// Elements of the longest slice. An input declares 0: its topic's writer says it.
+        longest: usize,
+    },
+}
+
+impl TopicPattern {
+    /// Samples or slices in a queue; `None` for a state, which has none.
+    pub fn capacity(self) -> Option<usize> {
+        match self {
+            Self::State => None,
+            Self::Stream { capacity } | Self::Slices { capacity, .. } => Some(capacity),
+        }
+    }
 }
 
 /// A declared port.
@@ -38,9 +55,9 @@ pub struct PortDeclaration {
     pub direction: Direction,
     /// State or stream.
     pub pattern: TopicPattern,
-    /// The type it carries.
+    /// Layout of its samples.
     pub layout: TypeLayout,
-    /// Whether the graph must wire it.
+    /// True if the graph must wire it.
     pub required: bool,
     /// One line of explanation.
     pub doc: String,
@@ -109,10 +126,10 @@ pub struct ParameterDeclaration {
 }
 
 impl ParameterDeclaration {
-    /// Checks a value against type and range; an integer is taken where a float is wanted.
+    /// Checks a value against type and range; an integer is accepted for a float.
     ///
     /// # Errors
-    /// Says what was found and what was expected.
+    /// A text with the value found and the values expected.
     pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
         let value = match (self.default.kind(), value) {
             (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
@@ -148,12 +165,12 @@ impl ParameterDeclaration {
     }
 }
 
-/// The robot a component works on, as far as the runtime knows it: a name and where its model is.
+/// The robot of a component, as the runtime knows it: its name and the place of its model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RobotReference {
     /// Its name in the graph file.
     pub name: String,
-    /// What the graph file says: a catalogue name, a folder or a URDF file.
+    /// The value of `urdf` in the graph file: a catalogue name, a folder or a URDF file.
     pub urdf: String,
     /// Folder against which a relative path is resolved: that of the graph file.
     pub base: PathBuf,
@@ -170,7 +187,20 @@ pub struct Declaration {
     pub actuator: bool,
 }
 
-/// Takes the declarations of a component.
+/// The receiver of a component's declarations.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// let mut declare = Declare::new(None);
+/// declare.input::<JointState>("state", "measured joint state");
+/// declare.output::<JointState>("filtered", "joint state with filtered velocities");
+/// declare.float("time_constant", 0.01, 0.0..=1.0, "s", "time constant of the filter");
+///
+/// let declaration = declare.into_declaration();
+/// assert_eq!(declaration.ports.len(), 2);
+/// assert!(declaration.parameters[0].admit(motorium::declare::ParameterValue::Float(2.0)).is_err());
+/// ```
 #[derive(Debug)]
 pub struct Declare {
     pub(crate) declaration: Declaration,
@@ -183,7 +213,7 @@ impl Declare {
         Self { declaration: Declaration::default(), robot }
     }
 
-    /// What was declared.
+    /// The collected declaration.
     pub fn into_declaration(self) -> Declaration {
         self.declaration
     }
@@ -203,7 +233,7 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
     }
 
-    /// An output. Leaving it unwired is allowed: what is published there is then read by nobody.
+    /// An output. The graph may leave it unwired; its samples are then discarded.
     pub fn output<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
     }
@@ -216,6 +246,41 @@ impl Declare {
     /// An output whose readers may ask for every sample.
     pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
+    }
+
+    /// An input that reads every slice of a stream of slices, such as images or frames.
+    pub fn slice_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
+    /// An output of slices of up to `longest` elements, such as images or frames.
+    pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
+    }
+
+    /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
+    /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
+    pub fn raw_input(&mut self, name: &str, doc: &str) {
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Input,
+            pattern: TopicPattern::State,
+            layout: TypeLayout::any(),
+            required: true,
+            doc: doc.to_string(),
+        });
+    }
+
+    /// An output of a type that the configuration names.
+    pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Output,
+            pattern: TopicPattern::State,
+            layout,
+            required: false,
+            doc: doc.to_string(),
+        });
     }
 
     /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
@@ -254,18 +319,17 @@ impl Declare {
         required: bool,
         doc: &str,
     ) {
+        let (name, layout, doc) = (name.to_string(), T::layout(), doc.to_string());
+        self.add(PortDeclaration { name, direction, pattern, layout, required, doc });
+    }
+
+    fn add(&mut self, port: PortDeclaration) {
         debug_assert!(
-            self.declaration.ports.iter().all(|port| port.name != name),
-            "port `{name}` declared twice"
+            self.declaration.ports.iter().all(|other| other.name != port.name),
+            "port `{}` declared twice",
+            port.name
         );
-        self.declaration.ports.push(PortDeclaration {
-            name: name.to_string(),
-            direction,
-            pattern,
-            layout: T::layout(),
-            required,
-            doc: doc.to_string(),
-        });
+        self.declaration.ports.push(port);
     }
 
     fn parameter(

@@ -1,4 +1,4 @@
-//! What a state buffer may consist of.
+//! The types that a state buffer may consist of.
 
 #![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
 
@@ -34,6 +34,11 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
 
     /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
     fn digest(&self, digest: &mut Digest);
+
+    /// As [`digest`](Self::digest), of many values one after the other.
+    fn digest_all(values: &[Self], digest: &mut Digest) {
+        values.iter().for_each(|value| value.digest(digest));
+    }
 }
 
 /// A running 64-bit digest (XXH3) of published content, equal for equal runs.
@@ -68,7 +73,7 @@ impl core::fmt::Debug for Digest {
     }
 }
 
-/// What is wrong with the content of a state buffer. Holds no heap memory: it is made on the hot path.
+/// A defect in the content of a state buffer. It holds no heap memory: it is made on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Defect {
     /// A number is NaN or infinite.
@@ -78,7 +83,7 @@ pub enum Defect {
         field: &'static str,
         /// Its index when it is an array, else 0.
         index: usize,
-        /// What was found.
+        /// The value found.
         value: f64,
     },
     /// A count is larger than the buffer behind it.
@@ -139,6 +144,25 @@ macro_rules! number {
             fn digest(&self, digest: &mut Digest) {
                 digest.write(&self.to_le_bytes());
             }
+
+            fn digest_all(values: &[Self], digest: &mut Digest) {
+                if cfg!(target_endian = "little") {
+                    // SAFETY: numbers without padding: every byte is initialised, and bytes have no alignment.
+                    digest.write(unsafe {
+                        core::slice::from_raw_parts(values.as_ptr().cast::<u8>(), size_of_val(values))
+                    });
+                } else {
+                    values.iter().for_each(|value| value.digest(digest));
+                }
+            }
+        }
+
+        impl super::StateBuffer for $type {
+            const NAME: &'static str = stringify!($type);
+
+            fn layout() -> super::TypeLayout {
+                super::TypeLayout::of::<$type>()
+            }
         }
     )* };
     (@check_all f64, $values:ident) => { all_finite("", $values) };
@@ -185,8 +209,6 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
     }
 
     fn digest(&self, digest: &mut Digest) {
-        for value in self {
-            value.digest(digest);
-        }
+        T::digest_all(self, digest);
     }
 }

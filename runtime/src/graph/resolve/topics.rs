@@ -41,7 +41,8 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         return;
     }
     for reader in wiring.of_topic(topic, Direction::Input) {
-        let wanted = reader.declared(drafts).map(|port| port.layout.type_name.as_str());
+        let declared = reader.declared(drafts).filter(|port| !port.layout.is_any());
+        let wanted = declared.map(|port| port.layout.type_name.as_str());
         let fitting = wanted.map(|wanted| wiring.that_carry(wanted, drafts)).unwrap_or_default();
         let near = nearest(name, fitting.iter().copied()).or_else(|| nearest(name, wiring.written()));
         let advice = match (near, wanted) {
@@ -70,6 +71,7 @@ fn agree(
     report: &mut Report,
 ) {
     let (Some(written), Some(read)) = (writer.declared(drafts), reader.declared(drafts)) else { return };
+    let any = read.layout.is_any();
     let name = &wiring.topics[topic];
     let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
     let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));
@@ -77,7 +79,7 @@ fn agree(
         format!("`{of_reader}` reads {}", carries(read)),
         format!("`{of_writer}` writes {}", carries(written)),
     );
-    if written.layout.type_name != read.layout.type_name {
+    if !any && written.layout.type_name != read.layout.type_name {
         let topics = wiring.that_carry(&read.layout.type_name, drafts);
         let diagnostic = report
             .error(format!(
@@ -94,7 +96,7 @@ fn agree(
                 list(topics.iter().copied())
             )),
         };
-    } else if written.layout != read.layout {
+    } else if !any && written.layout != read.layout {
         report
             .error(format!(
                 "`{of_writer}` and `{of_reader}` have different layouts of {} on topic `{name}`",
@@ -107,6 +109,14 @@ fn agree(
                 written.layout.difference(&of_writer, &read.layout, &of_reader).trim_end()
             ))
             .advise("the programs were built from different versions of this type; build both again");
+    } else if matches!(written.pattern, TopicPattern::Slices { .. })
+        != matches!(read.pattern, TopicPattern::Slices { .. })
+    {
+        report
+            .error(format!("topic `{name}` carries slices on one side and single values on the other"))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1)
+            .advise("a slice output is read by slice inputs");
     } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
         report
             .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))
