@@ -126,7 +126,8 @@ fn scene(unit: &str, nodes: &str, library: &str) -> String {
     let start = whole.find("<library_visual_scenes>").unwrap();
     let end = whole.find("</library_visual_scenes>").unwrap();
     format!(
-        "{}<library_nodes>{library}</library_nodes><library_visual_scenes><visual_scene id=\"scene\">{nodes}</visual_scene>{}",
+        "{}<library_nodes>{library}</library_nodes><library_visual_scenes>\
+         <visual_scene id=\"scene\">{nodes}</visual_scene>{}",
         &whole[..start],
         &whole[end..]
     )
@@ -143,7 +144,8 @@ fn collada_nodes_place_the_mesh_outermost_first() {
     };
     let unit = "<unit meter=\"0.01\"/>";
     let nested = format!(
-        "<node><translate>300 0 0</translate><node><rotate>0 0 1 90</rotate><translate>500 0 0</translate>{cube}</node></node>"
+        "<node><translate>300 0 0</translate>\
+         <node><rotate>0 0 1 90</rotate><translate>500 0 0</translate>{cube}</node></node>"
     );
     assert_relative_eq!(centre(unit, &nested, ""), Vector3::new(3.0, 5.0, 0.0), epsilon = 1e-12);
     // Lengths of nodes have the unit of the file, and short ones count.

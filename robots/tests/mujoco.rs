@@ -112,8 +112,8 @@ fn what_collides_and_what_does_not_is_read() {
 fn bodies_whose_geoms_never_collide_in_mujoco_are_excluded() {
     let excluded = |floor: &str, robot: &str| {
         let text = format!(
-            "<mujoco><default><geom {robot}/></default><worldbody><geom {floor} type=\"plane\"/><body name=\"a\"><joint/>\
-             <geom size=\"0.1\"/><body name=\"b\"><joint/><geom size=\"0.1\"/></body></body></worldbody></mujoco>"
+            "<mujoco><default><geom {robot}/></default><worldbody><geom {floor} type=\"plane\"/>\
+             <body name=\"a\"><joint/><geom size=\"0.1\"/><body name=\"b\"><joint/><geom size=\"0.1\"/></body></body></worldbody></mujoco>"
         );
         parse_mjcf(&text, None, &LoadOptions::default()).unwrap().exclusions.disabled
     };

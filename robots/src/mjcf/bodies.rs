@@ -15,21 +15,21 @@ use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Frame, Inertia, Shape, Srdf};
 
-/// Bodies and frames in one another: the reader calls itself for each, and a thread's stack ends.
+/// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
 const DEEPEST: usize = 150;
 
-/// Where elements stand.
+/// The surroundings of an element.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     /// Body they belong to; `None` for the world or a floating base.
     pub(super) carrier: Option<usize>,
-    /// It is the world.
+    /// The element belongs to the world.
     pub(super) world: bool,
     /// The frame of the element around them, in that body's.
     pub(super) within: Isometry3<f64>,
-    /// Their default class.
+    /// The default class.
     pub(super) class: &'a str,
-    /// In the world itself, not in a body of it: where free joints are.
+    /// The element is in the world itself, not in one of its bodies.
     pub(super) top: bool,
 }
 
@@ -208,7 +208,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         let inertia = match (self.geoms.compiler.from_geoms, stated) {
             (FromGeoms::Never | FromGeoms::Missing, Some(inertia)) => inertia,
             (FromGeoms::Never, None) => Inertia::zero(),
-            // What stands still needs none.
+            // Static bodies need none.
             _ if world && self.geoms.compiler.total_mass.is_none() => Inertia::zero(),
             (FromGeoms::Always, Some(inertia)) => {
                 let of_geoms = of_geoms?;
@@ -234,7 +234,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         self.attributes().error(node, MjcfProblem::Other(problem.to_owned()))
     }
 
-    /// A free joint: the body becomes the base, what stands around it belongs to the world.
+    /// Makes the body of a free joint the base; elements around it belong to the world.
     fn float(
         &mut self,
         node: Node<'a, 'i>,
@@ -312,7 +312,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     }
 }
 
-/// Bodies without a name get one from their place in the file.
+/// Name of a body; a nameless one is called by its number in the file.
 fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {

@@ -1,4 +1,4 @@
-//! A file into a model: its sections in the order they depend on each other.
+//! The conversion of a file into a model, its sections in the order of their dependence.
 
 use std::path::Path;
 
@@ -54,7 +54,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     let mut tree = Tree::new(&geoms);
     let place = Place { carrier: None, world: true, within: Isometry3::identity(), class: MAIN, top: true };
     for section in sections("worldbody") {
-        // What stands in the world weighs nothing.
+        // Geoms of the world have no mass.
         drop(tree.contents(section, &place)?);
     }
     if options.base == BaseMode::Floating && !tree.base.floating {

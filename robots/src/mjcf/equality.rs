@@ -8,7 +8,7 @@ use super::schema::EQUALITY;
 use crate::nearest::nearest;
 use crate::{Body, Coordinate, MimicMode};
 
-/// Makes mimic joints of first-order couplings. Until joints are numbered they name their master by its body.
+/// Makes mimic joints of first-order couplings. Until joints are numbered `of` is the index of a body.
 pub(super) fn couple<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
@@ -42,7 +42,7 @@ pub(super) fn couple<'a, 'i>(
         if follower == master || !straight(follower) || !straight(master) || followed {
             return Err(rule.fault("chains of couplings are not read; couple every joint with the same one"));
         }
-        // Both count from the pose of the file.
+        // Both positions are relative to those in the pose of the file.
         let multiplier = polynomial[1];
         let offset = references[follower] + polynomial[0] - multiplier * references[master];
         bodies[follower].joint.coordinate = Coordinate::Mimic { of: master, multiplier, offset };

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use crate::Position;
 use crate::nearest::suggestion;
 
-/// An MJCF file that cannot become a model, and where.
+/// An error of reading an MJCF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct MjcfError {
     /// The file, when the text came from one.
     pub file: Option<PathBuf>,
     /// The element at fault.
     pub at: Position,
-    /// What is wrong.
+    /// The problem.
     pub problem: Box<MjcfProblem>,
 }
 
@@ -27,7 +27,7 @@ impl fmt::Display for MjcfError {
     }
 }
 
-/// What is wrong with an MJCF file.
+/// Problems of MJCF files.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MjcfProblem {
     /// Not well-formed XML.
@@ -36,13 +36,13 @@ pub enum MjcfProblem {
     /// Another root element.
     #[error("the root element is <{0}>, expected <mujoco>")]
     Root(String),
-    /// An element that is not among those read.
+    /// An element that is not read.
     #[error(
         "<{0}> is not among the MJCF read here; let MuJoCo write the file out (mj_saveLastXML) \
          or use a URDF of the robot"
     )]
     Element(String),
-    /// An attribute that is not among those read.
+    /// An attribute that is not read.
     #[error("{attribute}=\"{value}\" of <{element}> is not among the MJCF read here{}", because(.reason))]
     Attribute {
         /// Element at fault.
@@ -51,7 +51,7 @@ pub enum MjcfProblem {
         attribute: String,
         /// Its value.
         value: String,
-        /// What to do instead.
+        /// The reason, or the alternative; may be empty.
         reason: &'static str,
     },
     /// A missing attribute.
@@ -59,10 +59,10 @@ pub enum MjcfProblem {
     Missing {
         /// Element at fault.
         element: String,
-        /// What it lacks.
+        /// The missing attribute.
         attribute: &'static str,
     },
-    /// An attribute that is not the numbers it should be.
+    /// An attribute of malformed numbers.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {expected}")]
     Number {
         /// Element at fault.
@@ -71,30 +71,30 @@ pub enum MjcfProblem {
         attribute: String,
         /// Its value.
         value: String,
-        /// What it should hold.
+        /// The numbers it must have.
         expected: String,
     },
-    /// A name that nothing has.
+    /// A reference to a name that does not exist.
     #[error("<{element}> names the {what} \"{name}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     Unknown {
         /// Element at fault.
         element: String,
-        /// What it names.
+        /// The kind of thing: `joint`, `body`, `mesh` or `class`.
         what: &'static str,
         /// The name.
         name: String,
-        /// The one most likely meant.
+        /// The most similar name that exists.
         nearest: Option<String>,
     },
-    /// Two bodies or joints of the same name.
+    /// Two elements of one name.
     #[error("a second {what} is named \"{name}\"")]
     Duplicate {
-        /// `body` or `joint`.
+        /// The kind of element: `body`, `site`, `joint` or `class`.
         what: &'static str,
         /// The name.
         name: String,
     },
-    /// Anything else.
+    /// Another problem, in words of its own.
     #[error("{0}")]
     Other(String),
 }

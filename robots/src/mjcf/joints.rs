@@ -1,4 +1,4 @@
-//! Joints and stated inertias of bodies.
+//! `<joint>`, `<freejoint>` and `<inertial>`.
 
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 use roxmltree::Node;

@@ -1,4 +1,4 @@
-//! COLLADA 1.4 and 1.5: the geometry of the visual scene, with the transformations of its nodes.
+//! COLLADA 1.4 and 1.5 files: the geometry of the visual scene, placed by the transformations of its nodes.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::{Fault, MeshProblem, TriangleMesh, number};
 
-/// Nodes within nodes: more is a file that names itself.
+/// Largest depth of nodes: a deeper scene instances itself.
 const DEEPEST: usize = 64;
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
@@ -33,7 +33,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
                 reader.node(node, &scaled, 0)?;
             }
         }
-        // Without a scene nothing is placed: the geometries stand where they are.
+        // Without a scene the geometries have no transformation.
         None => {
             for geometry in root.descendants().filter(|node| node.has_tag_name("geometry")) {
                 reader.geometry(geometry, &scaled)?;
@@ -67,7 +67,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         self.at(node, MeshProblem::Malformed(message.into()))
     }
 
-    /// The element that an attribute `#ID` means.
+    /// The element that an attribute names by `#ID`.
     fn target(&self, node: Node<'a, 'i>, attribute: &str) -> Result<Node<'a, 'i>, Fault> {
         let name = node.attribute(attribute).and_then(|url| url.strip_prefix('#'));
         name.and_then(|name| self.ids.get(name).copied()).ok_or_else(|| {
@@ -144,7 +144,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     fn part(&mut self, part: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
-        // Every corner has one index for each offset; that of the positions is wanted.
+        // Each corner has one index for each offset; one of them is that of its position.
         let (mut stride, mut positions) = (0, None);
         for input in children(part, "input") {
             let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);
@@ -195,7 +195,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         Ok(())
     }
 
-    /// The numbers behind an input of vertices.
+    /// The numbers of the POSITION source of an input of vertices, three a corner.
     fn positions(&self, input: Node<'a, 'i>) -> Result<Vec<f64>, Fault> {
         let vertices = self.target(input, "source")?;
         let position =

@@ -7,15 +7,16 @@ use super::TriangleMesh;
 use crate::algebra::V3;
 use crate::geometry::support::{v3, vector};
 
-/// The angle by which points turn from one height of a sphere to the next so that they stand evenly \[rad\]
+/// The golden angle \[rad\]: points of a sphere turned by it from one height to the next are spread evenly
 /// (Vogel 1979).
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl TriangleMesh {
-    /// Convex hull of the corners that triangles use, with triangles that look outward. A hull of more than `most_corners`
-    /// is made coarser: it is that of the corners farthest along so many directions, which lies within the full one.
+    /// Convex hull of the corners that triangles use, with triangles that face outward. A hull of more than
+    /// `most_corners` corners is replaced by that of the corners farthest along `most_corners` directions, which lies
+    /// within it.
     ///
-    /// `None` for a flat mesh, which has no hull with an inside.
+    /// `None` for a flat mesh, whose hull has no volume.
     pub fn hull(&self, most_corners: usize) -> Option<Self> {
         let corners: Vec<_> = self.used().map(|point| vector(V3::from(point))).collect();
         let (mut points, mut triangles) = try_convex_hull(&corners).ok()?;
@@ -32,7 +33,7 @@ impl TriangleMesh {
         Some(Self { points, triangles })
     }
 
-    /// Corners of triangles; a file may hold others.
+    /// Corners that triangles use.
     pub(in crate::geometry) fn used(&self) -> impl Iterator<Item = Vector3<f64>> {
         let mut used = vec![false; self.points.len()];
         self.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
@@ -40,7 +41,7 @@ impl TriangleMesh {
     }
 }
 
-/// Directions all around, evenly.
+/// Unit vectors spread evenly over the sphere.
 fn directions(count: usize) -> impl Iterator<Item = V3> {
     (0..count).map(move |index| {
         let height = (2.0 * index as f64 + 1.0) / count as f64 - 1.0;

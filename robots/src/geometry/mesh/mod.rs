@@ -1,4 +1,4 @@
-//! Reading triangle meshes: STL, Wavefront OBJ and COLLADA.
+//! Triangle meshes, read from STL, Wavefront OBJ and COLLADA files.
 
 mod collada;
 mod hull;
@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
-/// Triangles of a mesh file, in its own units times nothing: what the numbers in the file say.
+/// A triangle mesh, in the axes of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
-    /// Corners \[m\].
+    /// Positions of the corners \[m\].
     pub points: Vec<Vector3<f64>>,
     /// Indices of the corners of each triangle.
     pub triangles: Vec<[u32; 3]>,
@@ -22,8 +22,8 @@ pub struct TriangleMesh {
 impl TriangleMesh {
     /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
     ///
-    /// Lengths of STL and OBJ are taken as metres. COLLADA's `unit` is honoured, its `up_axis` is not: that is how RViz,
-    /// Gazebo and Pinocchio read the meshes of a URDF.
+    /// Lengths in STL and OBJ files are metres. The `unit` of a COLLADA file is applied, its `up_axis` is not, as in
+    /// RViz, Gazebo and Pinocchio.
     ///
     /// # Errors
     ///
@@ -50,7 +50,7 @@ impl TriangleMesh {
         Ok(mesh)
     }
 
-    /// The same mesh stretched along its axes.
+    /// The mesh scaled along each axis, its triangles facing outward as before.
     pub fn scaled(mut self, scale: &Vector3<f64>) -> Self {
         self.points.iter_mut().for_each(|point| point.component_mul_assign(scale));
         if scale.product() < 0.0 {
@@ -61,17 +61,17 @@ impl TriangleMesh {
     }
 }
 
-/// A line counted from 1, or 0 where there is none, and what is wrong there.
+/// A problem and its line, counted from 1; 0 where the format has no lines.
 type Fault = (u32, MeshProblem);
 
-/// A mesh file that cannot be used.
+/// An error of reading a mesh file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct MeshError {
     /// The file.
     pub path: PathBuf,
     /// Line at fault, counted from 1.
     pub line: Option<u32>,
-    /// What is wrong.
+    /// The problem.
     pub problem: MeshProblem,
 }
 
@@ -85,7 +85,7 @@ impl fmt::Display for MeshError {
     }
 }
 
-/// What is wrong with a mesh file.
+/// Problems of mesh files.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshProblem {
     /// The file cannot be read.
@@ -100,15 +100,15 @@ pub enum MeshProblem {
     /// A file without triangles.
     #[error("has no triangles")]
     Empty,
-    /// Infinite corners, or none at all.
+    /// A corner that is infinite or not a number.
     #[error("a corner is not a finite number")]
     NotFinite,
     /// A file that ends too early.
     #[error("ends after {found} bytes where its header promises {expected}")]
     Short {
-        /// Bytes there.
+        /// Length of the file \[bytes\].
         found: usize,
-        /// Bytes that should be there.
+        /// Length that its header promises \[bytes\].
         expected: usize,
     },
     /// Something that is not a number.
@@ -119,10 +119,10 @@ pub enum MeshProblem {
     Index {
         /// Corner named, counted from 0.
         index: i64,
-        /// Corners there are.
+        /// Number of corners.
         count: usize,
     },
-    /// Anything that breaks the rules of the format.
+    /// Another breach of the format.
     #[error("{0}")]
     Malformed(String),
 }

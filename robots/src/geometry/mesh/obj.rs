@@ -1,4 +1,4 @@
-//! Wavefront OBJ: corners and faces; everything else describes looks.
+//! Wavefront OBJ files: corners and faces; other elements do not change the shape.
 
 use nalgebra::Vector3;
 
@@ -27,7 +27,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
                     let message = format!("a face has {} corners", corners.len());
                     return Err(at(MeshProblem::Malformed(message)));
                 }
-                // A polygon as a fan.
+                // A polygon is a fan of triangles.
                 mesh.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
             }
             _ => {}
@@ -36,7 +36,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(mesh)
 }
 
-/// `7`, `7/1`, `7//2` or `7/1/2`; counted from 1, or from the end if negative.
+/// Index of a corner from `7`, `7/1`, `7//2` or `7/1/2`: counted from 1, or from the end if negative.
 fn corner(word: &str, count: usize) -> Result<u32, MeshProblem> {
     let first = word.split('/').next().unwrap_or("");
     let index: i64 = first.parse().map_err(|_| MeshProblem::Number(word.to_owned()))?;

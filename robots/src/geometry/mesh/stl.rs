@@ -1,4 +1,4 @@
-//! STL, both kinds (Burns, "Automated Fabrication", 1993, section 6.5).
+//! STL files, text and binary (Burns, "Automated Fabrication", 1993, section 6.5).
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ const HEADER: usize = 84;
 const FACET: usize = 50;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
-    // Binary files that begin with "solid" exist; their length gives them away.
+    // Some binary files begin with "solid" like text: their length tells.
     let count =
         bytes.get(80..HEADER).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let expected = count.map(|count| HEADER + FACET * count as usize);
@@ -74,7 +74,7 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(soup.mesh)
 }
 
-/// Triangles that say their corners in full, joined where they are equal to the last bit.
+/// Triangles whose corners are joined where they are equal to the last bit.
 #[derive(Default)]
 struct Soup {
     mesh: TriangleMesh,
@@ -85,7 +85,7 @@ impl Soup {
     fn add(&mut self, corners: [[f64; 3]; 3]) {
         let points = &mut self.mesh.points;
         let triangle = corners.map(|corner| {
-            // Zero has two signs.
+            // Adding zero makes both zeros equal.
             *self.known.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
                 points.push(Vector3::from(corner));
                 points.len() as u32 - 1
