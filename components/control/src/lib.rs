@@ -7,11 +7,11 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] say what should happen: a frame reaches a pose, the joints keep a posture.
-//! - [`limits`] say what must never happen: joint position and velocity limits.
+//! - [`tasks`] are costs: a frame reaches a pose, the joints keep a posture.
+//! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
-//! - [`CommandComposer`] adds gravity compensation and gains: the command a joint drive takes.
+//! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
 //! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`, puts
@@ -55,8 +55,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod command;
 mod component;
+mod feed_forward;
+mod gains;
+mod goals;
 mod ik;
 pub mod limits;
 pub mod se3;
@@ -65,11 +67,10 @@ pub mod solver;
 mod state;
 pub mod tasks;
 
-pub use command::{CommandComposer, ComposeError, JointCommand};
-pub use component::{
-    CartesianConfig, Feedback, LimitsConfig, PerJoint, PositionLimitConfig, PostureConfig, QpController,
-    QpControllerConfig, TaskConfig, VelocityLimitConfig,
-};
+pub use component::*;
+pub use feed_forward::FeedForward;
+pub use gains::{GainsError, check_gains};
+pub use goals::{GoalError, GoalRecord, GoalSummary};
 pub use ik::{DifferentialIk, IkError, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use state::RobotState;
