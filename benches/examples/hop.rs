@@ -4,8 +4,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use motorium::component::{ConfigError, Kind, Registry, RobotSource};
-use motorium::worker::{Program, run_worker};
+use motorium::declare::ConfigError;
+use motorium::program::{Program, run_worker};
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_benches::Part;
 use motorium_benches::host::Loader;
 use motorium_benches::latency::{Bench, Case, catalogue, targets};

@@ -1,7 +1,7 @@
 //! What can go wrong with a measurement.
 
 use motorium::launcher::LaunchError;
-use motorium::transport::ExchangeError;
+use motorium::testing::TopicSetError;
 
 /// A measurement that could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +19,7 @@ pub enum MeasureError {
     Graph(String),
     /// The topics of a measurement could not be made.
     #[error(transparent)]
-    Exchange(#[from] ExchangeError),
+    Topics(#[from] TopicSetError),
     /// The graph of a measurement did not start.
     #[error(transparent)]
     Launch(#[from] LaunchError),

@@ -1,9 +1,10 @@
 //! The component of the measurements: passes a payload on and notes how long it was on its way.
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::os::monotonic_ns;
 use motorium::telemetry::Histogram;
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -83,6 +83,18 @@ fn the_talos_agrees_with_pinocchio() {
     agrees("talos_full", "talos_data/robots/talos_full_v2.urdf", BaseMode::Floating);
 }
 
+/// Its knee has the axis `0 1.22465e-16 -1`. The vectors are those of `golden/axes.py`.
+#[test]
+fn the_icub_with_an_axis_all_but_at_minus_z_agrees_with_pinocchio() {
+    let Some(robots) = robots() else { return };
+    let golden = Golden::parse(include_str!("golden/icub.json"));
+    let icub = independent("icub_description/robots/icub_reduced.urdf", &robots, BaseMode::AsFile);
+    let errors = golden.compare(&icub.model);
+    println!("icub_reduced: {}", errors.summary());
+    assert!(errors.0.len() >= 30, "{}", errors.summary());
+    errors.stay_below(1e-10, 1e-8);
+}
+
 #[test]
 fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
     agrees("tiago", "tiago_description/robots/tiago.urdf", BaseMode::AsFile);

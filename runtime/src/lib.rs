@@ -1,20 +1,43 @@
 //! The motorium runtime: a graph of components, each its own real-time process, sharing state buffers in memory.
 //!
-//! Start reading at [`component`]: it holds the trait a user implements. [`graph`] turns a graph file into a
-//! checked [`plan`], [`schedule`] finds out whether its times can hold, [`launcher`] turns a plan into running
-//! processes, and [`worker`] is the loop inside each of them. [`state`] are the types they exchange, [`transport`] the
-//! shared memory they exchange them through.
+//! Start reading at [`component`]: it holds the trait a user implements; [`prelude`] imports all that an author of a
+//! component needs. [`graph`] turns a graph file into a checked [`plan`], [`schedule`] computes whether its times can
+//! hold, [`launcher`] turns a plan into running processes, and [`worker`] is the loop inside each of them. [`state`]
+//! holds the types they exchange, [`transport`] the shared memory they exchange them through.
+//!
+//! The modules form layers. Bottom up, each uses only those above it in this list; a test draws the arrows:
+//!
+//! | modules | contents |
+//! |---|---|
+//! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers and their layouts, histograms |
+//! | [`declare`], [`plan`] | the declaration of a component; the checked plan that all processes of a run read |
+//! | [`os`], [`region`] | system calls; the control block of a run |
+//! | [`transport`], [`run_folder`] | topics and parameters; the folder of a run in shared memory |
+//! | [`component`] | the trait `Component` and what it is configured with |
+//! | [`safety`] | the check of every command before it is applied |
+//! | [`worker`] | the loop of a component |
+//! | [`schedule`], [`graph`] | the analysis of a plan's times; from a graph file to a plan |
+//! | [`launcher`], [`program`] | starting, watching and ending a run; the main function of a component's program |
+//! | `testing` | graphs in tests and benches (feature `testing`) |
 
 pub mod component;
+pub mod declare;
 pub mod graph;
 pub mod launcher;
+pub mod nearest;
 pub mod os;
 pub mod plan;
+pub mod prelude;
+pub mod program;
 pub mod region;
 pub mod run_folder;
 pub mod safety;
 pub mod schedule;
+pub mod severity;
 pub mod state;
 pub mod telemetry;
+#[cfg(feature = "testing")]
+pub mod testing;
 pub mod transport;
+pub mod units;
 pub mod worker;

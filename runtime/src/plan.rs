@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::component::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
+use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
 use crate::state::TypeLayout;
 
 /// Which clock drives the run.

@@ -3,11 +3,11 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
+use crate::component::Setup;
 use crate::plan::SafeState;
 use crate::region::{Command, MissCause};
 use crate::state::JointCommand;
-use crate::transport::{Input, Reading};
-use crate::worker::Context;
+use crate::transport::{Context, Input, Reading};
 
 /// Decides at every step of an actuator whether the command may be applied.
 ///
@@ -35,8 +35,17 @@ pub enum Judgement<'a> {
     },
 }
 
+impl Setup {
+    /// The guard that decides whether commands may be applied. For components that declared
+    /// [`actuator`](crate::declare::Declare::actuator).
+    pub fn command_guard(&self) -> CommandGuard {
+        let safety = &self.plan().safety;
+        CommandGuard::new(self.context().clone(), safety.stale_after_ns, safety.safe_state)
+    }
+}
+
 impl CommandGuard {
-    pub(crate) fn new(context: Rc<Context>, stale_after_ns: u64, safe_state: SafeState) -> Self {
+    fn new(context: Rc<Context>, stale_after_ns: u64, safe_state: SafeState) -> Self {
         Self { context, stale_after_ns, safe_state, armed: false }
     }
 

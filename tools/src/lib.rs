@@ -15,7 +15,7 @@ use std::process::ExitCode;
 
 use crate::out::errln;
 use clap::Parser as _;
-use motorium::worker::{Program, run_worker};
+use motorium::program::{Program, run_worker};
 
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+use motorium::declare::ConfigError;
+use motorium::worker::{Kind, Registry, RobotSource};
 
 /// Everything built in.
 pub(crate) fn registry() -> Registry {

@@ -2,9 +2,7 @@
 //!
 //! The motion is [`Swing`], a plain calculation with tests; [`Controller`] makes it a component.
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Parameter, Setup};
+use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+use motorium::declare::ConfigError;
 use motorium::launcher::{self, Hosting, Options};
+use motorium::worker::{Kind, Registry, RobotSource};
 use serde_json::Value as Json;
 
 /// The component of the chapter on writing one, as it stands there.
@@ -13,8 +14,8 @@ use serde_json::Value as Json;
 mod circle {
     include!("book/circle.rs");
 
-    pub(super) fn kind() -> motorium::component::Kind {
-        motorium::component::Kind::of::<Circle>()
+    pub(super) fn kind() -> motorium::worker::Kind {
+        motorium::worker::Kind::of::<Circle>()
     }
 }
 

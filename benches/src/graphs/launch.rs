@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium::component::Registry;
 use motorium::graph::{self, Machine};
 use motorium::launcher::{self, Event, Exit, Hosting, Options, Report};
 use motorium::region::Region;
 use motorium::run_folder::{RunFolder, runs_folder};
+use motorium::worker::Registry;
 
 use crate::host::Causes;
 use crate::{Distribution, MeasureError};

@@ -73,8 +73,9 @@ pub fn panda(seconds: u32) -> String {
 mod tests {
     use std::path::Path;
 
-    use motorium::component::{ConfigError, Kind, Registry, RobotSource};
+    use motorium::declare::ConfigError;
     use motorium::graph::{self, Machine};
+    use motorium::worker::{Kind, Registry, RobotSource};
 
     use super::*;
     use crate::relay::Relay;

@@ -9,7 +9,7 @@ mod targets;
 
 use std::path::PathBuf;
 
-use motorium::component::Registry;
+use motorium::worker::Registry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -15,9 +15,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use motorium::component::Registry;
 use motorium::graph::{self, Machine};
-use motorium::transport::{Domain, Exchange};
+use motorium::testing::TopicSet;
+use motorium::transport::Domain;
+use motorium::worker::Registry;
 use serde::{Deserialize, Serialize};
 
 use crate::MeasureError;
@@ -75,7 +76,7 @@ pub struct Thrown {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Assignment {
     throw: Throw,
-    /// Folder of the exchange or of the stock domain.
+    /// Folder of the topics or of the stock domain.
     exchange: PathBuf,
 }
 
@@ -124,7 +125,7 @@ fn supervise(program: &Path, folder: &Path, throw: &Throw) -> Result<(), Measure
 }
 
 /// Topics there and back. A graph must not go round in circles, so each process takes the places of two components.
-fn exchange(registry: &Registry, throw: &Throw) -> Result<Exchange, MeasureError> {
+fn exchange(registry: &Registry, throw: &Throw) -> Result<TopicSet, MeasureError> {
     let config = format!("config = {{ bytes = {} }}", throw.bytes);
     let text = format!(
         r#"
@@ -156,7 +157,7 @@ subscribe = {{ in = "bench/back" }}
     );
     let checked = graph::check(Path::new("bench-hop.toml"), text, &[], registry, &Machine::detect())
         .map_err(|error| MeasureError::Graph(error.render(false)))?;
-    Ok(Exchange::create(&checked.plan)?)
+    Ok(TopicSet::create(&checked.plan)?)
 }
 
 /// A folder in shared memory, removed when it is dropped.

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use motorium::os::yield_core;
-use motorium::transport::{ExchangeError, Seat, Trigger};
-use motorium::worker::{Input, Output};
+use motorium::testing::{Endpoint, TopicSetError};
+use motorium::transport::{Input, Output, Trigger};
 
 use super::SIDES;
 use super::link::Link;
@@ -12,7 +12,7 @@ use crate::payload::Payload;
 
 /// A topic each way.
 pub(super) struct Topics<P: Payload> {
-    _seats: [Seat; 2],
+    _endpoints: [Endpoint; 2],
     output: Output<P>,
     input: Input<P>,
     trigger: Trigger,
@@ -32,13 +32,15 @@ pub(super) enum Waits {
 }
 
 impl<P: Payload> Topics<P> {
-    pub(super) fn open(exchange: &Path, side: usize, waits: Waits) -> Result<Self, ExchangeError> {
-        let seats =
-            [Seat::take(exchange, SIDES[side])?, Seat::take(exchange, &format!("{}-hears", SIDES[side]))?];
+    pub(super) fn open(exchange: &Path, side: usize, waits: Waits) -> Result<Self, TopicSetError> {
+        let seats = [
+            Endpoint::join(exchange, SIDES[side])?,
+            Endpoint::join(exchange, &format!("{}-hears", SIDES[side]))?,
+        ];
         let output = seats[0].output("out")?;
         let input = seats[1].input("in")?;
         let trigger = seats[1].trigger()?;
-        Ok(Self { _seats: seats, output, input, trigger, waits, seen: 0 })
+        Ok(Self { _endpoints: seats, output, input, trigger, waits, seen: 0 })
     }
 }
 

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium::component::{
-    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Hosting, Options, Report, run};
 use motorium::state::{BaseState, JointCommand, JointState};
 use motorium::telemetry::CountingAllocator;
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_physics::RapierPhysics;
 
 #[global_allocator]

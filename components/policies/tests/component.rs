@@ -4,10 +4,12 @@ mod support;
 
 use std::path::Path;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use motorium_policies::DmpPolicy;
 use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};

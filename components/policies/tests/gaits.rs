@@ -5,9 +5,11 @@ mod support;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use motorium_policies::CpgPolicy;
 use motorium_policies::cpg::Gait;
 use motorium_robots::load;

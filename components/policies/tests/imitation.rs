@@ -2,10 +2,12 @@
 
 mod support;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::launcher::Report;
 use motorium::state::PoseTarget;
-use motorium::worker::{Input, Setup};
+use motorium::transport::Input;
+use motorium::worker::Kind;
 use motorium_policies::DmpPolicy;
 use motorium_policies::dmp::{Demonstration, DmpModel, Regression, Settings};
 use motorium_policies::file::{Primitive, PrimitiveFile};

@@ -2,10 +2,12 @@
 
 mod support;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, Kind, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::launcher::Report;
 use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use motorium_policies::{CpgPolicy, ProMpPolicy};
 use serde_json::json;
 use support::Nothing;

@@ -2,13 +2,13 @@
 
 mod support;
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Kind, RobotReference, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
 use motorium::telemetry::{allocations, counts_allocations};
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{ConfigSource, Kind};
 use motorium_policies::LibraryPolicy;
 use motorium_policies::component::library::{MovementRequest, Recognition};
 use motorium_policies::library::{

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, RobotReference, StepError, Tick};
-use motorium::graph::units::{TimeSpan, UnitError};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::JointState;
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::units::{TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 

@@ -1,13 +1,12 @@
 //! `sensor.joint_encoder` in a running graph.
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, ConfigureError, Declare, Direction, Kind, Registry, RobotReference,
-    RobotSource, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, Direction, RobotReference, StepError};
 use motorium::launcher::{self, Hosting, Options, Report};
 use motorium::state::JointState;
 use motorium::telemetry::CountingAllocator;
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
+use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
 use motorium_sensors::JointEncoder;
 
 #[global_allocator]

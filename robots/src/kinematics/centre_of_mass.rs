@@ -4,7 +4,8 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 
 use super::Kinematics;
 use crate::Model;
-use crate::algebra::V3;
+use crate::algebra::{RigidInertia, V3};
+use crate::model::program::Program;
 
 /// Motion of the centre of mass of all that moves, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,43 +43,88 @@ impl Kinematics {
         }
     }
 
-    /// Jacobian of the centre of mass (3 x nv), world axes: `jacobian * v` is its velocity.
+    /// Jacobian of the centre of mass (3 x nv), world axes: `jacobian * v` is its velocity \[m/s\].
+    ///
+    /// `out` is overwritten. Not a number for a robot without mass.
     pub fn com_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
-        &mut self,
+        &self,
         model: &Model,
         out: &mut Matrix<f64, R, C, S>,
     ) {
         assert_eq!(out.shape(), (3, model.nv()), "shape of the Jacobian");
         out.fill(0.0);
         let program = model.program();
-        let inertias = std::iter::once(&program.base).chain(program.nodes.iter().map(|node| &node.inertia));
-        for ((carried, body), inertia) in self.carried.iter_mut().zip(&self.bodies).zip(inertias) {
-            *carried = (inertia.mass, body.position * inertia.mass + body.rotation * inertia.moment);
-        }
-        for (index, node) in program.nodes.iter().enumerate().rev() {
-            let (mass, moment) = self.carried[index + 1];
-            let parent = &mut self.carried[node.parent];
-            parent.0 += mass;
-            parent.1 += moment;
-        }
-        let inverse = 1.0 / self.carried[0].0;
-        for ((node, body), (mass, moment)) in
-            program.nodes.iter().zip(&self.bodies[1..]).zip(&self.carried[1..])
-        {
-            let axis = body.rotation.z * (node.multiplier * inverse);
-            let column =
-                if node.prismatic { axis * *mass } else { axis.cross(*moment - body.position * *mass) };
-            add(out, node.column, column);
-        }
+        let inverse = 1.0 / program.carried_masses[0];
+        let moment = if program.coupled {
+            self.couple_columns(program, inverse, out)
+        } else {
+            self.fill_columns(program, inverse, out)
+        };
         if program.floating {
             let base = &self.bodies[0];
-            let arm = self.carried[0].1 * inverse - base.position;
+            let arm = moment * inverse - base.position;
             for (column, axis) in [base.rotation.x, base.rotation.y, base.rotation.z].into_iter().enumerate()
             {
                 add(out, column, axis);
                 add(out, column + 3, axis.cross(arm));
             }
         }
+    }
+
+    /// Columns of the joints where each joint has its own, in one sweep from the leaves to the base: a column holds the first
+    /// moment of mass of what its body carries until the body itself is reached. Gives the moment of the whole robot.
+    fn fill_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &self,
+        program: &Program,
+        inverse: f64,
+        out: &mut Matrix<f64, R, C, S>,
+    ) -> V3 {
+        let mut whole = self.moment(0, &program.base);
+        for (index, node) in program.nodes.iter().enumerate().rev() {
+            let at = node.column;
+            let carried = V3::new(out[(0, at)], out[(1, at)], out[(2, at)]);
+            let moment = self.moment(index + 1, &node.inertia) + carried;
+            match node.parent.checked_sub(1) {
+                Some(parent) => add(out, program.nodes[parent].column, moment),
+                None => whole += moment,
+            }
+            let body = &self.bodies[index + 1];
+            let mass = program.carried_masses[index + 1];
+            let axis = body.rotation.z * (node.multiplier * inverse);
+            let column = if node.prismatic { axis * mass } else { axis.cross(moment - body.position * mass) };
+            for (row, entry) in column.array().into_iter().enumerate() {
+                out[(row, at)] = entry;
+            }
+        }
+        whole
+    }
+
+    /// The same where several joints share a column: each body adds to the columns of all joints that carry it.
+    fn couple_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
+        &self,
+        program: &Program,
+        inverse: f64,
+        out: &mut Matrix<f64, R, C, S>,
+    ) -> V3 {
+        let mut whole = self.moment(0, &program.base);
+        for (index, moved) in program.nodes.iter().enumerate() {
+            let (mass, moment) = (moved.inertia.mass, self.moment(index + 1, &moved.inertia));
+            whole += moment;
+            for &slot in program.chain(index) {
+                let (node, body) = (&program.nodes[slot - 1], &self.bodies[slot]);
+                let axis = body.rotation.z * (node.multiplier * inverse);
+                let column =
+                    if node.prismatic { axis * mass } else { axis.cross(moment - body.position * mass) };
+                add(out, node.column, column);
+            }
+        }
+        whole
+    }
+
+    /// First moment of mass of the body at `slot` about the world's origin, world axes.
+    fn moment(&self, slot: usize, inertia: &RigidInertia) -> V3 {
+        let body = &self.bodies[slot];
+        body.position * inertia.mass + body.rotation * inertia.moment
     }
 }
 

@@ -48,8 +48,6 @@ pub struct Kinematics {
     align: Vec<M3>,
     /// A frame of the world beside a floating base.
     world: BodyState,
-    /// Mass and first moment about the world's origin of each body and all it carries.
-    carried: Vec<(f64, V3)>,
 }
 
 impl Kinematics {
@@ -61,7 +59,6 @@ impl Kinematics {
             bodies: vec![BodyState::START; slots],
             align: model.program().align.clone(),
             world: BodyState::START,
-            carried: vec![(0.0, V3::ZERO); slots],
         }
     }
 

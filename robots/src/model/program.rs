@@ -3,7 +3,7 @@
 //! Every joint turns about or slides along the z axis of its *node frame*: the body frame, turned once at construction.
 //! With the joint at zero the node frame is the body frame times `align`.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::normals::Normals;
 use super::{Base, Body, Frame, Inertia, JointKind};
@@ -63,6 +63,8 @@ pub(crate) struct Program {
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
     chains: Vec<usize>,
     starts: Vec<usize>,
+    /// Mass of each body and all it carries \[kg\], the base first.
+    pub(crate) carried_masses: Vec<f64>,
     /// Where what each body carries ends, counted in bodies: with bodies depth first it carries those up to there.
     pub(crate) ends: Vec<usize>,
 }
@@ -126,6 +128,7 @@ impl Program {
         let ends = ends(&nodes);
         Self {
             orderly: ends.is_some() && !coupled,
+            carried_masses: carried_masses(&nodes, if floating { base.inertia.mass } else { 0.0 }),
             normals: Normals::new(&nodes),
             above: columns_above(&nodes, floating, coupled, nv),
             align: align.into_iter().map(M3::from).collect(),
@@ -225,13 +228,15 @@ pub(crate) fn quaternion(q: &[f64]) -> M3 {
     }
 }
 
-/// A rotation that turns z to `axis`; the plain permutation or half turn where the axis is a coordinate axis.
+/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is a coordinate
+/// axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT 6(1), 2017).
+///
+/// Each entry is accurate to rounding for every axis: no angle is computed, and the divisor is never smaller than one.
 fn turn_z_to(axis: &Vector3<f64>) -> Matrix3<f64> {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
-    if *axis == z {
-        return Matrix3::identity();
-    }
-    let columns = if *axis == x {
+    let columns = if *axis == z {
+        [x, y, z]
+    } else if *axis == x {
         [y, z, x]
     } else if *axis == y {
         [z, x, y]
@@ -242,7 +247,14 @@ fn turn_z_to(axis: &Vector3<f64>) -> Matrix3<f64> {
     } else if *axis == -y {
         [x, z, -y]
     } else {
-        return Rotation3::rotation_between(&z, axis).unwrap_or_else(Rotation3::identity).into_inner();
+        let sign = 1.0_f64.copysign(axis.z);
+        let a = -1.0 / (sign + axis.z);
+        let b = axis.x * axis.y * a;
+        [
+            Vector3::new(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x),
+            Vector3::new(b, sign + axis.y * axis.y * a, -axis.y),
+            *axis,
+        ]
     };
     Matrix3::from_columns(&columns)
 }
@@ -254,6 +266,16 @@ fn rigid(inertia: &Inertia, align: &Matrix3<f64>) -> RigidInertia {
         moment: (align.tr_mul(&inertia.com) * inertia.mass).into(),
         rotational: S3::from_upper(&rotational),
     }
+}
+
+/// Mass of the base and of each body, with all that it carries.
+fn carried_masses(nodes: &[Node], base: f64) -> Vec<f64> {
+    let mut masses: Vec<f64> =
+        std::iter::once(base).chain(nodes.iter().map(|node| node.inertia.mass)).collect();
+    for (index, node) in nodes.iter().enumerate().rev() {
+        masses[node.parent] += masses[index + 1];
+    }
+    masses
 }
 
 /// The end of each body's own range of bodies; `None` when some body stands outside that of its parent.

@@ -154,17 +154,10 @@ def limits(model):
     return found
 
 
-def document(name):
-    urdf = CATALOGUE / name / f"{name}.urdf"
-    profile = tomllib.loads((CATALOGUE / name / f"{name}.toml").read_text())
-    floating = profile.get("base") == "floating"
-    model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if floating else []))
+def document(name, model, floating, chosen, count):
+    """Golden vectors of `count` states of a model; its Jacobians are those of the frames `chosen`."""
     model.gravity.linear = np.array(GRAVITY)
-    chosen = [end["frame"] for part in ("end_effectors", "feet", "rotors") for end in profile.get(part, {}).values()]
-    # The farthest from the base first; two will do.
-    chosen = (chosen or [[frame.name for frame in model.frames if frame.type == pin.FrameType.BODY][-1]])[:2]
     random = np.random.default_rng(sum(name.encode()))
-    count = 4 if model.nv <= 9 else 2
     cases = []
     for q in configurations(model, floating, random, count):
         v, a, tau = (random.uniform(-bound, bound, model.nv) for bound in (2.0, 5.0, 20.0))
@@ -191,11 +184,22 @@ def document(name):
     }
 
 
+def catalogue_document(name):
+    urdf = CATALOGUE / name / f"{name}.urdf"
+    profile = tomllib.loads((CATALOGUE / name / f"{name}.toml").read_text())
+    floating = profile.get("base") == "floating"
+    model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if floating else []))
+    chosen = [end["frame"] for part in ("end_effectors", "feet", "rotors") for end in profile.get(part, {}).values()]
+    # The farthest from the base first; two will do.
+    chosen = (chosen or [[frame.name for frame in model.frames if frame.type == pin.FrameType.BODY][-1]])[:2]
+    return document(name, model, floating, chosen, 4 if model.nv <= 9 else 2)
+
+
 def main():
     names = sys.argv[1:] or sorted(path.name for path in CATALOGUE.iterdir() if path.is_dir())
     for name in names:
         out = HERE / "catalogue" / f"{name}.json"
-        out.write_text(json.dumps(document(name), separators=(",", ":")) + "\n")
+        out.write_text(json.dumps(catalogue_document(name), separators=(",", ":")) + "\n")
         print(f"{out.name}: {out.stat().st_size} bytes")
 
 

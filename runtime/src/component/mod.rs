@@ -5,19 +5,25 @@
 //!
 //! * [`Component`] is the trait to implement;
 //! * [`Declare`] takes its ports and parameters, so that a graph can be checked while nothing runs;
-//! * [`Setup`](crate::worker::Setup) hands out the ports when it is configured;
-//! * [`Kind`] and [`Registry`] make a component type known by name, such as `physics.rapier`.
+//! * [`Setup`] hands out the ports when it is configured;
+//! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such as `physics.rapier`.
 
-mod declaration;
 mod error;
-mod registry;
+mod setup;
 
-pub use declaration::{
-    Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
-    RobotReference, TopicPattern,
+pub use crate::declare::{ConfigError, Declare, StepError};
+pub use crate::transport::Parameter;
+pub use error::ConfigureError;
+pub use setup::{Checkpoint, Setup};
+
+#[doc(hidden)] // moved
+pub use crate::{
+    declare::{
+        Declaration, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
+        RobotReference, TopicPattern,
+    },
+    worker::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource},
 };
-pub use error::{ConfigError, ConfigureError, StepError};
-pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
 
 use std::time::Duration;
 
@@ -49,9 +55,7 @@ impl Tick {
 /// A component of a graph.
 ///
 /// ```
-/// use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-/// use motorium::state::JointState;
-/// use motorium::worker::{Input, Output, Setup};
+/// use motorium::prelude::*;
 ///
 /// #[derive(serde::Deserialize, schemars::JsonSchema)]
 /// #[serde(deny_unknown_fields)]
@@ -109,7 +113,7 @@ pub trait Component: Sized + 'static {
     ///
     /// # Errors
     /// Whatever keeps the component from running.
-    fn configure(config: Self::Config, setup: &mut crate::worker::Setup) -> Result<Self, ConfigureError>;
+    fn configure(config: Self::Config, setup: &mut Setup) -> Result<Self, ConfigureError>;
 
     /// Computes one step: read inputs, compute, publish. No allocation, no lock, no log, no system call.
     ///

@@ -1,8 +1,8 @@
 //! What holds when the graph file does not say. The JSON Schema shows the same values.
 
-use super::units::TimeSpan;
 use super::values::{Schedule, Share, SpinChoice};
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::units::TimeSpan;
 
 const MILLISECOND: u64 = 1_000_000;
 const SECOND: u64 = 1_000_000_000;

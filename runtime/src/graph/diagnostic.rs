@@ -5,16 +5,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::source::{Sources, Span};
-
-/// How bad it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Severity {
-    /// The graph cannot run.
-    Error,
-    /// The graph runs, but probably not as meant.
-    Warning,
-}
+use crate::severity::Severity;
 
 /// A place in the graph file, or in a `--set` override, with what is to be seen there.
 #[derive(Debug, Clone, PartialEq)]

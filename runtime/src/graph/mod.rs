@@ -14,7 +14,6 @@ mod error;
 mod json;
 mod machine;
 mod model;
-mod nearest;
 mod overrides;
 mod parse;
 mod read;
@@ -22,20 +21,22 @@ mod render;
 mod resolve;
 mod schema;
 mod source;
-pub mod units;
 mod values;
+
+#[doc(hidden)] // moved
+pub use crate::{severity::Severity, units};
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use diagnostic::{Diagnostic, DiagnosticReport, PlaceReport, Severity};
+pub use diagnostic::{Diagnostic, DiagnosticReport, PlaceReport};
 pub use error::GraphError;
 pub use machine::Machine;
 pub use overrides::{Override, OverrideError};
 pub use schema::schema;
 
-use crate::component::Registry;
 use crate::plan::Plan;
+use crate::worker::Registry;
 use diagnostic::Report;
 use source::Sources;
 
@@ -122,7 +123,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {
         .filter(|name| name.ends_with(".toml"))
         .collect();
     let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let near = nearest::nearest(wanted, graphs.iter().map(String::as_str));
+    let near = crate::nearest::nearest(wanted, graphs.iter().map(String::as_str));
     let diagnostic = report.error(format!("the graph file `{name}` cannot be read: {error}"));
     match near {
         Some(near) => diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display())),

@@ -5,10 +5,10 @@ use schemars::JsonSchema;
 use super::defaults;
 use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
-use super::units::{Rate, TimeSpan};
 use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
-use crate::component::ParameterValue;
+use crate::declare::ParameterValue;
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::units::{Rate, TimeSpan};
 
 /// A graph of components that share state: what runs, how it is wired, when it steps and what keeps it safe.
 #[derive(Debug, JsonSchema)]

@@ -10,9 +10,9 @@ use toml::de::{DeArray, DeString, DeTable, DeValue};
 
 use super::diagnostic::Report;
 use super::model::TOP_KEYS;
-use super::nearest::{list, nearest};
 use super::read::Value;
 use super::source::{Source, Span};
+use crate::nearest::{list, nearest};
 
 /// One value of the command line in place of that of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]

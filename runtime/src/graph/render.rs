@@ -2,8 +2,9 @@
 
 use annotate_snippets::{Annotation, AnnotationKind, Element, Group, Level, Origin, Renderer, Snippet};
 
-use super::diagnostic::{Diagnostic, Label, Severity};
+use super::diagnostic::{Diagnostic, Label};
 use super::source::Source;
+use crate::severity::Severity;
 
 impl Diagnostic {
     /// The diagnostic with the lines of the file it is about, `file:line:column` and advice.

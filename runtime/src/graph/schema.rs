@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 
 use super::model::GraphTable;
 use super::values::NAME_PATTERN;
-use crate::component::Registry;
+use crate::worker::Registry;
 
 /// The JSON Schema (draft 7, which editors know best) of graph files made of these kinds of components.
 pub fn schema(registry: &Registry) -> Schema {

@@ -12,10 +12,9 @@ use std::time::Duration;
 use rustix::process::Signal;
 
 use super::LaunchError;
-use crate::component::Kind;
 use crate::os::{Watch, interrupt_thread};
 use crate::run_folder::RunFolder;
-use crate::worker::{GUARD, Outcome, WORKER, Worker};
+use crate::worker::{GUARD, Kind, Outcome, WORKER, Worker};
 
 /// A running component, or the guard.
 pub(super) struct Child {

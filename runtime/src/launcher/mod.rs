@@ -26,12 +26,12 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use crate::component::Registry;
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan, Program};
 use crate::region::{Command, Region};
 use crate::run_folder::{RunFolder, RunFolderError};
 use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService, Waker};
+use crate::worker::Registry;
 use child::Child;
 use idling::Idling;
 

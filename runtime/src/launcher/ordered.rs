@@ -1,8 +1,8 @@
 //! Why the components of a graph have ordered its safe stop.
 
-use crate::graph::units::TimeSpan;
 use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
+use crate::units::TimeSpan;
 
 /// What broke a promise that the graph says must not be broken, in words.
 pub(super) fn reason(plan: &Plan, region: &Region) -> String {

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Overheads, RtLimit};
-use crate::graph::Severity;
 use crate::plan::ClockKind;
+use crate::severity::Severity;
 
 /// Whether a graph can hold its times, with the arithmetic.
 ///

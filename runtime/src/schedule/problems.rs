@@ -4,7 +4,7 @@ use super::admission::{Admission, Problem, TaskBound, Verdict};
 use super::latency::Analysis;
 use super::load::{Burst, longest_burst};
 use super::words;
-use crate::graph::Severity;
+use crate::severity::Severity;
 
 /// Finds all problems of an admission, refusals first.
 pub(super) fn find(analysis: &Analysis<'_>, admission: &mut Admission) {

@@ -1,7 +1,7 @@
 //! Sums as people read them.
 
-use crate::graph::units::TimeSpan;
 use crate::plan::Plan;
+use crate::units::TimeSpan;
 
 /// A time with its unit.
 pub(super) fn time(ns: u64) -> String {

@@ -33,6 +33,24 @@ pub trait StateBuffer: Field + __ZeroCopySend {
     fn layout() -> TypeLayout;
 }
 
+/// The layouts of all state buffers that the runtime defines, by name.
+///
+/// ```
+/// let names: Vec<String> = motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();
+/// assert!(names.contains(&"motorium.JointState".to_string()));
+/// ```
+pub fn built_in() -> Vec<TypeLayout> {
+    vec![
+        JointState::layout(),
+        JointCommand::layout(),
+        BaseState::layout(),
+        PoseTarget::layout(),
+        Wrench::layout(),
+        ImuSample::layout(),
+        Phase::layout(),
+    ]
+}
+
 /// Defines a state buffer.
 ///
 /// The fields may be numbers, arrays of numbers, or other state buffers. The type gets `Clone`, `Copy`, `Debug`,
@@ -132,4 +150,22 @@ macro_rules! state_buffer {
             );
         )*
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_state_of_the_runtime_is_in_the_list() {
+        let sources = [include_str!("joint.rs"), include_str!("motion.rs")].concat();
+        let mut defined: Vec<&str> =
+            sources.split(" as \"motorium.").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        let layouts = built_in();
+        let mut listed: Vec<&str> =
+            layouts.iter().map(|layout| layout.type_name.trim_start_matches("motorium.")).collect();
+        defined.sort_unstable();
+        listed.sort_unstable();
+        assert_eq!(listed, defined);
+    }
 }

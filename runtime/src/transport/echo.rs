@@ -2,7 +2,6 @@
 //! small states over iceoryx2 while anybody listens there: tools, and programs with stock iceoryx2.
 
 use std::cell::Cell;
-use std::fmt::Debug;
 use std::rc::Rc;
 
 use iceoryx2::port::port_name::PortName;
@@ -11,18 +10,9 @@ use iceoryx2::prelude::CallbackProgression;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use super::Shared;
 use super::bell::Bell;
+use super::{AfterStep, Shared};
 use crate::state::{Stamp, StateBuffer};
-
-/// What is left to do for an output when a step is over.
-pub(crate) trait AfterStep: Debug {
-    /// Wakes those that the step has triggered.
-    fn wake(&self);
-
-    /// Repeats what the step has published.
-    fn echo(&self);
-}
 
 /// What the subscribers of components are called, which read small states from their slots.
 const OWN: &str = "motorium.input";

@@ -14,12 +14,11 @@ use super::echo::own_name;
 use super::output::FETCHED;
 use super::slots::{Copied, Slots};
 use super::topic::{open, refused};
-use super::{Connect, PortError, Shared};
-use crate::component::TopicPattern;
+use super::{Connect, Context, PortError, Shared};
+use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
-use crate::worker::Context;
 
 /// At the first and then at every so manieth look all connections are asked, not only until the topic's own component
 /// has no more to say.
@@ -98,7 +97,7 @@ impl<T: StateBuffer> Reading<'_, T> {
 
     /// Time since it was published, ns.
     pub fn age_ns(&self) -> u64 {
-        self.context.now_ns().saturating_sub(self.stamp.publish_time)
+        self.context.clock().now_ns().saturating_sub(self.stamp.publish_time)
     }
 }
 
@@ -151,7 +150,7 @@ impl<T: StateBuffer> Input<T> {
             stream,
             edge,
             slots: Slots::of(&bell, topic),
-            bell: (!context.is_lockstep()).then_some(bell),
+            bell: (!context.clock().is_lockstep()).then_some(bell),
             writer: topic.writer as u32,
             ..Self::unwired(context)
         })
@@ -323,7 +322,7 @@ impl<T: StateBuffer> Input<T> {
     fn reading(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;
         if self.is_cause {
-            self.context.inherit(reading.stamp.source_time);
+            self.context.causality().propagate(reading.stamp.source_time);
         }
         Some(reading)
     }

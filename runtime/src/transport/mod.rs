@@ -7,10 +7,10 @@
 //! component steps with, [`Observer`] is how tools look on without taking part.
 
 mod bell;
+mod context;
 mod domain;
 mod eager;
 mod echo;
-mod exchange;
 mod input;
 mod observer;
 mod output;
@@ -24,9 +24,9 @@ mod trigger;
 mod variant;
 
 pub(crate) use bell::Bell;
+pub use context::Context;
+pub(crate) use context::{AfterStep, Signals};
 pub use domain::{Domain, DomainError};
-pub(crate) use echo::AfterStep;
-pub use exchange::{Exchange, ExchangeError, Seat};
 pub use input::{Input, Reading};
 pub use observer::{Observed, Observer};
 pub(crate) use output::{Connect, Probe};

@@ -12,15 +12,14 @@ use iceoryx2::sample_mut::SampleMut;
 
 use super::bell::Bell;
 use super::eager::{fetch_to_write, learn};
-use super::echo::{AfterStep as _, Echo};
+use super::echo::Echo;
 use super::slots::Slots;
 use super::topic::{open, refused};
-use super::{PortError, Shared};
-use crate::component::StepError;
+use super::{AfterStep as _, Context, PortError, Shared};
+use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
 use crate::state::{Digest, Stamp, StateBuffer};
-use crate::worker::Context;
 
 /// So much of a sample is fetched ahead, bytes: beyond, the processor sees the pattern itself.
 pub(super) const FETCHED: usize = 1024;
@@ -101,7 +100,7 @@ impl<T: StateBuffer> Output<T> {
         let publisher = Rc::new(publisher);
         let slots = Slots::of(&bell, topic);
         // In lockstep nobody waits for a topic.
-        let rings = (!context.is_lockstep()).then(|| bell.clone());
+        let rings = (!context.clock().is_lockstep()).then(|| bell.clone());
         let echo = Rc::new(Echo::new(samples, publisher.clone(), rings.clone(), Slots::of(&bell, topic)));
         let wired = Wired {
             topic: index,
@@ -123,7 +122,7 @@ impl<T: StateBuffer> Output<T> {
     pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
         if let Some(wired) = &mut self.wired {
             (wired.ends_steps, wired.wakes_late) = (true, stays_on_core);
-            self.context.after_the_step(wired.echo.clone());
+            self.context.deferred().add(wired.echo.clone());
         }
         self
     }
@@ -210,13 +209,13 @@ impl<T: StateBuffer> Loan<'_, T> {
         let output = &mut *self.output;
         let context = &output.context;
         let Some(wired) = output.wired.as_mut() else { return Ok(()) };
-        let now = context.now_ns();
+        let now = context.clock().now_ns();
         if context.withholds(now) {
             add(&context.block().refused, 1);
             return Ok(());
         }
         output.sequence += 1;
-        let source_time = context.source_time_or(now);
+        let source_time = context.causality().source_time_or(now);
         let stamp = Stamp {
             sequence: output.sequence,
             source_time,
@@ -224,7 +223,7 @@ impl<T: StateBuffer> Loan<'_, T> {
             origin: context.index() as u32,
             incarnation: context.incarnation(),
         };
-        if context.is_lockstep() {
+        if context.clock().is_lockstep() {
             let content: &T = match (&sample, &wired.slots) {
                 (Some(sample), _) => sample.payload(),
                 (None, Some(slots)) => slots.begun(),

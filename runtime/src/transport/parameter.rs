@@ -9,7 +9,7 @@ use iceoryx2::service::port_factory::blackboard;
 
 use super::topic::{refused, service_name};
 use super::{Domain, PortError, Shared};
-use crate::component::{ParameterKind, ParameterValue};
+use crate::declare::{ParameterKind, ParameterValue};
 use crate::plan::{ComponentPlan, ParameterPlan, Plan};
 use crate::state::Field;
 

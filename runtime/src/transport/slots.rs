@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU64, fence};
 
 use super::bell::{Bell, WORDS_BYTES};
 use super::eager::fetch_to_write;
-use crate::component::TopicPattern;
+use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
 

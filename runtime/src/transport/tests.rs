@@ -8,12 +8,11 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::topic::service_name;
 use super::*;
-use crate::component::{Declare, ParameterValue, TopicPattern};
+use crate::declare::{Declare, ParameterValue, TopicPattern};
 use crate::plan::*;
 use crate::region::Region;
 use crate::run_folder::RunFolder;
 use crate::state::{Defect, JointState, Stamp, StateBuffer, TypeLayout, Wrench};
-use crate::worker::Context;
 
 fn component(name: &str) -> ComponentPlan {
     let mut declare = Declare::new(None);
@@ -215,7 +214,7 @@ fn a_value_that_is_not_finite_is_not_published() {
     loan.set_count(3);
     loan.velocity_mut()[2] = f64::NAN;
     let error = loan.publish().unwrap_err();
-    let crate::component::StepError::InvalidOutput { port: "output", defect } = error else {
+    let crate::declare::StepError::InvalidOutput { port: "output", defect } = error else {
         panic!("{error}")
     };
     assert!(matches!(defect, Defect::NotFinite { field: "velocity", index: 2, .. }));

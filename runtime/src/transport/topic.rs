@@ -10,11 +10,10 @@ use iceoryx2::service::marker::CustomPayloadMarker;
 use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
-use super::{Shared, Trigger, Waker};
-use crate::component::TopicPattern;
+use super::{Context, Shared, Trigger, Waker};
+use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
-use crate::worker::Context;
 
 /// Readers beyond those of the graph: the tools that look on.
 pub(super) const OBSERVERS: usize = 4;

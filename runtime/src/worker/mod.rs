@@ -4,26 +4,27 @@
 //! lockstep.
 
 mod account;
-mod context;
 mod failure;
 mod grid;
 mod lockstep;
 mod margin;
-mod program;
+mod protocol;
 mod realtime;
-mod setup;
+mod registry;
 mod stepper;
 mod verdict;
 mod watcher;
 
-pub use crate::transport::{Input, Loan, Output, Parameter, Reading};
-pub use context::Context;
 pub use failure::Failure;
-pub use program::{
-    DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, Program, WORKER, describe, main,
-    run_worker,
+pub use protocol::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
+pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
+
+#[doc(hidden)] // moved
+pub use crate::{
+    component::{Checkpoint, Setup},
+    program::{Program, describe, main, run_worker},
+    transport::{Context, Input, Loan, Output, Parameter, Reading},
 };
-pub use setup::{Checkpoint, Setup};
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -147,7 +148,7 @@ fn live<C: Component>(
     os::prefault_stack();
     block.enter(Phase::Connected);
     if await_command(&context, |command| command != Command::Configure && command != Command::Connect) {
-        context.begin();
+        context.clock().begin();
         block.enter(Phase::Running);
         match (plan.clock, &component.activation, trigger) {
             (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper)?,

@@ -21,7 +21,7 @@ pub(super) fn run_periodic<C: Component>(
     phase_ns: u64,
     mut margin: Margin,
 ) -> Result<(), Failure> {
-    let origin = stepper.context().start_ns() + phase_ns;
+    let origin = stepper.context().clock().start_ns() + phase_ns;
     // A component that joins later needs the time to get there.
     let mut grid = Grid::new(origin, period_ns, monotonic_ns());
     let mut last_end = 0;

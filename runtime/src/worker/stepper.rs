@@ -5,14 +5,15 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
-use super::{Context, Failure, failure};
-use crate::component::{Component, StepError, Tick};
+use super::{Failure, failure};
+use crate::component::{Component, Tick};
+use crate::declare::StepError;
 use crate::os;
 use crate::plan::{ComponentPlan, OnError, OnOverrun};
 use crate::region::{Command, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
-use crate::transport::ParameterReader;
+use crate::transport::{Context, ParameterReader};
 
 /// Steps after which a component counts as warmed up: allocations and page faults count from there on.
 pub(crate) const WARM_UP: u64 = 100;
@@ -92,7 +93,7 @@ impl<C: Component> Stepper<C> {
         let steps = block.steps.load(Relaxed);
         let tick = Tick {
             index: steps,
-            time_ns: timing.release_ns.saturating_sub(context.start_ns()),
+            time_ns: timing.release_ns.saturating_sub(context.clock().start_ns()),
             period: self.period,
         };
         if self.own_steps == WARM_UP {
@@ -105,11 +106,11 @@ impl<C: Component> Stepper<C> {
         let result = failure::guard(|| component.step(&tick).map_err(Wrong::Error));
         let after = allocations();
         let real_end = os::monotonic_ns();
-        let end = if context.is_lockstep() { timing.release_ns } else { real_end };
+        let end = if context.clock().is_lockstep() { timing.release_ns } else { real_end };
         // From here on nobody waits for this step: those it has triggered, if they are more urgent, run first.
-        context.wake_triggered();
+        context.deferred().wake();
         self.accounts.handed_over(os::monotonic_ns() - real_end);
-        context.end_step();
+        context.deferred().finish();
 
         self.own_steps += 1;
         block.steps.store(steps + 1, Relaxed);

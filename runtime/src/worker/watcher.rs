@@ -3,16 +3,15 @@
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::Ordering::Relaxed;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 
-use super::Context;
-use super::context::Signals;
 use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
+use crate::transport::{Context, Signals};
 
 /// Starts the watcher of the calling (stepping) thread. It runs at normal priority on whatever core is free.
 pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
@@ -26,7 +25,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     commands.set_nonblocking(true)?;
     signal_hook::low_level::pipe::register(SIGUSR2, sender.try_clone()?)?;
     // Actions run in this order: the flag is up when the watcher is woken.
-    signal_hook::flag::register(SIGTERM, signals.terminated.clone())?;
+    signal_hook::flag::register(SIGTERM, signals.terminated())?;
     signal_hook::low_level::pipe::register(SIGTERM, sender)?;
     let stepping = thread_id();
     std::thread::Builder::new().name("watcher".to_string()).spawn(move || {
@@ -42,7 +41,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
             }
             if launcher_alive && polled[1].revents().contains(PollFlags::IN) {
                 launcher_alive = false;
-                signals.orphaned_ns.store(monotonic_ns(), Relaxed);
+                signals.launcher_died(monotonic_ns());
             }
             let mut drain = [0; 64];
             while matches!(commands.read(&mut drain), Ok(n) if n > 0) {}
@@ -53,12 +52,11 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
 
 /// Interrupts the stepping thread until it has looked: a signal just before it goes to sleep would be lost.
 fn tell(signals: &Signals, stepping: i32) {
-    let message = signals.raised.load(Relaxed).wrapping_add(1);
-    signals.raised.store(message, Release);
+    let message = signals.send();
     for _ in 0..2_000 {
         interrupt_thread(stepping);
         std::thread::sleep(Duration::from_millis(1));
-        if signals.seen.load(Acquire) == message {
+        if signals.has_seen(message) {
             return;
         }
     }

@@ -1,6 +1,6 @@
 //! Whole files: broken ones with the exact error each must give, good ones with their plans.
 
-use motorium::graph::Severity;
+use motorium::severity::Severity;
 use serde_json::Value as Json;
 
 use super::{anywhere, good, graphs, load, stem};

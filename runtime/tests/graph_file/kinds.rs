@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use motorium::component::{
-    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
-};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{ImuSample, JointCommand, JointState, Phase, PoseTarget, Wrench};
-use motorium::worker::Setup;
+use motorium::worker::{Kind, Registry, RobotSource};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -1,6 +1,6 @@
 //! `--set`: as if it stood in the file, and with mistakes shown where they were made.
 
-use motorium::component::ParameterValue;
+use motorium::declare::ParameterValue;
 use motorium::graph::Override;
 use motorium::plan::{Activation, ClockKind, Plan};
 

@@ -173,7 +173,7 @@ fn defaults_of_the_schema_are_those_of_the_plan() {
     let tuned = matches!(component.spin, motorium::plan::Spin::Tuned { .. });
     let spin_share = component.spin.at_most_ns() as f64 / component.period_ns() as f64;
     let spin_share = (spin_share * 1e3).round() / 1e3;
-    let shown = |ns: u64| json!(motorium::graph::units::TimeSpan { ns }.to_string());
+    let shown = |ns: u64| json!(motorium::units::TimeSpan { ns }.to_string());
     let data = |value: &dyn erased::Data| value.data();
     for (pointer, actual) in [
         ("/properties/clock/default", data(&plan.clock)),

@@ -1,6 +1,6 @@
 //! Times and rates.
 
-use motorium::graph::units::{Rate, TimeSpan, UnitError};
+use motorium::units::{Rate, TimeSpan, UnitError};
 use proptest::prelude::*;
 
 fn ns(text: &str) -> Result<u64, UnitError> {

@@ -1,8 +1,9 @@
 //! A user's component that goes wrong on order: it passes a joint state through until its time has come.
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::JointState;
-use motorium::worker::{Input, Output, Setup};
+use motorium::transport::{Input, Output};
 
 /// What goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, schemars::JsonSchema)]

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium::graph::units::TimeSpan;
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{Admission, RtLimit, Timeline, admit, timeline};
+use motorium::units::TimeSpan;
 
 pub(crate) use admission::{describe as describe_admission, problems};
 

@@ -4,8 +4,8 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium::component::Registry;
 use motorium::graph::{self, Checked, Override};
+use motorium::worker::Registry;
 
 use crate::exit;
 use crate::out::{errln, outln};

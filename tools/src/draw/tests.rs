@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use motorium::component::TopicPattern;
+use motorium::declare::TopicPattern;
 use motorium::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
     PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,

@@ -1,11 +1,11 @@
 //! What is written on components and topics.
 
-use motorium::component::TopicPattern;
-use motorium::graph::units::{Rate, TimeSpan};
+use motorium::declare::TopicPattern;
 use motorium::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnMiss, Plan, Program, SafeState, SchedulingClass,
     TopicPlan,
 };
+use motorium::units::{Rate, TimeSpan};
 
 /// A time with its unit.
 pub(super) fn time(ns: u64) -> String {

@@ -1,6 +1,4 @@
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::state::PoseTarget;
-use motorium::worker::{Output, Parameter, Setup};
+use motorium::prelude::*;
 
 /// The `config` table.
 #[derive(serde::Deserialize, schemars::JsonSchema)]

@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use motorium::component::ConfigError;
+use motorium::prelude::*;
 use motorium_robots::Model;
 use nalgebra::DVector;
 

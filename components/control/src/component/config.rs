@@ -1,10 +1,8 @@
 //! The `config` table of `control.qp`.
 
-use std::time::Duration;
-
-use motorium::graph::units::{TimeSpan, UnitError};
+use motorium::units::TimeSpan;
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use super::tasks::TaskConfig;
 use crate::limits::{PositionLimit, VelocityLimit};
@@ -44,13 +42,9 @@ pub struct QpControllerConfig {
     pub damping: f64,
     /// Age from which a joint state is not acted upon: nothing is commanded then, and the drives go to their safe
     /// state. Default 10 ms.
-    #[serde(deserialize_with = "time")]
-    #[schemars(with = "TimeSpan")]
-    pub state_timeout: Duration,
+    pub state_timeout: TimeSpan,
     /// Age from which a target counts as standing still where it was. Default 50 ms.
-    #[serde(deserialize_with = "time")]
-    #[schemars(with = "TimeSpan")]
-    pub target_timeout: Duration,
+    pub target_timeout: TimeSpan,
 }
 
 impl Default for QpControllerConfig {
@@ -66,8 +60,8 @@ impl Default for QpControllerConfig {
             feedback: Feedback::Measured,
             max_lead: 0.1,
             damping: 1e-7,
-            state_timeout: Duration::from_millis(10),
-            target_timeout: Duration::from_millis(50),
+            state_timeout: TimeSpan { ns: 10_000_000 },
+            target_timeout: TimeSpan { ns: 50_000_000 },
         }
     }
 }
@@ -100,12 +94,4 @@ pub enum PerJoint {
     All(f64),
     /// One per independent joint, in the order of the model's `q`.
     Each(Vec<f64>),
-}
-
-fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
-    let text = String::deserialize(deserializer)?;
-    let span: TimeSpan = text.parse().map_err(|error: UnitError| {
-        serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))
-    })?;
-    Ok(Duration::from_nanos(span.ns))
 }

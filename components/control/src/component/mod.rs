@@ -8,10 +8,8 @@ mod tasks;
 pub use config::{Feedback, LimitsConfig, PerJoint, QpControllerConfig};
 pub use tasks::*;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::state::{JointCommand, JointState};
+use motorium::prelude::*;
 use motorium::telemetry::set_apart;
-use motorium::worker::{Checkpoint, Input, Output, Parameter, Setup};
 use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
@@ -119,8 +117,8 @@ impl Component for QpController {
             feed_forward,
             feedback: config.feedback,
             max_lead: config.max_lead,
-            state_timeout_ns: nanoseconds(config.state_timeout),
-            target_timeout_ns: nanoseconds(config.target_timeout),
+            state_timeout_ns: config.state_timeout.ns,
+            target_timeout_ns: config.target_timeout.ns,
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction: setup.parameter("velocity_fraction")?,
@@ -270,9 +268,5 @@ impl QpController {
 }
 
 fn period_ns(tick: &Tick) -> u64 {
-    nanoseconds(tick.period)
-}
-
-fn nanoseconds(time: std::time::Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+    u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -1,7 +1,6 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
-use motorium::component::{ConfigError, RobotReference};
-use motorium::state::MAX_JOINTS;
+use motorium::prelude::*;
 use motorium_robots::{Gains, Loaded, Model, Profile, load};
 use nalgebra::{DVector, Vector3};
 

@@ -11,9 +11,10 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{ImuSample, JointCommand, JointState, Phase, PoseTarget, StateBuffer, Wrench};
-use motorium::worker::{Input, Setup};
+use motorium::transport::Input;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use line::{Line, Words};

@@ -1,6 +1,6 @@
 //! The `config` table of `physics.rapier`.
 
-use motorium::component::ConfigError;
+use motorium::declare::ConfigError;
 use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;

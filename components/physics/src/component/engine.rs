@@ -1,6 +1,6 @@
 //! The engine for a robot: rapier for a fixed base, our own for one that floats.
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
 use motorium_robots::{LoadOptions, Loaded, load_with};

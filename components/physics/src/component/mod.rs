@@ -4,10 +4,11 @@ mod config;
 mod engine;
 mod safe;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGuard, Judgement};
 use motorium::state::{BaseState, JointCommand as CommandBuffer, JointState as StateBuffer};
-use motorium::worker::{Checkpoint, Input, Output, Setup};
+use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
 use serde_json::json;
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use motorium::graph::units::TimeSpan;
+use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
@@ -109,7 +109,7 @@ pub(super) fn optional_time<'de, D: Deserializer<'de>>(
 
 pub(super) fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
     let text = String::deserialize(deserializer)?;
-    let span: TimeSpan = text.parse().map_err(|error: motorium::graph::units::UnitError| {
+    let span: TimeSpan = text.parse().map_err(|error: motorium::units::UnitError| {
         serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))
     })?;
     Ok(Duration::from_nanos(span.ns))

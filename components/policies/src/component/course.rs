@@ -1,6 +1,6 @@
 //! Goals as they are configured, turned into legs.
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use motorium::component::{ConfigError, ConfigureError, Declare, RobotReference, StepError};
-use motorium::graph::units::TimeSpan;
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState};
-use motorium::worker::{Input, Output, Parameter, Setup};
+use motorium::transport::{Input, Output, Parameter};
+use motorium::units::TimeSpan;
 use motorium_robots::{Dynamics, Gains, Model};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;

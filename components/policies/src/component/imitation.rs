@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::Kinematics;
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
@@ -29,7 +29,7 @@ pub struct DemonstrationConfig {
     /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
     /// hand is.
     #[serde(default, deserialize_with = "super::config::optional_time")]
-    #[schemars(with = "Option<motorium::graph::units::TimeSpan>")]
+    #[schemars(with = "Option<motorium::units::TimeSpan>")]
     pub approach: Option<std::time::Duration>,
 }
 

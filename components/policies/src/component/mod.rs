@@ -17,9 +17,10 @@ pub use promp::{ProMpPolicy, ProMpPolicyConfig, ProMpSource, ViaConfig};
 
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::PoseTarget;
-use motorium::worker::{Checkpoint, Output, Parameter, Setup};
+use motorium::transport::{Output, Parameter};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::reach::{PoseReach, ReachPhase};

@@ -1,8 +1,9 @@
 //! Where the hand starts from.
 
-use motorium::component::{ConfigError, ConfigureError, Declare, RobotReference, StepError};
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::JointState;
-use motorium::worker::{Input, Setup};
+use motorium::transport::Input;
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
 

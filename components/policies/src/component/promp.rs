@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::graph::units::TimeSpan;
-use motorium::worker::{Parameter, Setup};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::transport::Parameter;
+use motorium::units::TimeSpan;
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -215,7 +216,7 @@ fn borrowed((name, key): &(String, String)) -> (&str, String) {
 /// The joints that are moved, with their keys.
 fn named(
     config: &ProMpPolicyConfig,
-    robot: Option<&motorium::component::RobotReference>,
+    robot: Option<&motorium::declare::RobotReference>,
 ) -> Result<Vec<(String, String)>, ConfigError> {
     if let Some(joints) = &config.joints {
         let keyed = |(i, name): (usize, &String)| (name.clone(), format!("joints[{i}]"));

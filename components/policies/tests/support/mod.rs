@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use motorium::component::{
-    Component, ConfigError, ConfigSource, Kind, Registry, RobotReference, RobotSource,
-};
+use motorium::component::Component;
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::launcher::{self, Hosting, Options, Report};
 use motorium::telemetry::CountingAllocator;
+use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;

@@ -5,7 +5,7 @@ use super::scheduling::Scheduling;
 use super::timing::Timing;
 use super::wiring::Wiring;
 use super::{Context, Draft};
-use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::defaults;
 use crate::graph::model::{GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
@@ -124,8 +124,9 @@ impl Parts<'_, '_> {
 }
 
 fn restart(table: Option<&RestartTable>) -> RestartPlan {
-    let of = |key: fn(&RestartTable) -> &Option<crate::graph::read::At<crate::graph::units::TimeSpan>>,
-              default| { table.map_or(default, |table| good_or(key(table), default)) };
+    let of = |key: fn(&RestartTable) -> &Option<crate::graph::read::At<crate::units::TimeSpan>>, default| {
+        table.map_or(default, |table| good_or(key(table), default))
+    };
     RestartPlan {
         when: table.map_or(defaults::RESTART_WHEN, |table| good_or(&table.when, defaults::RESTART_WHEN)),
         at_most: table

@@ -6,15 +6,16 @@ use toml::de::{DeTable, DeValue};
 
 use super::robots::Robot;
 use super::{Context, Draft, exec};
-use crate::component::{ConfigError, ConfigProblem, ConfigSource, Declaration, TopicPattern};
+use crate::declare::{ConfigError, Declaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::{find, to_json};
 use crate::graph::model::{ComponentTable, GraphTable};
-use crate::graph::nearest::{list, nearest, suggest};
 use crate::graph::read::{At, Value, good};
 use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
+use crate::nearest::{list, nearest, suggest};
 use crate::plan::Program;
+use crate::worker::{ConfigProblem, ConfigSource};
 
 /// All components of the file, in its order.
 pub(super) fn resolve<'g, 'i>(

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value as Json;
 
 use super::Draft;
-use crate::component::{ConfigError, Declaration, RobotReference};
+use crate::declare::{ConfigError, Declaration, RobotReference};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
 use crate::worker::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest};

@@ -7,16 +7,16 @@
 use super::Draft;
 use super::timing::Timing;
 use super::wiring::{Wire, Wiring};
-use crate::component::Direction;
+use crate::declare::Direction;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::{GraphTable, LatencyTable};
-use crate::graph::nearest::{list, suggest};
 use crate::graph::read::{At, good, good_or};
 use crate::graph::source::Span;
-use crate::graph::units::TimeSpan;
 use crate::graph::values::TopicName;
+use crate::nearest::{list, suggest};
 use crate::plan::{Activation, LatencyPlan, OnMiss};
+use crate::units::TimeSpan;
 
 /// Budgets and causes.
 #[derive(Debug)]

@@ -22,8 +22,9 @@ use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
 use super::source::Span;
-use crate::component::{Declaration, Direction, PortDeclaration, Registry, RobotReference};
+use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
+use crate::worker::Registry;
 
 /// What a graph is resolved against.
 pub(super) struct Context<'c> {

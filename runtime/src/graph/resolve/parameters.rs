@@ -2,8 +2,8 @@
 
 use super::Draft;
 use crate::graph::diagnostic::Report;
-use crate::graph::nearest::suggest;
 use crate::graph::read::good;
+use crate::nearest::suggest;
 use crate::plan::ParameterPlan;
 
 /// The parameters of every component, in the order of their declaration.

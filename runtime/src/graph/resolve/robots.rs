@@ -1,7 +1,7 @@
 //! Robots: looked up through what the program knows of them.
 
 use super::Context;
-use crate::component::RobotReference;
+use crate::declare::RobotReference;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::good;

@@ -3,14 +3,14 @@
 use super::Draft;
 use super::timing::Timing;
 use super::wiring::Wiring;
-use crate::component::Direction;
+use crate::declare::Direction;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
-use crate::graph::units::TimeSpan;
 use crate::plan::SafetyPlan;
 use crate::state::{JointCommand, StateBuffer as _};
+use crate::units::TimeSpan;
 
 /// Resolves the `[safety]` table and checks it, the restart policies and the duration.
 pub(super) fn resolve(

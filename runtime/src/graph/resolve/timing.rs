@@ -2,15 +2,15 @@
 
 use super::Draft;
 use super::wiring::Wiring;
-use crate::component::Direction;
+use crate::declare::Direction;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
-use crate::graph::nearest::suggest;
 use crate::graph::read::{At, good_or};
 use crate::graph::source::Span;
-use crate::graph::units::TimeSpan;
 use crate::graph::values::TopicName;
+use crate::nearest::suggest;
 use crate::plan::{Activation, OnOverrun};
+use crate::units::TimeSpan;
 
 /// When each component steps.
 #[derive(Debug)]

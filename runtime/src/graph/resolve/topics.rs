@@ -2,9 +2,9 @@
 
 use super::Draft;
 use super::wiring::{Wire, Wiring, carries};
-use crate::component::{Direction, TopicPattern};
+use crate::declare::{Direction, TopicPattern};
 use crate::graph::diagnostic::Report;
-use crate::graph::nearest::{list, nearest};
+use crate::nearest::{list, nearest};
 
 /// Checks every topic.
 pub(super) fn check(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {

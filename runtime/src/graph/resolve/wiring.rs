@@ -1,13 +1,13 @@
 //! Ports wired to topics.
 
 use super::Draft;
-use crate::component::{Direction, PortDeclaration, TopicPattern};
+use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
-use crate::graph::nearest::{list, nearest};
 use crate::graph::read::{At, good};
 use crate::graph::source::Span;
 use crate::graph::values::{Named, TopicName};
+use crate::nearest::{list, nearest};
 
 /// A port wired to a topic, as the file says it.
 #[derive(Debug)]

@@ -9,12 +9,12 @@ use serde::Serialize;
 use toml::de::DeValue;
 
 use super::diagnostic::Report;
-use super::nearest::{list, nearest};
 use super::read::{At, Read, Value, entries, mismatch, table, text};
 use super::source::Span;
-use super::units::{Rate, TimeSpan, UnitError};
-use crate::component::ParameterValue;
+use crate::declare::ParameterValue;
+use crate::nearest::{list, nearest};
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use scheduling::{Schedule, Share, SpinChoice};
 
 impl<'i> Read<'i> for String {

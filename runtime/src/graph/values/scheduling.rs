@@ -8,7 +8,7 @@ use toml::de::DeValue;
 
 use crate::graph::diagnostic::Report;
 use crate::graph::read::{Read, Value, mismatch};
-use crate::graph::units::TimeSpan;
+use crate::units::TimeSpan;
 
 /// How a component is scheduled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]

@@ -1,9 +1,9 @@
 //! Whole graphs: verdicts, and the arithmetic in words.
 
 use super::graphs::{Node, When, graph, node};
-use crate::graph::Severity;
 use crate::plan::{ClockKind, OnOverrun};
 use crate::schedule::{Admission, Overheads, RtLimit, Verdict, admit};
+use crate::severity::Severity;
 
 const US: u64 = 1_000;
 const KHZ: When = When::Every(1_000 * US, 0);

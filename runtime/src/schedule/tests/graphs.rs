@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::component::TopicPattern;
+use crate::declare::TopicPattern;
 use crate::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
     PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use motorium::graph::units::TimeSpan;
 use motorium::launcher::Report;
 use motorium::plan::Plan;
 use motorium::telemetry::Percentiles;
+use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use crate::report::{microseconds, table};

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::time::Duration;
 
-use motorium::component::Registry;
 use motorium::launcher::Report;
 use motorium::plan::{Activation, Plan};
 use motorium::schedule::Overheads;
+use motorium::worker::Registry;
 use motorium_benches::Distribution;
 use motorium_benches::pair::{self, Carrier, Throw};
 

@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use motorium::graph::Override;
-use motorium::graph::units::TimeSpan;
 use motorium::launcher::{self, Exit, Hosting, Options, Report};
 use motorium::os::IdleLimit;
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{Admission, Overheads, RtLimit, admit};
+use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use self::budgets::{Cover, Proposal};

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use motorium::graph::Severity;
-use motorium::graph::units::TimeSpan;
 use motorium::plan::ClockKind;
 use motorium::schedule::{Admission, Verdict};
+use motorium::severity::Severity;
+use motorium::units::TimeSpan;
 
 use crate::report::table;
 use crate::style;

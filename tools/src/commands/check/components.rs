@@ -1,7 +1,7 @@
 //! The components of a graph as a table.
 
-use motorium::graph::units::{Rate, TimeSpan};
 use motorium::plan::{Activation, ComponentPlan, Plan, PortPlan, Program, SchedulingClass};
+use motorium::units::{Rate, TimeSpan};
 
 use crate::report::table;
 

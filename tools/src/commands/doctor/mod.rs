@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use iceoryx2_bb_elementary::package_version::PackageVersion;
-use motorium::graph::units::TimeSpan;
+use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use crate::out::{errln, out, outln};

@@ -5,7 +5,7 @@ mod render;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium::component::ParameterValue;
+use motorium::declare::ParameterValue;
 use motorium::transport::ParameterTable;
 use serde::Serialize;
 

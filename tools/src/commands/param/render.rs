@@ -1,7 +1,7 @@
 //! Parameters as a table and as JSON.
 
 use comfy_table::CellAlignment;
-use motorium::component::{ParameterKind, ParameterValue};
+use motorium::declare::{ParameterKind, ParameterValue};
 use motorium::plan::ParameterPlan;
 use serde::Serialize;
 
@@ -81,7 +81,7 @@ pub(super) fn table(rows: &[Row]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use motorium::component::ParameterDeclaration;
+    use motorium::declare::ParameterDeclaration;
 
     use super::*;
 

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use motorium::graph::units::TimeSpan;
+use motorium::units::TimeSpan;
 
 use super::runs::{LivingRun, pick};
 use crate::metrics::{Address, Sample, Server};

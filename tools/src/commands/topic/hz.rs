@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 use std::time::Duration;
 
-use motorium::graph::units::TimeSpan;
 use motorium::plan::ClockKind;
 use motorium::telemetry::Percentiles;
+use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use super::find;

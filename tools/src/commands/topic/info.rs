@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use comfy_table::CellAlignment;
-use motorium::graph::units::TimeSpan;
 use motorium::state::TypeLayout;
+use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use super::list::{Row, rows};

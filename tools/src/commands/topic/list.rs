@@ -4,8 +4,8 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use comfy_table::CellAlignment;
-use motorium::graph::units::TimeSpan;
 use motorium::region::TopicBlock;
+use motorium::units::TimeSpan;
 use serde::Serialize;
 use std::sync::atomic::Ordering::Relaxed;
 

@@ -10,7 +10,7 @@ mod watch;
 
 use std::process::ExitCode;
 
-use motorium::component::TopicPattern;
+use motorium::declare::TopicPattern;
 use motorium::plan::{Plan, TopicPlan};
 
 use super::runs::suggest;

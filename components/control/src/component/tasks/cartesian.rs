@@ -1,8 +1,6 @@
 //! The Cartesian task of `control.qp`.
 
-use motorium::component::{ConfigError, ConfigureError, Declare};
-use motorium::state::PoseTarget;
-use motorium::worker::{Input, Parameter, Setup};
+use motorium::prelude::*;
 use motorium_robots::{Profile, Twist};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;

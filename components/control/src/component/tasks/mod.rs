@@ -11,8 +11,7 @@ pub use posture::PostureConfig;
 
 use core::ops::RangeInclusive;
 
-use motorium::component::{ConfigError, ConfigureError, Declare};
-use motorium::worker::Setup;
+use motorium::prelude::*;
 use motorium_robots::{Model, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -1,7 +1,6 @@
 //! The posture task of `control.qp`.
 
-use motorium::component::{ConfigError, ConfigureError, Declare};
-use motorium::worker::{Parameter, Setup};
+use motorium::prelude::*;
 use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;

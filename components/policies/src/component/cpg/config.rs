@@ -1,6 +1,6 @@
 //! The `config` table of `policy.cpg`.
 
-use motorium::component::ConfigError;
+use motorium::declare::ConfigError;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

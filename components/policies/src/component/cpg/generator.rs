@@ -1,6 +1,6 @@
 //! The pattern generator behind the policy, whichever model it is.
 
-use motorium::component::ConfigError;
+use motorium::declare::ConfigError;
 
 use super::config::{CpgModel, CpgPolicyConfig};
 use crate::cpg::{CpgError, Entrainment, NetworkSettings, Node, PhaseNetwork, Rhythm, RhythmSettings, Swing};

@@ -5,8 +5,9 @@ mod generator;
 
 pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, LegConfig, MatsuokaConfig, SwingConfig};
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
-use motorium::worker::{Parameter, Setup};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::transport::Parameter;
 
 use super::drive::{Driven, JointDrive};
 use crate::cpg::Gait;

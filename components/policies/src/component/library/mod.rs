@@ -15,9 +15,10 @@ mod watch;
 pub use config::{HandConfig, LibraryPolicyConfig, RecognitionConfig};
 pub use messages::{MAX_LABEL, MAX_WEIGHTS, MovementRequest, Recognition};
 
-use motorium::component::{Component, ConfigError, ConfigureError, Declare, StepError, Tick};
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointState, PoseTarget};
-use motorium::worker::{Input, Output, Parameter, Setup};
+use motorium::transport::{Input, Output, Parameter};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::library::{Generator, MotionLibrary};

@@ -1,6 +1,6 @@
 //! A hand in a plane: from degrees of freedom of a library to poses.
 
-use motorium::component::ConfigError;
+use motorium::declare::ConfigError;
 use nalgebra::Vector3;
 
 use super::config::HandConfig;

@@ -1,6 +1,6 @@
 //! What the policy publishes in a step.
 
-use motorium::component::StepError;
+use motorium::declare::StepError;
 use motorium::state::PoseTarget;
 use nalgebra::Vector3;
 

@@ -1,6 +1,6 @@
 //! What a policy sees of the robot.
 
-use motorium::component::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use motorium::component::ConfigError;
+use motorium::declare::ConfigError;
 
 use super::config::LibraryPolicyConfig;
 use crate::library::{

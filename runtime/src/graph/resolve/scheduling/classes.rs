@@ -6,10 +6,10 @@ use super::leader;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::read::good;
-use crate::graph::units::TimeSpan;
 use crate::graph::values::{Choice as _, Schedule};
 use crate::plan::SchedulingClass;
 use crate::schedule::{Overheads, assign};
+use crate::units::TimeSpan;
 
 /// Highest priority of a component: 99 is left to the kernel's own threads.
 pub(super) const HIGHEST_PRIORITY: u8 = 98;

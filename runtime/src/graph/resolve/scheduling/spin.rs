@@ -7,9 +7,9 @@ use crate::graph::diagnostic::Report;
 use crate::graph::model::RealtimeTable;
 use crate::graph::read::{At, good, good_or};
 use crate::graph::source::Span;
-use crate::graph::units::TimeSpan;
 use crate::graph::values::{Schedule, SpinChoice};
 use crate::plan::Spin;
+use crate::units::TimeSpan;
 
 /// The spin of each component: its own, else the graph's; none for those that do not wait for a time of their own, or
 /// whose wait is not worth a core.

@@ -5,16 +5,15 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::Context;
-use crate::component::{ConfigureError, RobotReference};
+use super::ConfigureError;
+use crate::declare::RobotReference;
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan};
 use crate::region::CHECKPOINT_BYTES;
 use crate::run_folder::RunFolder;
-use crate::safety::CommandGuard;
 use crate::state::StateBuffer;
 use crate::transport::{
-    AnyParameter, Connect, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared, Trigger,
-    open_trigger,
+    AnyParameter, Connect, Context, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared,
+    Trigger, open_trigger,
 };
 
 /// Hands a component what it declared.
@@ -33,7 +32,7 @@ pub struct Setup {
 type Finished = (Vec<Rc<dyn Connect>>, ParameterReader, Option<Trigger>);
 
 impl Setup {
-    pub(super) fn new(
+    pub(crate) fn new(
         folder: &RunFolder,
         plan: &Plan,
         index: usize,
@@ -52,8 +51,16 @@ impl Setup {
         Ok(Self { plan: plan.clone(), index, node, context, parameters, ports: Vec::new(), trigger })
     }
 
-    pub(super) fn finish(self) -> Finished {
+    pub(crate) fn finish(self) -> Finished {
         (self.ports, self.parameters, self.trigger)
+    }
+
+    pub(crate) fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    pub(crate) fn context(&self) -> &Rc<Context> {
+        &self.context
     }
 
     fn component(&self) -> &ComponentPlan {
@@ -143,13 +150,6 @@ impl Setup {
             )));
         }
         Ok(Parameter::new(value.clone()))
-    }
-
-    /// The guard that decides whether commands may be applied. For components that declared
-    /// [`actuator`](crate::component::Declare::actuator).
-    pub fn command_guard(&self) -> CommandGuard {
-        let safety = &self.plan.safety;
-        CommandGuard::new(self.context.clone(), safety.stale_after_ns, safety.safe_state)
     }
 
     /// A place for `N` numbers that outlives a crash of this component.

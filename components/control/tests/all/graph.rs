@@ -2,13 +2,10 @@
 
 use std::path::Path;
 
-use motorium::component::{
-    Component, ConfigError, ConfigureError, Declare, Kind, Registry, RobotSource, StepError, Tick,
-};
 use motorium::graph::{self, Machine};
 use motorium::launcher::{self, Exit, Hosting, Options, Report};
-use motorium::state::{JointCommand, JointState, PoseTarget};
-use motorium::worker::{Input, Output, Setup};
+use motorium::prelude::*;
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_control::QpController;
 use motorium_robots::{Dynamics, Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Vector3};

@@ -4,13 +4,39 @@
 
 use std::borrow::Cow;
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
-/// A length of time, whole nanoseconds.
+/// A length of time, whole nanoseconds. Written with its unit wherever a user writes it.
+///
+/// ```
+/// use motorium::units::TimeSpan;
+///
+/// #[derive(serde::Deserialize)]
+/// struct Config {
+///     duration: TimeSpan,
+/// }
+///
+/// let config: Config = toml::from_str("duration = \"1.5 ms\"")?;
+/// assert_eq!(config.duration.ns, 1_500_000);
+/// # Ok::<(), toml::de::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TimeSpan {
     /// Nanoseconds.
     pub ns: u64,
+}
+
+impl TimeSpan {
+    /// Seconds.
+    pub fn as_secs_f64(self) -> f64 {
+        std::time::Duration::from(self).as_secs_f64()
+    }
+}
+
+impl From<TimeSpan> for std::time::Duration {
+    fn from(span: TimeSpan) -> Self {
+        Self::from_nanos(span.ns)
+    }
 }
 
 /// A rate, as the period it makes.
@@ -204,6 +230,28 @@ impl core::fmt::Display for Rate {
 impl Serialize for TimeSpan {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for TimeSpan {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+
+        impl serde::de::Visitor<'_> for Text {
+            type Value = TimeSpan;
+
+            fn expecting(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str("a time with its unit, such as \"200 us\"")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<TimeSpan, E> {
+                text.parse().map_err(|UnitError { found, expected }| {
+                    E::custom(format!("the time {found}: {expected}"))
+                })
+            }
+        }
+
+        deserializer.deserialize_str(Text)
     }
 }
 

@@ -1,16 +1,10 @@
 //! `control.qp` in a graph: a simulated Panda, targets, and the controller between them, in lockstep.
 
-mod graph;
-
 use std::path::Path;
 
-use graph::{graph, registry, run};
+use crate::graph::{graph, registry, run};
 use motorium::graph::{Machine, check};
 use motorium::launcher::Report;
-use motorium::telemetry::CountingAllocator;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 const LEGS: &str = "{ offsets = [[0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]], leg = 2.0 }";
 

@@ -1,7 +1,6 @@
 //! Errors, Jacobians and costs of tasks against finite differences and plain matrix products.
 
-mod robot;
-
+use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
 use motorium_control::{
     RobotState, se3,
@@ -10,7 +9,6 @@ use motorium_control::{
 };
 use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, parse_urdf};
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3, Vector6};
-use robot::{Panda, Random};
 
 fn update(task: &mut dyn Task, model: &Model, q: &[f64]) {
     let mut kinematics = Kinematics::new(model);

@@ -1,21 +1,23 @@
-//! A plan's topics without its launcher: for measuring and testing the transport itself.
+//! The topics of a plan without its launcher: for measurements and tests of the transport alone.
 
 use std::path::Path;
 use std::rc::Rc;
 
 use iceoryx2::node::Node;
 
-use super::{Domain, DomainError, Input, Output, PortError, Shared, TopicService, Trigger, open_trigger};
 use crate::plan::{Activation, Plan, PortPlan};
 use crate::region::Region;
 use crate::run_folder::{RunFolder, RunFolderError};
 use crate::state::StateBuffer;
-use crate::worker::Context;
+use crate::transport::{
+    Context, Domain, DomainError, Input, Output, PortError, Shared, TopicService, Trigger, open_trigger,
+    quieten,
+};
 
-/// The services of a plan's topics, made and held open as the launcher does it. Nothing runs; whoever takes a
-/// [`Seat`] steps by itself. Dropping it removes everything.
+/// The topics of a plan in shared memory, without a launcher and without components. A thread or a process joins as
+/// one of the components by an [`Endpoint`]. Dropping it removes everything.
 #[derive(Debug)]
-pub struct Exchange {
+pub struct TopicSet {
     folder: RunFolder,
     _region: Region,
     _node: Node<Shared>,
@@ -24,7 +26,7 @@ pub struct Exchange {
 
 /// The topics of a plan could not be made or joined.
 #[derive(Debug, thiserror::Error)]
-pub enum ExchangeError {
+pub enum TopicSetError {
     /// The run's folder could not be made or read.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
@@ -42,15 +44,15 @@ pub enum ExchangeError {
     NoTrigger(String),
 }
 
-impl Exchange {
+impl TopicSet {
     /// Makes the folder, the region and all topics of a plan.
     ///
     /// # Errors
     /// `/dev/shm` is full or forbidden.
-    pub fn create(plan: &Plan) -> Result<Self, ExchangeError> {
-        super::quieten();
+    pub fn create(plan: &Plan) -> Result<Self, TopicSetError> {
+        quieten();
         let (folder, region) = RunFolder::create(plan)?;
-        let made = || -> Result<_, ExchangeError> {
+        let made = || -> Result<_, TopicSetError> {
             let node = folder.domain()?.node()?;
             let topics = plan.topics.iter().map(|topic| TopicService::create(&node, topic));
             let topics = topics.collect::<Result<_, _>>()?;
@@ -65,34 +67,34 @@ impl Exchange {
         }
     }
 
-    /// Where it is: what [`Seat::take`] needs.
+    /// The folder of the topics, as [`Endpoint::join`] takes it.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 }
 
-impl Drop for Exchange {
+impl Drop for TopicSet {
     fn drop(&mut self) {
         self.folder.remove();
     }
 }
 
-/// The place of one component at an exchange, in this process or another.
+/// The ports of one component of a plan, opened in this process or another.
 #[derive(Debug)]
-pub struct Seat {
+pub struct Endpoint {
     plan: Plan,
     index: usize,
     node: Node<Shared>,
     context: Rc<Context>,
 }
 
-impl Seat {
-    /// Takes the place of a component.
+impl Endpoint {
+    /// Joins the topics at `path` as one of the components.
     ///
     /// # Errors
-    /// There is no such exchange or component.
-    pub fn take(path: &Path, component: &str) -> Result<Self, ExchangeError> {
-        super::quieten();
+    /// There are no such topics, or the plan has no such component.
+    pub fn join(path: &Path, component: &str) -> Result<Self, TopicSetError> {
+        quieten();
         let folder = RunFolder::open(path);
         let plan = folder.plan()?;
         let region = Rc::new(folder.region()?);
@@ -101,7 +103,7 @@ impl Seat {
             .components
             .iter()
             .position(|candidate| candidate.name == component)
-            .ok_or_else(|| ExchangeError::NoComponent(component.to_string()))?;
+            .ok_or_else(|| TopicSetError::NoComponent(component.to_string()))?;
         let context = Rc::new(Context::new(&plan, index, region));
         Ok(Self { node: domain.node()?, index, context, plan })
     }
@@ -110,7 +112,7 @@ impl Seat {
     ///
     /// # Errors
     /// It has no such input, or the topic cannot be joined.
-    pub fn input<T: StateBuffer>(&self, port: &str) -> Result<Input<T>, ExchangeError> {
+    pub fn input<T: StateBuffer>(&self, port: &str) -> Result<Input<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.inputs, port)? else {
             return Ok(Input::unwired(self.context.clone()));
@@ -123,7 +125,7 @@ impl Seat {
     ///
     /// # Errors
     /// It has no such output, or the topic cannot be joined.
-    pub fn output<T: StateBuffer>(&self, port: &'static str) -> Result<Output<T>, ExchangeError> {
+    pub fn output<T: StateBuffer>(&self, port: &'static str) -> Result<Output<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.outputs, port)? else {
             return Ok(Output::unwired(port, self.context.clone()));
@@ -136,13 +138,13 @@ impl Seat {
     ///
     /// # Errors
     /// It has none, or its topic cannot be joined.
-    pub fn trigger(&self) -> Result<Trigger, ExchangeError> {
+    pub fn trigger(&self) -> Result<Trigger, TopicSetError> {
         let component = &self.plan.components[self.index];
         match component.activation {
             Activation::Triggered { topic, .. } => {
                 Ok(open_trigger(&self.node, &self.plan.topics[topic], &self.context)?)
             }
-            Activation::Periodic { .. } => Err(ExchangeError::NoTrigger(component.name.clone())),
+            Activation::Periodic { .. } => Err(TopicSetError::NoTrigger(component.name.clone())),
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Component, ConfigError, Declaration, Declare, RobotReference};
+use super::{Outcome, Worker};
+use crate::component::Component;
+use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
 /// Where a component's `config` table comes from.
 #[derive(Debug, Clone)]
@@ -22,7 +24,7 @@ pub struct Kind {
     pub summary: &'static str,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
-    pub(crate) run: fn(crate::worker::Worker) -> crate::worker::Outcome,
+    pub(crate) run: fn(Worker) -> Outcome,
 }
 
 type DeclareFunction = fn(ConfigSource<'_>, Option<RobotReference>) -> Result<Declaration, ConfigProblem>;
@@ -44,7 +46,7 @@ impl Kind {
             summary: C::SUMMARY,
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
-            run: crate::worker::run::<C>,
+            run: super::run::<C>,
         }
     }
 

@@ -1,7 +1,7 @@
-//! What a person probably meant.
+//! Suggests the known name nearest to a misspelt one: "did you mean ...?".
 
 /// The known name nearest to what was written, if any is near enough to be meant.
-pub(super) fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
     let allowed = (wanted.chars().count() / 3).max(1);
@@ -23,12 +23,12 @@ pub(super) fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str
 }
 
 /// Names in backticks, separated by commas.
-pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
 /// "did you mean" if a name is near; else all known names after `otherwise`.
-pub(super) fn suggest<'a>(
+pub fn suggest<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str> + Clone,
     otherwise: &str,

@@ -1,0 +1,10 @@
+//! Declarations of a component: its ports, its parameters and its needs, known before it runs.
+
+mod declaration;
+mod error;
+
+pub use declaration::{
+    Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
+    RobotReference, TopicPattern,
+};
+pub use error::{ConfigError, StepError};

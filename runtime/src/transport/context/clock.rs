@@ -1,0 +1,72 @@
+//! The clock of a component's stamps.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Acquire;
+
+use crate::os::monotonic_ns;
+use crate::plan::ClockKind;
+use crate::region::Region;
+
+/// The clock of a component's stamps, ns: `CLOCK_MONOTONIC` in real time, simulated time in lockstep; and the times of
+/// the current step on it.
+#[derive(Debug)]
+pub(crate) struct Clock {
+    region: Rc<Region>,
+    lockstep: bool,
+    /// The time for which the step computes.
+    time_ns: Cell<u64>,
+    /// The start of the step.
+    woken_ns: Cell<u64>,
+    deadline_ns: Cell<u64>,
+}
+
+impl Clock {
+    pub(super) fn new(kind: ClockKind, region: Rc<Region>) -> Self {
+        Self {
+            region,
+            lockstep: kind == ClockKind::Lockstep,
+            time_ns: Cell::new(0),
+            woken_ns: Cell::new(0),
+            deadline_ns: Cell::new(u64::MAX),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn is_lockstep(&self) -> bool {
+        self.lockstep
+    }
+
+    /// The current time, ns.
+    #[inline]
+    pub(crate) fn now_ns(&self) -> u64 {
+        if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
+    }
+
+    /// The start of the run, ns.
+    pub(crate) fn start_ns(&self) -> u64 {
+        if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
+    }
+
+    /// Sets the clock of lockstep to the start of the run.
+    pub(crate) fn begin(&self) {
+        self.time_ns.set(self.start_ns());
+    }
+
+    #[inline]
+    pub(super) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
+        self.time_ns.set(time_ns);
+        self.woken_ns.set(if self.lockstep { time_ns } else { woken_ns });
+        self.deadline_ns.set(deadline_ns);
+    }
+
+    #[inline]
+    pub(super) fn woken_ns(&self) -> u64 {
+        self.woken_ns.get()
+    }
+
+    #[inline]
+    pub(super) fn deadline_ns(&self) -> u64 {
+        self.deadline_ns.get()
+    }
+}

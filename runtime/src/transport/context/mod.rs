@@ -1,0 +1,169 @@
+//! The state that the ports, the setup and the loop of one component share.
+
+mod causality;
+mod clock;
+mod deferred;
+mod signals;
+
+use std::cell::{Cell, RefCell};
+use std::rc::{Rc, Weak};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use iceoryx2::node::Node;
+
+use super::{Bell, PortError, Shared, open_bell};
+use crate::os::current_core;
+use crate::plan::{OnOverrun, Plan, TopicPlan};
+use crate::region::{Command, ComponentBlock, Region};
+
+pub(crate) use causality::Causality;
+pub(crate) use clock::Clock;
+pub(crate) use deferred::{AfterStep, Deferred};
+pub(crate) use signals::Signals;
+
+/// Publications between two look-ups of the core.
+const CORE_LOOK_UP: u32 = 64;
+
+/// The state that the ports, the setup and the loop of one component share: its identity in the run, its clock, the
+/// source time of its step, the work put off to the end of the step, and the signals it received.
+#[derive(Debug)]
+pub struct Context {
+    region: Rc<Region>,
+    index: usize,
+    incarnation: u32,
+    actuator: bool,
+    hold_late_outputs: bool,
+    settle_ns: u64,
+    clock: Clock,
+    causality: Causality,
+    deferred: Deferred,
+    signals: Arc<Signals>,
+    /// The core found by the last look-up, and the number of requests so far.
+    core: Cell<(usize, u32)>,
+    /// The notifiers of the topics that the ports have joined, by the name of the topic.
+    bells: RefCell<Vec<(String, Weak<Bell>)>>,
+}
+
+impl Context {
+    pub(crate) fn new(plan: &Plan, index: usize, region: Rc<Region>) -> Self {
+        let component = &plan.components[index];
+        Self {
+            incarnation: region.components()[index].restarts.load(Relaxed),
+            index,
+            actuator: component.actuator,
+            hold_late_outputs: component.on_overrun == OnOverrun::Hold,
+            settle_ns: plan.safety.settle_ns,
+            clock: Clock::new(plan.clock, region.clone()),
+            causality: Causality::default(),
+            deferred: Deferred::new(region.clone()),
+            signals: Arc::default(),
+            core: Cell::new((0, 0)),
+            bells: RefCell::default(),
+            region,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn region(&self) -> &Region {
+        &self.region
+    }
+
+    #[inline]
+    pub(crate) fn block(&self) -> &ComponentBlock {
+        &self.region.components()[self.index]
+    }
+
+    #[inline]
+    pub(crate) fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Restarts of the component before this process.
+    #[inline]
+    pub(crate) fn incarnation(&self) -> u32 {
+        self.incarnation
+    }
+
+    #[inline]
+    pub(crate) fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    #[inline]
+    pub(crate) fn causality(&self) -> &Causality {
+        &self.causality
+    }
+
+    #[inline]
+    pub(crate) fn deferred(&self) -> &Deferred {
+        &self.deferred
+    }
+
+    pub(crate) fn signals(&self) -> &Arc<Signals> {
+        &self.signals
+    }
+
+    /// The core of this thread, looked up once in 64 calls: threads are pinned, or their core matters little.
+    #[inline]
+    pub(crate) fn core(&self) -> usize {
+        let (mut core, calls) = self.core.get();
+        if calls.is_multiple_of(CORE_LOOK_UP) {
+            core = current_core();
+        }
+        self.core.set((core, calls.wrapping_add(1)));
+        core
+    }
+
+    /// The notifier of a topic, mapped once for all ports of the component.
+    pub(crate) fn bell(&self, node: &Node<Shared>, topic: &TopicPlan) -> Result<Rc<Bell>, PortError> {
+        let mut bells = self.bells.borrow_mut();
+        let open = bells.iter().find(|(name, _)| *name == topic.name).and_then(|(_, bell)| bell.upgrade());
+        if let Some(bell) = open {
+            return Ok(bell);
+        }
+        let bell = Rc::new(open_bell(node, topic)?);
+        bells.retain(|(name, _)| *name != topic.name);
+        bells.push((topic.name.clone(), Rc::downgrade(&bell)));
+        Ok(bell)
+    }
+
+    /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step before.
+    #[inline]
+    pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
+        self.clock.enter_step(time_ns, woken_ns, deadline_ns);
+        self.causality.enter_step();
+    }
+
+    /// Records the age of a sample read for the first time, as of the start of the step; the record is made when the
+    /// step is over. A sample published since then has age 0.
+    #[inline]
+    pub(crate) fn note_age(&self, edge: usize, publish_ns: u64) {
+        self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(publish_ns));
+    }
+
+    /// Whether a sample made at `now_ns` is too late to be published under the overrun policy `hold`.
+    #[inline]
+    pub(crate) fn withholds(&self, now_ns: u64) -> bool {
+        self.hold_late_outputs && now_ns > self.clock.deadline_ns()
+    }
+
+    /// Whether actuators must be in their safe state whatever the command says.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.signals.launcher_died_ns() != 0 || self.signals.is_terminated()
+    }
+
+    /// Whether the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last case
+    /// an actuator first stays in its safe state for the settling time.
+    pub(crate) fn must_leave(&self) -> bool {
+        self.signals.acknowledge();
+        if self.region.header().command() == Command::Stop {
+            return true;
+        }
+        let orphaned_ns = self.signals.launcher_died_ns();
+        if orphaned_ns != 0 {
+            return !self.actuator || crate::os::monotonic_ns() > orphaned_ns + self.settle_ns;
+        }
+        self.signals.is_terminated()
+    }
+}

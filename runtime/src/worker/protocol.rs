@@ -1,0 +1,52 @@
+//! The arguments and messages between the launcher and the program of a component.
+
+use serde::{Deserialize, Serialize};
+
+use crate::declare::{ConfigError, Declaration, RobotReference};
+
+/// First argument of a program that is to describe its component.
+pub const DESCRIBE: &str = "motorium-describe";
+/// First argument of a program that is to run its component: followed by the run's folder and the component's name.
+pub const WORKER: &str = "motorium-worker";
+
+/// First argument of a program that is to guard a run: followed by the run's folder.
+pub const GUARD: &str = "motorium-guard";
+
+/// What a describing program reads.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeRequest {
+    /// The `config` table.
+    pub config: serde_json::Value,
+    /// The robot the graph gives the component.
+    pub robot: Option<RobotReference>,
+}
+
+/// What a describing program answers.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeAnswer {
+    /// Version of motorium the program was built with.
+    pub motorium: String,
+    /// The declaration, unless the configuration was refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub declaration: Option<Declaration>,
+    /// Why the configuration was refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<DescribeError>,
+}
+
+/// Why a describing program refused a configuration.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DescribeError {
+    /// The key at fault.
+    pub key: Option<String>,
+    /// What was found and expected.
+    pub message: String,
+    /// What to try.
+    pub advice: Option<String>,
+}
+
+impl From<ConfigError> for DescribeError {
+    fn from(error: ConfigError) -> Self {
+        Self { key: error.key, message: error.message, advice: error.advice }
+    }
+}
