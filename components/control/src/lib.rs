@@ -7,7 +7,7 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] are costs: a frame reaches a pose, the joints keep a posture.
+//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, the joints keep a posture.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.

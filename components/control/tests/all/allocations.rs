@@ -5,6 +5,7 @@ use motorium::telemetry::allocations;
 use motorium_control::{
     FeedForward, RobotState,
     solver::{ClarabelSettings, ClarabelSolver, QpSolver},
+    tasks::CentreOfMassTask,
 };
 use nalgebra::Vector3;
 
@@ -24,6 +25,7 @@ fn a_tick_allocates_nothing_but_clarabels_one() {
     let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81))).with_inertia(0.004);
     let mut solver = ClarabelSolver::new(reach.ik.solver().structure().clone(), ClarabelSettings::default());
+    let mut centre_of_mass = CentreOfMassTask::new(model);
     let mut target = panda.hand_at(panda.home.as_slice());
     target.translation.vector += Vector3::new(0.1, 0.2, -0.1);
     assert_eq!(allocations_in(|| drop(std::hint::black_box(Box::new(1)))), 1, "the counter counts");
@@ -32,12 +34,13 @@ fn a_tick_allocates_nothing_but_clarabels_one() {
         let assembling = allocations_in(|| {
             target.translation.vector.x += 1e-4;
             reach.task.set_target(target);
+            centre_of_mass.set_target(0.5 * target.translation.vector);
             let q = reach.setpoint.position();
             reach.kinematics.update(model, q);
             let state = RobotState { model, kinematics: &reach.kinematics, q };
             reach.ik.assemble(
                 &state,
-                &mut [&mut reach.task, &mut reach.posture],
+                &mut [&mut reach.task, &mut centre_of_mass, &mut reach.posture],
                 &[&reach.position, &reach.velocity],
                 0.001,
             );

@@ -118,6 +118,71 @@ fn the_same_graph_publishes_the_same_to_the_last_bit() {
     assert_ne!(once.state_hash, weaker.state_hash);
 }
 
+fn place(value: &serde_json::Value) -> [f64; 3] {
+    std::array::from_fn(|axis| number(&value[axis]))
+}
+
+/// Where the centre of mass stays if nothing moves the arm.
+fn resting_centre_of_mass() -> [f64; 3] {
+    let targets = "{ offsets = [[0.0, 0.0, 0.0]], leg = 2.0 }";
+    place(&run(graph("{}", targets, "{}")).results["plant"]["centre_of_mass"])
+}
+
+#[test]
+fn the_centre_of_mass_comes_to_its_goals_within_limits() {
+    let start = resting_centre_of_mass();
+    let targets = format!("{{ offsets = [[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]], leg = 2.0, start = {start:?} }}");
+    let tasks = "{ tasks = [{ centre_of_mass = { target = \"target\" } }, { posture = {} }] }";
+    let report = run(graph("{}", &targets, tasks));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2, "{result}");
+    assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
+    assert!(result["orientation_error_rad"].is_null(), "a point has no orientation: {result}");
+    assert_eq!(result["tasks"]["centre_of_mass"]["goals_reached"], 2);
+    assert_eq!(result["steps_without_solution"], 0);
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!(controller.allocations, Some(0));
+    let end = place(&report.results["plant"]["centre_of_mass"]);
+    for (axis, offset) in [-0.03, 0.04, 0.03].into_iter().enumerate() {
+        assert!((end[axis] - start[axis] - offset).abs() < 1e-5, "axis {axis}: {end:?} from {start:?}");
+    }
+}
+
+#[test]
+fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
+    // the posture moves the elbow and cannot move the centre of mass
+    let posture = "{ posture = { positions = [0.3, -0.6, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.01 } }";
+    let unwired = |tasks: &str| {
+        let text = graph("{}", LEGS, &format!("{{ tasks = [{tasks}] }}"));
+        run(text.replace(", target = \"panda/target\"", ""))
+    };
+    let start = resting_centre_of_mass();
+    let moved = |report: &Report| {
+        let end = place(&report.results["plant"]["centre_of_mass"]);
+        (0..3).map(|axis| (end[axis] - start[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let held = unwired(&format!("{{ centre_of_mass = {{}} }}, {posture}"));
+    let free = unwired(posture);
+    assert!(moved(&held) < 1e-4, "{} m", moved(&held));
+    assert!(moved(&free) > 0.01, "{} m", moved(&free));
+    let elbow = |report: &Report| number(&report.results["plant"]["q"][2]);
+    assert!(elbow(&held).abs() > 0.05, "the posture moves the elbow: {}", elbow(&held));
+}
+
+#[test]
+fn commands_carry_the_gains_of_the_profile_or_those_configured() {
+    let profile = run(graph("{}", LEGS, "{}"));
+    let gains = motorium_robots::load("panda", Path::new(".")).unwrap();
+    let gains = gains.profile.unwrap().gains(&gains.model).unwrap();
+    let published = &profile.results["plant"];
+    assert_eq!(published["kp"], serde_json::json!(gains.kp.as_slice()));
+    assert_eq!(published["kd"], serde_json::json!(gains.kd.as_slice()));
+    let given = run(graph("{}", LEGS, "{ kp = 700, kd = [50, 51, 52, 53, 54, 55, 56, 57] }"));
+    assert_eq!(given.results["plant"]["kp"], serde_json::json!([700.0; 8]));
+    assert_eq!(given.results["plant"]["kd"][7], 57.0);
+}
+
 #[track_caller]
 fn assert_refused(controller: &str, words: &[&str]) {
     let text = graph("{}", LEGS, controller);
@@ -135,6 +200,10 @@ fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
         &["tasks[0].cartesian.frame", "panda_hand_tcp"],
     );
     assert_refused("{ tasks = [{ cartesian = { gain = -1.0 } }] }", &["tasks[0].cartesian.gain", "-1"]);
+    assert_refused(
+        "{ tasks = [{ centre_of_mass = { shares = [1.0, 0.0, 2.0] } }] }",
+        &["tasks[0].centre_of_mass.shares", "2, expected from 0 to 1"],
+    );
     assert_refused("{ tasks = [{ cartesian = { gian = 1.0 } }] }", &["gian", "gain"]);
     assert_refused("{ tasks = [{ posture = { pose = \"raedy\" } }] }", &["tasks[0].posture.pose", "ready"]);
     assert_refused(

@@ -8,10 +8,10 @@ use motorium::prelude::*;
 use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_control::QpController;
 use motorium_robots::{Dynamics, Kinematics, Model, load};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::Deserialize;
 
-/// A Panda with ideal drives, integrated implicitly; it knows the exact pose of its hand.
+/// A Panda with ideal drives, integrated implicitly; it reports the exact place of its hand and its centre of mass.
 struct Plant {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -25,6 +25,8 @@ struct Plant {
     broken_limits: u64,
     largest_lead: f64,
     commands: u64,
+    /// The last command.
+    held: JointCommand,
 }
 
 #[derive(Clone, Deserialize, schemars::JsonSchema)]
@@ -75,6 +77,7 @@ impl Component for Plant {
             broken_limits: 0,
             largest_lead: 0.0,
             commands: 0,
+            held: JointCommand::default(),
         })
     }
 
@@ -108,6 +111,7 @@ impl Component for Plant {
                 self.broken_limits += u64::from(!(lower..=upper).contains(&q) || fast);
             }
         }
+        self.held = held;
         // (M + dt Kd + dt^2 Kp) v' = M v + dt (Kp (q_d - q) + Kd v_d + tau - bias)
         let mut left = self.mass.clone();
         let mut right = &self.mass * &self.v - &self.bias * dt;
@@ -138,9 +142,18 @@ impl Component for Plant {
         let mut kinematics = Kinematics::new(&self.model);
         kinematics.update(&self.model, self.q.as_slice());
         let pose = kinematics.pose(&self.model, hand);
+        let mut moment = Vector3::zeros();
+        for (index, body) in self.model.bodies().iter().enumerate() {
+            let centre = kinematics.body_pose(index) * Point3::from(body.inertia.com);
+            moment += centre.coords * body.inertia.mass;
+        }
+        let mass: f64 = self.model.bodies().iter().map(|body| body.inertia.mass).sum();
         Some(serde_json::json!({
+            "centre_of_mass": (moment / mass).as_slice(),
             "hand": pose.translation.vector.as_slice(),
             "q": self.q.as_slice(),
+            "kp": self.held.kp(),
+            "kd": self.held.kd(),
             "broken_limits": self.broken_limits,
             "largest_lead": self.largest_lead,
             "commands": self.commands,
@@ -148,7 +161,7 @@ impl Component for Plant {
     }
 }
 
-/// Leads the hand along smooth legs to places beside its home pose, one after the other.
+/// Targets that move along smooth segments to goals beside the start, one after the other.
 struct Targets {
     target: Output<PoseTarget>,
     config: TargetsConfig,
@@ -158,8 +171,11 @@ struct Targets {
 #[derive(Clone, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct TargetsConfig {
-    /// Offsets from home, m.
+    /// Offsets of the goals from the start, m.
     offsets: Vec<[f64; 3]>,
+    /// The start, m; the place of the hand at home if none is given.
+    #[serde(default)]
+    start: Option<[f64; 3]>,
     /// Time of one leg, half of it at rest at its goal, s.
     leg: f64,
     /// Time from which nothing is published, s.
@@ -187,7 +203,7 @@ impl Component for Targets {
         kinematics.update(&robot.model, robot.profile.unwrap().home(&robot.model).unwrap().as_slice());
         let pose = kinematics.pose(&robot.model, robot.model.frame("panda_hand_tcp").unwrap());
         let home = PoseTarget {
-            position: pose.translation.vector.into(),
+            position: config.start.unwrap_or(pose.translation.vector.into()),
             orientation: pose.rotation.coords.into(),
             ..Default::default()
         };

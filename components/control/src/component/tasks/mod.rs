@@ -4,9 +4,11 @@
 //! [`HeldTask`]. The controller knows only these two traits.
 
 mod cartesian;
+mod centre_of_mass;
 mod posture;
 
 pub use cartesian::CartesianConfig;
+pub use centre_of_mass::CentreOfMassConfig;
 pub use posture::PostureConfig;
 
 use core::ops::RangeInclusive;
@@ -47,6 +49,8 @@ macro_rules! task_kinds {
 task_kinds! {
     /// A frame follows a pose target.
     "cartesian" => Cartesian(CartesianConfig),
+    /// The centre of mass follows a point.
+    "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
     /// The joints keep a posture.
     "posture" => Posture(PostureConfig),
 }
