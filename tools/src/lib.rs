@@ -1,5 +1,6 @@
 //! The `motorium` command: launches component graphs and looks into them.
 
+mod chart;
 mod commands;
 mod draw;
 mod exit;

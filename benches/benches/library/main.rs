@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use motorium_policies::library::{
+use motorium_library::{
     DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, RecursiveLibrary,
     SampledSpring, Superposition, data, letters,
 };

@@ -2,12 +2,12 @@
 
 use std::hint::black_box;
 
-use motorium_policies::cpg::{Gait, LegSettings, PhaseNetwork};
-use motorium_policies::dmp::{
+use motorium_primitives::cpg::{Gait, LegSettings, PhaseNetwork};
+use motorium_primitives::dmp::{
     Demonstration, DiscreteDmp, DmpModel, Regression, RhythmicDmp, RhythmicModel, RhythmicSettings, Settings,
     Variant,
 };
-use motorium_policies::promp::{ProMp, ProMpBasis, ProMpFit};
+use motorium_primitives::promp::{ProMp, ProMpBasis, ProMpFit};
 use nalgebra::{DMatrix, DVector};
 
 /// Degrees of freedom, kernels and samples of the figures.

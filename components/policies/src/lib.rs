@@ -1,55 +1,22 @@
-//! Policies for motorium: movement primitives.
+//! Policies: components that make a robot move by movement primitives, motion libraries and pattern generators.
 //!
-//! - [`dmp`]: dynamic movement primitives: discrete, rhythmic, with a final velocity, and for orientations.
-//! - [`promp`]: probabilistic movement primitives.
-//! - [`kmp`]: kernelised movement primitives.
-//! - [`gmm`]: Gaussian mixtures and regression with them.
-//! - [`cpg`]: central pattern generators and gaits.
-//! - [`regression`]: linear and polynomial policies.
-//! - [`reach`]: a hand led through a sequence of poses by them.
-//! - [`rotation`]: the exponential map they stand on.
-//! - [`recording`]: recorded movements: CSV, JSON, topics as they are printed.
-//! - [`file`]: primitives in files.
-//! - [`component`]: the components of graphs, `policy.dmp`, `policy.promp` and `policy.cpg`. Nothing else here knows the
-//!   runtime.
+//! | module | component | moves |
+//! |---|---|---|
+//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through a sequence of poses, by dynamic movement primitives |
+//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
+//! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
+//! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //!
-//! The models are plain libraries: construct, start, step. Only construction allocates.
-//!
-//! ```
-//! use std::time::Duration;
-//! use motorium_policies::reach::{Leg, PathShape, PoseReach, ReachPhase, Repeat};
-//! use nalgebra::{Isometry3, Vector3};
-//!
-//! let leg = Leg {
-//!     goal: Isometry3::translation(0.5, 0.2, 0.4),
-//!     duration: Duration::from_secs(2),
-//!     dwell: Duration::from_millis(500),
-//!     shape: PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.1) },
-//! };
-//! let mut reach = PoseReach::new(vec![leg], Repeat::Once)?;
-//! reach.start(Isometry3::translation(0.3, 0.0, 0.5))?;
-//! while reach.phase() != ReachPhase::Finished {
-//!     reach.step(Duration::from_millis(1));
-//! }
-//! assert!((reach.pose().translation.vector - Vector3::new(0.5, 0.2, 0.4)).norm() < 1e-5);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! The models themselves are plain libraries without the runtime: `motorium_primitives` and `motorium_library`.
 
-pub mod component;
 pub mod cpg;
 pub mod dmp;
-pub mod file;
-pub mod gmm;
-pub mod kmp;
-pub mod learning;
+mod drive;
 pub mod library;
 pub mod promp;
-pub mod reach;
-pub mod recording;
-pub mod regression;
-pub mod rotation;
-mod value;
 
-pub use component::library::LibraryPolicy;
-pub use component::{CpgPolicy, DmpPolicy, ProMpPolicy};
-pub use value::ValueError;
+pub use cpg::CpgPolicy;
+pub use dmp::DmpPolicy;
+pub use drive::DriveConfig;
+pub use library::LibraryPolicy;
+pub use promp::ProMpPolicy;

@@ -1,64 +1,250 @@
-//! Dynamic movement primitives: discrete ones here, [rhythmic](RhythmicDmp), [of orientations](OrientationDmp), and
-//! [with a forcing term of samples](SampledDmp) that give a demonstration back to rounding.
-//!
-//! A spring, critically damped, draws each dimension `y` to its goal `g`; a learned forcing term that fades with a
-//! phase shapes the way there. With the duration `T`, the progress `p = t / T` and the phase in closed form
-//! `s = exp(-a_s p)`, the [variants](Variant) are (`K = D^2 / 4`, so that both roots are `-D / 2`):
-//!
-//! | variant | equation |
-//! |---|---|
-//! | [`Classic`](Variant::Classic) | `T^2 y'' = K (g - y) - D T y' + f`, with `f = s sum(psi_i w_i) / sum(psi_i)` |
-//! | [`GoalSafe`](Variant::GoalSafe) | `T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f`, with the same `f` |
-//! | [`QuinticGoal`](Variant::QuinticGoal) | `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic from the start state to rest at `g` |
-//! | [`FinalVelocity`](Variant::FinalVelocity) | as `QuinticGoal`, but `g(t)` meets `g` with a given velocity and goes on with it |
-//!
-//! `f` may be scaled with the displacement ([`Scaling`]); by default it is not, so nothing is ever divided by `g - y0`.
-//!
-//! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest, exactly at
-//! `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`; `GoalSafe` by what is
-//! left of the slow phase, some percent for the default decay: give it time to settle, or a larger decay. A fitted
-//! `QuinticGoal` is off by the fit error at the end, which then dies out with the roots `-D / 2T`.
-//!
-//! **What happens on the way.** The goal and the duration may change at any step. A [`Coupling`] adds an acceleration
-//! `T^2 C` (away from [obstacles](ObstacleAvoidance), [yielding](Yielding) to a force) and lets the phase
-//! [wait](PhaseStop) for a robot that is held up. `C` and the phase rate go to every variant alike.
-//!
-//! **Integration.** The spring is not integrated step by step with an error but advanced exactly for an input that is
-//! linear within the step; without forcing (and a fixed goal) the result does not depend on the step at all.
-//!
-//! References: Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, *Dynamical movement primitives*, Neural Computation 25, 2013.
-//! Pastor, Hoffmann, Asfour, Schaal, *Learning and generalization of motor skills by learning from demonstration*, ICRA 2009.
-//! Muelling, Kober, Kroemer, Peters, *Learning to select and generalize striking movements in robot table tennis*, IJRR 32,
-//! 2013. Ude, Nemec, Petric, Morimoto, *Orientation in Cartesian space dynamic movement primitives*, ICRA 2014. Koutras,
-//! Doulgeri, *A correct formulation for the orientation dynamic movement primitives*, CoRL 2019. Ginesi, Sansonetto, Fiorini,
-//! *Overcoming some drawbacks of dynamic movement primitives*, Robotics and Autonomous Systems 144, 2021.
+//! `policy.dmp`: leads the hand of a robot through goals.
 
-mod coupling;
-mod demonstration;
-mod discrete;
-mod exponential;
-mod fit;
-mod kernels;
-mod model;
-mod obstacle;
-mod orientation;
-mod quintic;
-mod rhythmic;
-mod sampled;
-mod scaling;
-mod settings;
-mod spring;
+pub(crate) mod config;
+mod course;
+mod imitation;
+mod origin;
 
-pub use coupling::{Coupling, PhaseStop, Yielding};
-pub use demonstration::{Demonstration, DemonstrationError};
-pub use discrete::{DiscreteDmp, MoveError, REPLANNING_TIME};
-pub use fit::{FitError, Regression};
-pub use kernels::{Gate, Kernels};
-pub use model::{DmpModel, StoredModel};
-pub use obstacle::ObstacleAvoidance;
-pub use orientation::{OrientationDmp, orientation_demonstration};
-pub use quintic::{Jet, Quintic};
-pub use rhythmic::{PeriodError, RhythmicDmp, RhythmicModel, RhythmicSettings, StoredRhythmicModel};
-pub use sampled::{SampledDmp, SampledError, SampledModel};
-pub use settings::{ModelError, Scaling, Settings, Variant};
-pub use spring::{CriticalSpring, Stride};
+pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+pub use imitation::DemonstrationConfig;
+
+use std::time::Duration;
+
+use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::state::PoseTarget;
+use motorium::transport::{Output, Parameter};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use course::Course;
+use imitation::PathRecord;
+use motorium_primitives::reach::{PoseReach, ReachPhase};
+use origin::Origin;
+
+/// Leads the hand of a robot through goals, one movement primitive to each; see [`PoseReach`].
+///
+/// It starts from the measured pose of the hand (or a configured one) with the first joint state it sees, and publishes
+/// nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it was, it
+/// does not leap. After a crash it goes on towards the goal that was under way.
+#[derive(Debug)]
+pub struct DmpPolicy {
+    target: Output<PoseTarget>,
+    speed: Parameter<f64>,
+    origin: Origin,
+    course: Course,
+    reach: PoseReach,
+    /// Which of the primitives is chosen, and which every leg that may choose has.
+    primitive: Option<Parameter<i64>>,
+    chosen: Vec<usize>,
+    exchanges: u64,
+    record: PathRecord,
+    /// Goals set out for before a crash.
+    goals_before: u64,
+    memory: Checkpoint,
+    last_tick_ns: Option<u64>,
+}
+
+/// The longest time one step makes up for, in periods.
+const LONGEST_STEP: u32 = 2;
+
+impl Component for DmpPolicy {
+    const KIND: &'static str = "policy.dmp";
+    const SUMMARY: &'static str = "leads a hand through goals by movement primitives";
+    type Config = DmpPolicyConfig;
+
+    fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let course = Course::new(config, declare.robot())?;
+        course.reach()?;
+        Origin::declare(config, declare)?;
+        declare.output::<PoseTarget>(
+            "target",
+            "where the hand should be and how it should move, in the world frame",
+        );
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the hand where it is");
+        if !course.primitives().is_empty() {
+            let last = course.primitives().len() as i64 - 1;
+            declare.integer("primitive", 0, 0..=last, "the primitive of `selected` ways, counted from 0");
+        }
+        Ok(())
+    }
+
+    fn configure(config: DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let course = Course::new(&config, setup.robot().ok())?;
+        let primitive = match course.primitives() {
+            [] => None,
+            _ => Some(setup.parameter("primitive")?),
+        };
+        Ok(Self {
+            primitive,
+            chosen: vec![0; course.selected().len()],
+            exchanges: 0,
+            record: course.record(),
+            reach: course.reach()?,
+            course,
+            origin: Origin::new(&config, setup)?,
+            target: setup.output("target")?,
+            speed: setup.parameter("speed")?,
+            goals_before: 0,
+            memory: setup.checkpoint(Memory::NUMBERS)?,
+            last_tick_ns: None,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
+        self.select()?;
+        if self.reach.phase() == ReachPhase::Waiting {
+            let Some(start) = self.origin.find()? else { return Ok(()) };
+            self.set_out(start)?;
+        } else {
+            let elapsed = tick.time_ns.saturating_sub(self.last_tick_ns.unwrap_or(tick.time_ns));
+            self.reach.step(Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP));
+        }
+        self.last_tick_ns = Some(tick.time_ns);
+        let leg = self.reach.leg();
+        if self.reach.phase() == ReachPhase::Moving && self.record.watches(leg) {
+            let hand = self.origin.hand();
+            self.record.observe(leg, self.reach.progress(), self.reach.pose().translation.vector, hand);
+        }
+        self.publish()
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let mut result = serde_json::json!({
+            "goals_set_out_for": self.goals(),
+            "goals": self.reach.legs(),
+            "finished": self.reach.phase() == ReachPhase::Finished,
+        });
+        if self.primitive.is_some() {
+            result["exchanges"] = self.exchanges.into();
+        }
+        if let Some(imitation) = self.record.result() {
+            result["imitation"] = imitation;
+        }
+        Some(result)
+    }
+}
+
+impl DmpPolicy {
+    /// Gives the legs that may choose the primitive that is chosen; one that is under way keeps what it has.
+    fn select(&mut self) -> Result<(), StepError> {
+        let Some(primitive) = &self.primitive else { return Ok(()) };
+        let primitives = self.course.primitives();
+        let wanted = usize::try_from(primitive.get()).unwrap_or(0).min(primitives.len() - 1);
+        for (leg, has) in self.course.selected().iter().zip(&mut self.chosen) {
+            let under_way = *leg == self.reach.leg() && self.reach.phase() == ReachPhase::Moving;
+            if *has != wanted && !under_way {
+                self.reach
+                    .reshape(*leg, &primitives[wanted])
+                    .map_err(|_| StepError::failed("a primitive of other settings"))?;
+                *has = wanted;
+                self.exchanges += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins at `start`, or goes on after a crash with what was under way.
+    fn set_out(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
+        let refused = |_| StepError::failed("the hand has no finite pose to start from");
+        let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
+        let Some(memory) = memory.filter(|memory| memory.leg < self.reach.legs()) else {
+            self.course.aim(&mut self.reach, &start).map_err(refused)?;
+            return self.reach.start(start).map_err(refused);
+        };
+        self.course.aim(&mut self.reach, &memory.origin).map_err(refused)?;
+        self.goals_before = memory.goals - 1;
+        // a measured pose says where the hand has got to in the meantime; a configured one does not
+        let start = if self.origin.is_measured() { start } else { memory.pose };
+        self.reach.start_with(memory.leg, start).map_err(refused)
+    }
+
+    fn goals(&self) -> u64 {
+        self.goals_before + self.reach.goals_set()
+    }
+
+    fn publish(&mut self) -> Result<(), StepError> {
+        let (pose, twist) = (self.reach.pose(), self.reach.twist());
+        let at_goal = matches!(self.reach.phase(), ReachPhase::Dwelling | ReachPhase::Finished);
+        let memory =
+            Memory { leg: self.reach.leg(), goals: self.goals(), pose, origin: self.course.origin() };
+        self.memory.save(memory.numbers());
+        let mut target = self.target.loan()?;
+        *target = PoseTarget {
+            position: pose.translation.vector.into(),
+            orientation: pose.rotation.coords.into(),
+            linear_velocity: twist.linear.into(),
+            angular_velocity: twist.angular.into(),
+            goal: memory.goals,
+            at_goal: u64::from(at_goal),
+        };
+        target.publish()
+    }
+}
+
+/// What outlives a crash.
+struct Memory {
+    leg: usize,
+    goals: u64,
+    /// Where the target was.
+    pose: Isometry3<f64>,
+    /// Where the first leg began: goals may be given relative to it.
+    origin: Isometry3<f64>,
+}
+
+impl Memory {
+    const NUMBERS: usize = 16;
+
+    fn numbers(&self) -> [f64; Self::NUMBERS] {
+        let mut numbers = [0.0; Self::NUMBERS];
+        numbers[0] = self.leg as f64;
+        numbers[1] = self.goals as f64;
+        for (place, pose) in [(2, &self.pose), (9, &self.origin)] {
+            numbers[place..place + 3].copy_from_slice(pose.translation.vector.as_slice());
+            numbers[place + 3..place + 7].copy_from_slice(pose.rotation.coords.as_slice());
+        }
+        numbers
+    }
+
+    fn read(numbers: &[f64]) -> Option<Self> {
+        let pose = |place: usize| {
+            let at = |i: usize| numbers.get(place + i).copied();
+            let turn = Quaternion::new(at(6)?, at(3)?, at(4)?, at(5)?);
+            let rotation = UnitQuaternion::try_new(turn, 0.5)?;
+            Some(Isometry3::from_parts(Translation3::new(at(0)?, at(1)?, at(2)?), rotation))
+        };
+        let goals = *numbers.get(1)? as u64;
+        (goals > 0).then_some(Self {
+            leg: *numbers.first()? as usize,
+            goals,
+            pose: pose(2)?,
+            origin: pose(9)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_outlives_a_crash_comes_back_as_it_was() {
+        let turned = |angle| UnitQuaternion::from_euler_angles(0.1, angle, -2.0);
+        let memory = Memory {
+            leg: 2,
+            goals: 17,
+            pose: Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.3), turned(1.0)),
+            origin: Isometry3::from_parts(Translation3::new(1.1, 1.2, -1.3), turned(-0.4)),
+        };
+        let back = Memory::read(&memory.numbers()).unwrap();
+        assert_eq!((back.leg, back.goals), (2, 17));
+        assert!((back.pose.to_homogeneous() - memory.pose.to_homogeneous()).norm() < 1e-15);
+        assert!((back.origin.to_homogeneous() - memory.origin.to_homogeneous()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_memory_that_was_never_written_is_none() {
+        assert!(Memory::read(&[0.0; Memory::NUMBERS]).is_none());
+        assert!(Memory::read(&[1.0; 3]).is_none());
+    }
+}

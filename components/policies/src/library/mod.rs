@@ -1,62 +1,355 @@
-//! The dynamic motion library: movements as weights of a few eigenforces.
-//!
-//! A movement that a spring follows ([`SampledSpring`]) is a vector of forces `f`, one for each sample of each degree of
-//! freedom (DoF). The forces of many movements, side by side, are a matrix `F = U S V^T`; its left singular vectors are
-//! the **eigenforces**, ordered by what they explain. A movement is then
-//!
-//! | | |
-//! |---|---|
-//! | recognised | `w = U_n^T f`; the residual `\|f - U_n w\| / \|f\|` says how new it is, `w` what it is |
-//! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
-//! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
-//!
-//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Keep`], in a [`Metric`].
-//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
-//!   recordings.
-//! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
-//! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
-//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them.
-//! - [`file`]: the file format. [`data`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
-//! - [`algebra`]: the linear algebra.
-//!
-//! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
-//! movement moves all of its path, one at the end hardly any: [`Metric::Position`] takes the singular vectors `u` of the
-//! responses `P = G F` instead, and `G^-1 u` for forces, which leaves the least *position* out.
-//!
-//! Source: Delhaisse, *Learning and control of humanoid robots* (PhD thesis, 2019), chapter 3 and appendix A: eigenforces,
-//! split and merge, recursive decomposition. The response-weighted metric and the exact sampled spring are our own.
-//! Nothing here knows the runtime.
+//! `policy.library`: moves a hand, or joints, by a motion library, and recognises what moves.
 
-pub mod algebra;
-mod balance;
-mod basis;
-pub mod data;
-mod evaluate;
-pub mod file;
-mod generate;
-mod layout;
-pub mod letters;
-mod merge;
-mod motion_library;
-mod movement;
-mod rank;
-mod recognise;
-mod recursive;
-mod scatter;
-mod split;
-mod spring;
-mod trajectory;
+mod config;
+mod episode;
+mod messages;
+mod outcome;
+mod picture;
+mod plane;
+mod publish;
+mod signal;
+mod source;
+mod trace;
+mod watch;
 
-pub use basis::{Basis, kernel_functions};
-pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
-pub use generate::{GenerateError, Generator, Superposition};
-pub use layout::{Layout, LayoutError, Part};
-pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};
-pub use motion_library::{BuildError, Entry, LibraryParts, Metric, MotionLibrary};
-pub use movement::{Frame, Movement};
-pub use rank::Keep;
-pub use recognise::{Recognised, Recogniser};
-pub use recursive::RecursiveLibrary;
-pub use scatter::RecursiveScatter;
-pub use spring::{DAMPING, SampledSpring, SpringError};
-pub use trajectory::{Recordings, Trajectory};
+pub use config::{HandConfig, LibraryPolicyConfig, RecognitionConfig};
+pub use messages::{MAX_LABEL, MAX_WEIGHTS, MovementRequest, Recognition};
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::state::{JointState, PoseTarget};
+use motorium::transport::{Input, Output, Parameter};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+use episode::{Current, Planned, Stage, plan};
+use motorium_library::{Generator, MotionLibrary};
+use motorium_primitives::reach::Repeat;
+use plane::Plane;
+use signal::Hand;
+use trace::Trace;
+use watch::Watch;
+
+/// Makes the movements of a motion library, one after the other, and recognises the movements it sees.
+///
+/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests, moves, rests.
+/// A [`MovementRequest`], or another number of eigenforces, takes effect at the next start: never within a movement.
+/// Whatever the robot does (itself led by this policy or not) is recognised as soon as it comes to rest.
+#[derive(Debug)]
+pub struct LibraryPolicy {
+    joint_state: Input<JointState>,
+    request: Input<MovementRequest>,
+    target: Option<Output<PoseTarget>>,
+    setpoint: Option<Output<JointState>>,
+    recognised: Output<Recognition>,
+    speed: Parameter<f64>,
+    terms: Parameter<i64>,
+    hand: Option<(Hand, Plane)>,
+    joints: Vec<usize>,
+    library: MotionLibrary,
+    generator: Generator,
+    planned: Vec<Planned>,
+    traces: Vec<Trace>,
+    watch: Watch,
+    current: Current,
+    index: usize,
+    stage: Stage,
+    repeat: Repeat,
+    transit: f64,
+    rest: f64,
+    /// Requests seen, movements begun.
+    requested: u64,
+    begun: u64,
+    on_request: bool,
+    orientation: UnitQuaternion<f64>,
+    /// The point of the last target.
+    published: Vector3<f64>,
+    /// Where the transit began, in space or in joints.
+    from: Vec<f64>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    measured: Vec<f64>,
+    labels: Vec<[u8; MAX_LABEL]>,
+    last_ns: Option<u64>,
+    seen: Vec<(u64, [u8; MAX_LABEL], f64)>,
+    picture: Option<String>,
+}
+
+/// The longest time one step makes up for, in periods.
+const LONGEST_STEP: u32 = 2;
+/// Recognised movements that the result lists.
+const LISTED: usize = 64;
+
+impl Component for LibraryPolicy {
+    const KIND: &'static str = "policy.library";
+    const SUMMARY: &'static str = "moves a hand or joints by a motion library, and recognises movements";
+    type Config = LibraryPolicyConfig;
+
+    fn declare(config: &LibraryPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let robot = declare.robot().cloned().ok_or_else(|| {
+            ConfigError::new("it looks at the joints of a robot, and there is none")
+                .advise("add `robot = \"NAME\"` to the component")
+        })?;
+        let library = source::load(config, Some(&robot.base))?;
+        source::entries(config, &library)?;
+        source::check(config, &library)?;
+        if let Some(hand) = &config.hand {
+            Plane::new(hand, &library)?;
+            Hand::new(&robot, hand.frame.as_deref())?;
+            declare.output::<PoseTarget>(
+                "target",
+                "where the hand should be and how it should move, in the world frame",
+            );
+        } else {
+            signal::joints(&robot, library.layout().names())?;
+            declare.output::<JointState>(
+                "setpoint",
+                "positions and velocities of the library's degrees of freedom, in its order",
+            );
+        }
+        declare.input::<JointState>(
+            "joint_state",
+            "joint state: where the movement begins, and what is recognised",
+        );
+        declare.optional_input::<MovementRequest>(
+            "request",
+            "asks for another movement, by label or by weights",
+        );
+        declare.output::<Recognition>("recognised", "what the movement that just ended was like");
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds still");
+        let rank = library.rank() as i64;
+        declare.integer(
+            "terms",
+            0,
+            0..=rank,
+            "eigenforces of the next movement; 0 leaves it to the configuration",
+        );
+        Ok(())
+    }
+
+    fn configure(config: LibraryPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let library = source::load(&config, Some(&robot.base))?;
+        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, config.duration);
+        let dofs = library.layout().dofs();
+        let period = setup.period().as_secs_f64();
+        let (mut hand, mut joints) = (None, Vec::new());
+        if let Some(hand_config) = &config.hand {
+            let plane = Plane::new(hand_config, &library)?;
+            hand = Some((Hand::new(&robot, hand_config.frame.as_deref())?, plane));
+        } else {
+            joints = signal::joints(&robot, library.layout().names())?;
+        }
+        let steps = |p: &Planned| (p.movement.frame.duration / period).ceil() as usize * 2;
+        let name =
+            |entry: &motorium_library::Entry| messages::bytes(entry.label.as_ref().unwrap_or(&entry.id));
+        Ok(Self {
+            joint_state: setup.input("joint_state")?,
+            request: setup.input("request")?,
+            target: if hand.is_some() { Some(setup.output("target")?) } else { None },
+            setpoint: if hand.is_some() { None } else { Some(setup.output("setpoint")?) },
+            recognised: setup.output("recognised")?,
+            speed: setup.parameter("speed")?,
+            terms: setup.parameter("terms")?,
+            generator: Generator::new(&library),
+            traces: planned.iter().map(|planned| Trace::new(dofs, steps(planned))).collect(),
+            watch: Watch::new(&library, &config.recognition, period),
+            current: Current::new(&library, &planned[0]),
+            index: 0,
+            stage: Stage::Waiting,
+            repeat: config.repeat,
+            transit: config.transit,
+            rest: config.rest,
+            requested: 0,
+            begun: 0,
+            on_request: false,
+            orientation: UnitQuaternion::identity(),
+            published: Vector3::zeros(),
+            from: vec![0.0; dofs.max(3)],
+            position: vec![0.0; dofs],
+            velocity: vec![0.0; dofs],
+            measured: vec![0.0; dofs],
+            labels: library.entries().iter().map(name).collect(),
+            last_ns: None,
+            seen: Vec::with_capacity(LISTED),
+            picture: config.picture,
+            hand,
+            joints,
+            planned,
+            library,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let Some(pose) = self.look()? else { return Ok(()) };
+        let elapsed = tick.time_ns.saturating_sub(self.last_ns.unwrap_or(tick.time_ns));
+        self.last_ns = Some(tick.time_ns);
+        let longest = (tick.period * LONGEST_STEP).as_secs_f64();
+        let dt = self.speed.get() * (elapsed as f64 * 1e-9).min(longest);
+        self.advance(dt, &pose)?;
+        self.publish()
+    }
+
+    fn stop(&mut self) {
+        if let Some(file) = &self.picture {
+            // the run is over; a picture that cannot be written is no reason to fail it, the result says so
+            self.picture = match std::fs::write(file, picture::svg(&self.panels())) {
+                Ok(()) => Some(file.clone()),
+                Err(error) => Some(format!("{file}: {error}")),
+            };
+        }
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(self.outcome())
+    }
+}
+
+impl LibraryPolicy {
+    /// Reads the joint state: the pose of the hand (or of nothing), and what moved.
+    fn look(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
+        let Some(state) = self.joint_state.latest() else { return Ok(None) };
+        let mut pose = Isometry3::identity();
+        if let Some((hand, plane)) = &mut self.hand {
+            pose = hand.pose(state.position()).ok_or(OTHER_ROBOT)?;
+            let place = self.index;
+            self.measured.copy_from_slice(&plane.position(&pose.translation.vector, place));
+        } else {
+            for (measured, joint) in self.measured.iter_mut().zip(&self.joints) {
+                *measured = *state.position().get(*joint).ok_or(OTHER_ROBOT)?;
+            }
+        }
+        let measured = &self.measured;
+        if self.watch.look(|d| measured[d]) {
+            let seen = self.watch.seen();
+            let label = self.labels.get(seen.movement as usize).copied().unwrap_or_default();
+            if self.seen.len() < LISTED {
+                self.seen.push((seen.movement, label, seen.novelty));
+            }
+            let mut out = self.recognised.loan()?;
+            *out = Recognition { label, ..*seen };
+            out.publish()?;
+        }
+        Ok(Some(pose))
+    }
+
+    /// Goes on by so many seconds.
+    fn advance(&mut self, dt: f64, pose: &Isometry3<f64>) -> Result<(), StepError> {
+        match self.stage {
+            Stage::Waiting => {
+                self.orientation = pose.rotation;
+                self.choose();
+                self.set_out(pose);
+            }
+            Stage::Transit(time) if time + dt < self.transit => self.stage = Stage::Transit(time + dt),
+            Stage::Transit(_) => self.stage = Stage::Rest { after: false, time: 0.0 },
+            Stage::Rest { after, time } if time + dt < self.rest => {
+                self.stage = Stage::Rest { after, time: time + dt };
+            }
+            Stage::Rest { after: false, .. } => {
+                self.current.start(&mut self.generator).map_err(|_| NO_MOVEMENT)?;
+                if !self.on_request {
+                    self.traces[self.index].clear();
+                }
+                self.begun += 1;
+                self.stage = Stage::Moving;
+            }
+            Stage::Rest { after: true, .. } => self.next(pose),
+            Stage::Moving => {
+                self.generator.step(dt);
+                if self.generator.progress() <= 1.0 && !self.on_request {
+                    self.traces[self.index].add(self.generator.position(), Some(&self.measured));
+                }
+                if self.generator.is_finished() {
+                    self.stage = Stage::Rest { after: true, time: 0.0 };
+                }
+            }
+            Stage::Finished => {
+                if self.take_request() {
+                    self.set_out(pose);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What comes after a movement: a request, the next one, or the end.
+    fn next(&mut self, pose: &Isometry3<f64>) {
+        if self.take_request() {
+            return self.set_out(pose);
+        }
+        let last = self.index + 1 == self.planned.len();
+        if last && self.repeat == Repeat::Once {
+            self.stage = Stage::Finished;
+            return;
+        }
+        self.index = (self.index + 1) % self.planned.len();
+        self.choose();
+        self.set_out(pose);
+    }
+
+    /// Makes the planned movement the current one.
+    fn choose(&mut self) {
+        if self.take_request() {
+            return;
+        }
+        self.on_request = false;
+        let planned = &self.planned[self.index];
+        let (entry, asked) = (planned.entry, usize::try_from(self.terms.get()).unwrap_or(0));
+        self.current.set_frame(&planned.movement.frame);
+        if asked > 0 {
+            self.current.set(&self.library.weights().column(entry).as_slice()[..asked]);
+        } else {
+            self.current.set(&planned.movement.weights);
+        }
+        if let Some((_, plane)) = &mut self.hand {
+            plane.fit(entry);
+        }
+    }
+
+    /// Takes over a new request, if there is one that can be met.
+    fn take_request(&mut self) -> bool {
+        let Some(request) = self.request.latest() else { return false };
+        if request.sequence == self.requested || request.sequence == 0 {
+            return false;
+        }
+        self.requested = request.sequence;
+        let rank = self.library.rank();
+        let count = usize::try_from(request.count).unwrap_or(0).min(MAX_WEIGHTS).min(rank);
+        let label = messages::text(&request.label);
+        if label.is_empty() {
+            if count == 0 {
+                return false;
+            }
+            self.current.set(&request.weights[..count]);
+        } else {
+            let Some(entry) = self.library.find(label) else { return false };
+            let count = if count == 0 { rank } else { count };
+            self.current.set(&self.library.weights().column(entry).as_slice()[..count]);
+            self.current.set_frame(&self.library.entries()[entry].frame);
+            if let Some((_, plane)) = &mut self.hand {
+                plane.fit(entry);
+            }
+        }
+        self.on_request = true;
+        true
+    }
+
+    /// Sets out for the start of the current movement, from where the policy is, or at first from where the robot is.
+    fn set_out(&mut self, pose: &Isometry3<f64>) {
+        let first = self.stage == Stage::Waiting;
+        if self.hand.is_some() {
+            let here = if first { pose.translation.vector } else { self.published };
+            self.from[..3].copy_from_slice(here.as_slice());
+        } else {
+            let here = if first { self.measured.as_slice() } else { self.generator.position() };
+            self.from[..here.len()].copy_from_slice(here);
+        }
+        self.stage = Stage::Transit(0.0);
+    }
+}
+
+const OTHER_ROBOT: StepError = StepError::Failed(std::borrow::Cow::Borrowed(
+    "the joint state has another number of joints than the robot's model",
+));
+const NO_MOVEMENT: StepError =
+    StepError::Failed(std::borrow::Cow::Borrowed("the movement holds what is no number, or takes no time"));

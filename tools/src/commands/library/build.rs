@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_policies::library::{Keep, MotionLibrary};
+use motorium_library::{Keep, MotionLibrary};
 
 use super::source::{MetricName, Shape, Source};
 

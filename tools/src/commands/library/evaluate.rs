@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use indicatif::ProgressBar;
-use motorium_policies::library::{
+use motorium_library::{
     BALANCED, Keep, Metric, MotionLibrary, Recordings, SampledSpring, compare, nearest_neighbour_rate,
 };
 
 use super::source::{Shape, Source};
-use crate::commands::reproduce::chart::{Chart, Series};
+use crate::chart::{Chart, Series};
 use crate::out::outln;
 
 /// Learn from one part of recordings, and measure errors and recognition on the rest.

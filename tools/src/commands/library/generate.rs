@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_policies::library::{MotionLibrary, Superposition, file};
+use motorium_library::{MotionLibrary, Superposition, file};
 
-use crate::commands::reproduce::chart::{Chart, Series, Tile, tiles};
+use crate::chart::{Chart, Series, Tile, tiles};
 use crate::out::{out, outln};
 
 /// Generate a movement: of the library, of given weights, or between two.
@@ -134,7 +134,7 @@ impl Generate {
             library.rank()
         );
         let zero = vec![0.0; library.layout().dofs()];
-        let frame = motorium_policies::library::Frame {
+        let frame = motorium_library::Frame {
             start: zero.clone(),
             goal: zero.clone(),
             velocity: zero,

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_policies::library::file;
+use motorium_library::file;
 
-use crate::commands::reproduce::chart::{Chart, Series};
+use crate::chart::{Chart, Series};
 
 /// Show what a library holds.
 #[derive(Debug, clap::Args)]

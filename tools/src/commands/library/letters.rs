@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_policies::library::letters::{ALPHABET, Variation, letters};
+use motorium_library::letters::{ALPHABET, Variation, letters};
 
-use crate::commands::reproduce::chart::{Tile, tiles};
+use crate::chart::{Tile, tiles};
 use crate::out::outln;
 
 /// Write letters of our own strokes, with seeded variation, as recordings.
@@ -47,7 +47,7 @@ impl Letters {
         file.flush()?;
         if let Some(plot) = &self.plot {
             let first = set.trajectories.iter().step_by(self.each.max(1));
-            let tile = |letter: &motorium_policies::library::Trajectory| Tile {
+            let tile = |letter: &motorium_library::Trajectory| Tile {
                 name: letter.id.clone(),
                 known: Vec::new(),
                 found: letter.positions.row_iter().map(|row| [row[0], row[1]]).collect(),

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use crate::out::outln;
 use anyhow::Context as _;
-use motorium_policies::library::{MotionLibrary, file};
+use motorium_library::{MotionLibrary, file};
 
 /// Movements as weights of a few eigenforces: learn them, look at them, take them apart, use them.
 ///

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_policies::library::{Recogniser, file};
+use motorium_library::{Recogniser, file};
 
 use super::source::Source;
 use crate::out::outln;

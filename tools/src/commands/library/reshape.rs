@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_policies::library::{
+use motorium_library::{
     MotionLibrary, RecursiveLibrary, file, merge_independent, merge_movements, merge_parts,
 };
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use motorium_policies::library::{DAMPING, Metric, Recordings, SampledSpring, data};
+use motorium_library::{DAMPING, Metric, Recordings, SampledSpring, data};
 
 /// Which recordings, and how they are read.
 #[derive(Debug, clap::Args)]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_policies::file::PrimitiveFile;
+use motorium_primitives::file::PrimitiveFile;
 
 use super::plot::{self, Panel};
 use super::rollout::{Trajectory, Wish, roll_out};

@@ -1,9 +1,9 @@
 //! A primitive, run from its start to its end.
 
 use anyhow::bail;
-use motorium_policies::dmp::{DiscreteDmp, DmpModel, RhythmicDmp, RhythmicModel};
-use motorium_policies::file::{Primitive, PrimitiveFile};
-use motorium_policies::promp::ProMp;
+use motorium_primitives::dmp::{DiscreteDmp, DmpModel, RhythmicDmp, RhythmicModel};
+use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::promp::ProMp;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 

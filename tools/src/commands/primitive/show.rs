@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_policies::dmp::{DmpModel, RhythmicModel, Variant};
-use motorium_policies::file::{Primitive, PrimitiveFile};
-use motorium_policies::promp::ProMp;
+use motorium_primitives::dmp::{DmpModel, RhythmicModel, Variant};
+use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::promp::ProMp;
 use serde::Serialize;
 
 use super::plot::{self, Panel};

@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use motorium_policies::library::{
+use motorium_library::{
     Basis, DAMPING, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, data,
     merge_independent, merge_parts, path_errors,
 };
 use nalgebra::DMatrix;
 
-use super::chart::Series;
 use super::letters::chart;
 use super::search::{Space, searches};
 use super::sheet::{Sheet, mean};
+use crate::chart::Series;
 
 /// Frames of a window (2 s at 30 Hz), and frames from one to the next.
 const WINDOW: usize = 60;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_policies::library::{DAMPING, SampledSpring, data};
+use motorium_library::{DAMPING, SampledSpring, data};
 
 use super::sheet::Sheet;
 use super::{body, letters, perception, search};

@@ -2,13 +2,13 @@
 //!
 //! Figures whose number is not certain are named by what they show.
 
-use motorium_policies::library::{
+use motorium_library::{
     BALANCED, Evaluation, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, compare,
     kernel_functions, nearest_neighbour_rate,
 };
 
-use super::chart::{Chart, Series, Tile, tiles};
 use super::sheet::Sheet;
+use crate::chart::{Chart, Series, Tile, tiles};
 use crate::commands::library::evaluate::{Measured, spread};
 
 const TERMS: [usize; 7] = [4, 8, 12, 16, 24, 32, 64];
@@ -91,7 +91,7 @@ fn eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()>
 }
 
 /// The path of a held-out letter by the first `n` eigenforces, beside its own.
-fn drawn(library: &MotionLibrary, letter: &motorium_policies::library::Trajectory, n: usize) -> Tile {
+fn drawn(library: &MotionLibrary, letter: &motorium_library::Trajectory, n: usize) -> Tile {
     let movement = Movement::of(letter, library.spring());
     let weights = library.project(&movement.forces);
     let forces = library.forces(&weights.as_slice()[..n.min(library.rank())]);

@@ -2,7 +2,6 @@
 
 mod body;
 mod chapter3;
-pub(super) mod chart;
 mod letters;
 mod perception;
 mod search;

@@ -1,14 +1,14 @@
 //! Figure 3.17: from the picture of a letter to its movement.
 
-use motorium_policies::learning::perception::{
+use motorium_learners::perception::{
     Coupling, Picture, Training, begun_at_zero, chamfer, even_speed, unit_extent,
 };
-use motorium_policies::library::{DAMPING, Recordings, SampledSpring, Trajectory};
+use motorium_library::{DAMPING, Recordings, SampledSpring, Trajectory};
 use nalgebra::DMatrix;
 
-use super::chart::{Series, Tile, tiles};
 use super::letters::chart;
 use super::sheet::{Sheet, mean};
+use crate::chart::{Series, Tile, tiles};
 
 /// Samples of the letters that are learned, and of curves that are compared.
 const LEARNED: usize = 100;

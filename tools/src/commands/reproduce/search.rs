@@ -1,14 +1,12 @@
 //! Policy search on library weights and on kernel weights.
 
-use motorium_policies::learning::{Power, PowerSettings};
-use motorium_policies::library::{
-    MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, kernel_functions,
-};
+use motorium_learners::{Power, PowerSettings};
+use motorium_library::{MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, kernel_functions};
 use nalgebra::DMatrix;
 
-use super::chart::Series;
 use super::letters::chart;
 use super::sheet::{Sheet, mean};
+use crate::chart::Series;
 
 const ROLLOUTS: usize = 300;
 /// Rollouts at which the best reward is shown.
@@ -105,7 +103,7 @@ impl Space {
             Power::new(vec![0.0; self.variance.len()], self.variance.clone(), PowerSettings::default(), seed);
         let mut shown = [0.0; SHOWN.len()];
         let mut left = vec![0.0; goal.len()];
-        let simd = motorium_policies::library::algebra::Simd::new();
+        let simd = motorium_library::algebra::Simd::new();
         for rollout in 1..=ROLLOUTS {
             left.iter_mut().zip(goal).for_each(|(left, goal)| *left = -goal);
             simd.superpose(self.functions.as_slice(), power.propose(), &mut left);

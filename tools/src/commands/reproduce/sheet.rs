@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::chart::Chart;
+use crate::chart::Chart;
 
 /// A claim, and whether it holds here.
 #[derive(Debug, Serialize)]

@@ -8,12 +8,12 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use motorium_policies::dmp::{
+use motorium_primitives::dmp::{
     Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
 };
-use motorium_policies::file::{Primitive, PrimitiveFile};
-use motorium_policies::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
-use motorium_policies::recording::{self, Recording, Selection};
+use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
+use motorium_recordings::{Recording, Selection};
 use nalgebra::DMatrix;
 
 use report::{Report, text};
@@ -177,8 +177,11 @@ impl Fit {
     fn read(&self) -> anyhow::Result<Shown> {
         let selection =
             Selection { field: self.field.clone(), channels: self.channel.clone(), rate: self.rate };
-        let recordings: Vec<Recording> =
-            self.files.iter().map(|file| recording::read(file, &selection)).collect::<Result<_, _>>()?;
+        let recordings: Vec<Recording> = self
+            .files
+            .iter()
+            .map(|file| motorium_recordings::read(file, &selection))
+            .collect::<Result<_, _>>()?;
         let names = recordings[0].names().to_vec();
         for (file, recording) in self.files.iter().zip(&recordings) {
             if recording.names().len() != names.len() {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium_policies::file::PrimitiveFile;
+use motorium_primitives::file::PrimitiveFile;
 use serde::Serialize;
 
 use super::Shown;

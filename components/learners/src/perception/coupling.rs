@@ -1,0 +1,187 @@
+//! From pictures to movements: training and use.
+
+use motorium_models::networks::ConvolutionalNetwork;
+use nalgebra::{DMatrix, DVector};
+use rand::seq::{IndexedRandom as _, SliceRandom as _};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+use super::letter::{augmented, even_speed, unit_extent};
+use super::picture::{PIXELS, Picture};
+use motorium_library::{
+    BuildError, Frame, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Superposition,
+    Trajectory,
+};
+
+/// How a coupling is trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Training {
+    /// Weights of the library. Default 16.
+    pub terms: usize,
+    /// Times that every letter is seen, each time a little changed. Default 220.
+    pub epochs: usize,
+    /// Letters in a batch. Default 8.
+    pub batch: usize,
+    /// First rate of learning; it falls to 0 along a cosine. Default 1.5e-3.
+    pub rate: f32,
+    /// Draws the parameters of the network to 0. Default 1e-5.
+    pub decay: f32,
+    /// How much the letters are changed: rad and parts. Default 0.08.
+    pub augmentation: f64,
+    /// Of the network, the order and the changes. Default 1.
+    pub seed: u64,
+}
+
+impl Default for Training {
+    fn default() -> Self {
+        Self { terms: 16, epochs: 220, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.08, seed: 1 }
+    }
+}
+
+/// A network that sees letters, and the library of their movements.
+#[derive(Clone, Debug)]
+pub struct Coupling {
+    network: ConvolutionalNetwork,
+    library: MotionLibrary,
+    /// Outputs of zero, and what a unit of the network means: `o = mean + turn z`.
+    mean: DVector<f64>,
+    turn: DMatrix<f64>,
+}
+
+impl Coupling {
+    /// Learns from letters. `progress` is told the epoch (from 1) and its mean loss: the squared error of position in
+    /// letter sizes.
+    ///
+    /// # Errors
+    /// Letters that are not of two degrees of freedom, or none.
+    pub fn train(
+        letters: &Recordings,
+        spring: SampledSpring,
+        training: &Training,
+        mut progress: impl FnMut(usize, f64),
+    ) -> Result<Self, BuildError> {
+        let curves: Vec<DMatrix<f64>> = letters
+            .trajectories
+            .iter()
+            .map(|letter| unit_extent(&even_speed(&letter.resampled(spring.samples()), spring.samples())))
+            .collect();
+        let written = letters.trajectories.iter().zip(&curves);
+        let trajectories =
+            written.map(|(letter, curve)| Trajectory { positions: curve.clone(), ..letter.clone() });
+        let set = Recordings { names: letters.names.clone(), trajectories: trajectories.collect() };
+        let library = MotionLibrary::build(&set, spring, Metric::Position, Keep::Rank(training.terms))?;
+        let outputs: Vec<DVector<f64>> = curves.iter().map(|curve| output(curve, &library)).collect();
+        let mean = outputs.iter().sum::<DVector<f64>>() / outputs.len() as f64;
+        let turn = turn(&library);
+        let back = turn.clone().try_inverse().expect("a triangular matrix with a positive diagonal");
+        let mut random = Pcg64::seed_from_u64(training.seed);
+        let mut network = ConvolutionalNetwork::random(mean.len(), &mut random);
+        let mut adam = network.optimiser();
+        let mut order: Vec<usize> = (0..curves.len()).collect();
+        let label = |k: usize| letters.trajectories[k].label.as_deref();
+        let alike =
+            |k: usize| (0..curves.len()).filter(|j| label(k).is_some() && label(*j) == label(k)).collect();
+        let mates: Vec<Vec<usize>> = (0..curves.len()).map(alike).collect();
+        let batches = training.epochs * curves.len().div_ceil(training.batch);
+        let mut step = 0;
+        for epoch in 1..=training.epochs {
+            order.shuffle(&mut random);
+            let mut total = 0.0;
+            for chunk in order.chunks(training.batch.max(1)) {
+                let mut pictures = DMatrix::zeros(PIXELS * PIXELS, chunk.len());
+                let mut targets = DMatrix::zeros(mean.len(), chunk.len());
+                for (column, letter) in chunk.iter().enumerate() {
+                    let curve = between(&curves, &mates[*letter], *letter, &mut random);
+                    let curve = augmented(&curve, training.augmentation, &mut random);
+                    pictures.column_mut(column).copy_from_slice(&Picture::of(&curve).0);
+                    let target = &back * (output(&curve, &library) - &mean);
+                    targets
+                        .column_mut(column)
+                        .iter_mut()
+                        .zip(target.iter())
+                        .for_each(|(t, z)| *t = *z as f32);
+                }
+                let part = step as f32 / batches as f32;
+                let rate = training.rate * 0.5 * (1.0 + (std::f32::consts::PI * part).cos());
+                let loss = network.learn(&mut adam, (&pictures, &targets), rate, training.decay);
+                total += f64::from(loss) * chunk.len() as f64;
+                step += 1;
+            }
+            progress(epoch, 2.0 * total / curves.len() as f64 * UNIT * UNIT);
+        }
+        Ok(Self { network, library, mean, turn })
+    }
+
+    /// The movement that writes the letter in a picture, in a frame of extent 1 and a duration of 1 s.
+    pub fn see(&self, picture: &Picture) -> Superposition {
+        let seen = self.network.forward(&DMatrix::from_column_slice(PIXELS * PIXELS, 1, &picture.0));
+        let z = DVector::from_iterator(seen.len(), seen.iter().map(|value| f64::from(*value)));
+        let out = &self.mean + &self.turn * z;
+        let (n, dofs) = (self.library.rank(), self.library.layout().dofs());
+        let numbers = |k: usize| out.as_slice()[n + k * dofs..n + (k + 1) * dofs].to_vec();
+        let frame = Frame { start: numbers(0), goal: numbers(1), velocity: numbers(2), duration: 1.0 };
+        Superposition { weights: out.as_slice()[..n].to_vec(), frame }
+    }
+
+    /// The library whose weights it sees.
+    pub fn library(&self) -> &MotionLibrary {
+        &self.library
+    }
+
+    /// The network.
+    pub fn network(&self) -> &ConvolutionalNetwork {
+        &self.network
+    }
+}
+
+/// A letter between one and another of its label: up to half way, since a blend of movements is a movement.
+fn between(curves: &[DMatrix<f64>], mates: &[usize], letter: usize, random: &mut Pcg64) -> DMatrix<f64> {
+    let Some(mate) = mates.choose(random) else { return curves[letter].clone() };
+    let part = 0.5 * random.random::<f64>();
+    &curves[letter] * (1.0 - part) + &curves[*mate] * part
+}
+
+/// What the network gives for a curve: weights, start, goal, velocity.
+fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
+    let trajectory = Trajectory { id: String::new(), label: None, duration: 1.0, positions: curve.clone() };
+    let movement = Movement::of(&trajectory, library.spring());
+    let weights = library.project(&movement.forces);
+    let frame = &movement.frame;
+    let all = weights.iter().chain(&frame.start).chain(&frame.goal).chain(&frame.velocity);
+    DVector::from_iterator(library.rank() + 3 * frame.dofs(), all.copied())
+}
+
+/// The error of position, in letter sizes, that one unit of the network stands for.
+const UNIT: f64 = 0.2;
+
+/// `L^-T` for `A^T A = L L^T`, with `A` the path of each output.
+fn turn(library: &MotionLibrary) -> DMatrix<f64> {
+    let (spring, dofs, n) = (library.spring(), library.layout().dofs(), library.rank());
+    let samples = spring.samples();
+    let mut paths = DMatrix::zeros(samples * dofs, n + 3 * dofs);
+    let zero = vec![0.0; spring.forces()];
+    for k in 0..n {
+        let forces = library.eigenforces().column(k);
+        for (d, forces) in forces.as_slice().chunks_exact(spring.forces()).enumerate() {
+            spring.path_of(
+                forces,
+                [0.0; 3],
+                &mut paths.column_mut(k).as_mut_slice()[d * samples..(d + 1) * samples],
+            );
+        }
+    }
+    // in the order of the outputs: start, goal, velocity
+    for (kind, state) in [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]].into_iter().enumerate() {
+        for d in 0..dofs {
+            let mut column = paths.column_mut(n + kind * dofs + d);
+            spring.path_of(&zero, state, &mut column.as_mut_slice()[d * samples..(d + 1) * samples]);
+        }
+    }
+    let mut gram = paths.transpose() * &paths / (samples as f64 * UNIT * UNIT);
+    let size = gram.diagonal().max();
+    for k in 0..gram.nrows() {
+        gram[(k, k)] += 1e-12 * size;
+    }
+    let factor = gram.cholesky().expect("a Gram matrix with a raised diagonal is positive definite").unpack();
+    factor.transpose().try_inverse().expect("a triangular matrix with a positive diagonal")
+}

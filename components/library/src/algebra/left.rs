@@ -1,0 +1,173 @@
+//! Singular values and left singular vectors.
+
+use nalgebra::DMatrix;
+
+use super::symmetric::Decomposed;
+
+/// How many singular vectors are wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wanted {
+    /// All that are not rounding.
+    All,
+    /// At most so many.
+    Rank(usize),
+    /// The fewest that leave at most this part of the energy (the sum of the squared singular values).
+    Residual(f64),
+}
+
+/// Left singular vectors and singular values of a matrix.
+#[derive(Clone, Debug)]
+pub struct LeftSingular {
+    /// Orthonormal left singular vectors, one a column, as many as were wanted and found.
+    pub vectors: DMatrix<f64>,
+    /// Their singular values, the largest first.
+    pub values: Vec<f64>,
+    /// All singular values, the largest first: those without a vector to about 1e-13 of the largest.
+    pub spectrum: Vec<f64>,
+    /// Sum of the squares of all entries of the matrix.
+    pub energy: f64,
+}
+
+/// Singular values below this part of the largest are found from a Gram matrix of their own.
+const SCALE: f64 = 1e-3;
+/// Singular values below this part of the largest are rounding.
+const ROUNDING: f64 = 1e-15;
+
+/// The leading left singular vectors of a matrix.
+///
+/// The Gram matrix of the shorter side holds squares, and resolves singular values `s` only to
+/// `eps s_1^2 / s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they leave,
+/// and the rest is found there, in the same way, until enough are found. All singular values with a vector are so exact
+/// to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle (QR).
+pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
+    let (rows, columns) = matrix.shape();
+    if rows == 0 || columns == 0 {
+        return LeftSingular {
+            vectors: DMatrix::zeros(rows, 0),
+            values: vec![],
+            spectrum: vec![],
+            energy: 0.0,
+        };
+    }
+    if rows > columns {
+        let qr = matrix.clone().qr();
+        let mut inner = left_singular(&qr.r(), wanted);
+        inner.vectors = qr.q() * inner.vectors;
+        return inner;
+    }
+    let energy = matrix.norm_squared();
+    let mut found =
+        LeftSingular { vectors: DMatrix::zeros(rows, 0), values: vec![], spectrum: vec![], energy };
+    descend(matrix, None, &mut found, wanted);
+    // levels meet where singular values are about equal: rounding can leave two out of order there
+    let mut order: Vec<usize> = (0..found.values.len()).collect();
+    order.sort_by(|a, b| found.values[*b].total_cmp(&found.values[*a]));
+    let kept = keep(&order.iter().map(|k| found.values[*k]).collect::<Vec<_>>(), energy, wanted);
+    found.vectors = DMatrix::from_fn(rows, kept, |i, k| found.vectors[(i, order[k])]);
+    found.values = order[..kept].iter().map(|k| found.values[*k]).collect();
+    found.spectrum.sort_by(|a, b| b.total_cmp(a));
+    found
+}
+
+/// How many of the singular values are wanted.
+pub(crate) fn keep(values: &[f64], energy: f64, wanted: Wanted) -> usize {
+    match wanted {
+        Wanted::All => values.len(),
+        Wanted::Rank(rank) => rank.min(values.len()),
+        Wanted::Residual(part) => {
+            // summed from the small end, where nothing is lost
+            let squares: f64 = values.iter().rev().map(|s| s * s).sum();
+            let mut left = (energy - squares).max(0.0) + squares;
+            for (k, value) in values.iter().enumerate() {
+                if left <= part * energy {
+                    return k.max(1).min(values.len());
+                }
+                left -= value * value;
+            }
+            values.len()
+        }
+    }
+}
+
+/// One scale of singular values: those of `basis^T matrix`, with `basis` what the scales above left.
+fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut LeftSingular, wanted: Wanted) {
+    let projected = basis.map(|basis| basis.transpose() * matrix);
+    let here = projected.as_ref().unwrap_or(matrix);
+    let solved = Decomposed::of(here * here.transpose());
+    let roots: Vec<f64> = solved.values.iter().map(|value| value.max(0.0).sqrt()).collect();
+    let largest = found.values.first().copied().unwrap_or(roots[0]);
+    let head = roots.iter().take_while(|root| **root > roots[0] * SCALE).count();
+    if roots[0] <= ROUNDING * largest || head == 0 {
+        found.spectrum.extend(roots);
+        return;
+    }
+    // no more than are wanted, and one that shows that it is enough
+    let known = found.values.len();
+    let ahead: Vec<f64> = found.values.iter().chain(&roots[..head]).copied().collect();
+    let count = (keep(&ahead, found.energy, wanted) + 1).saturating_sub(known).clamp(1, head);
+    let vectors = solved.vectors(0, count);
+    // the length of a row is exact to second order in the error of its vector
+    let rows = vectors.transpose() * here;
+    let values: Vec<f64> = (0..count).map(|k| rows.row(k).norm()).collect();
+    found.spectrum.extend_from_slice(&values);
+    found.values.extend_from_slice(&values);
+    let outer = basis.map_or_else(|| vectors.clone(), |basis| basis * &vectors);
+    let all = std::mem::replace(&mut found.vectors, DMatrix::zeros(0, 0));
+    found.vectors = all.resize_horizontally(known + count, 0.0);
+    found.vectors.columns_mut(known, count).copy_from(&outer);
+    let rest = roots.len() - head;
+    if rest == 0 || count < head || wanted == Wanted::Rank(known + count) {
+        found.spectrum.extend_from_slice(&roots[count..]);
+        return;
+    }
+    let tail = solved.vectors(head, rest);
+    let tail = basis.map_or_else(|| tail.clone(), |basis| basis * &tail);
+    descend(matrix, Some(&tail), found, wanted);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A matrix of known singular values.
+    fn graded(rows: usize, columns: usize, values: &[f64]) -> DMatrix<f64> {
+        let noise =
+            |n: usize, seed: f64| DMatrix::from_fn(n, n, |i, j| (seed * (i * n + j) as f64 + 0.3).sin());
+        let (u, v) = (noise(rows, 1.7).qr().q(), noise(columns, 2.3).qr().q());
+        let middle = DMatrix::from_fn(rows, columns, |i, j| if i == j { values[i] } else { 0.0 });
+        u * middle * v.transpose()
+    }
+
+    #[test]
+    fn singular_values_over_many_scales_are_as_exact_as_by_a_direct_method() {
+        let values: Vec<f64> = (0..40).map(|k| 10.0_f64.powf(-0.3 * f64::from(k))).collect();
+        for (rows, columns) in [(40, 40), (40, 90), (90, 40)] {
+            let matrix = graded(rows, columns, &values);
+            let found = left_singular(&matrix, Wanted::All);
+            assert_eq!(found.values.len(), 40);
+            for (found, known) in found.values.iter().zip(&values) {
+                assert!((found - known).abs() < 2e-14, "{found:e} {known:e}");
+            }
+            let u = &found.vectors;
+            assert!((u.tr_mul(u) - DMatrix::identity(40, 40)).norm() < 1e-12);
+            assert!((&matrix - u * u.tr_mul(&matrix)).norm() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn as_many_are_kept_as_the_residual_asks_for() {
+        let matrix = graded(6, 8, &[3.0, 2.0, 1.0, 0.1, 0.01, 1e-5]);
+        assert_eq!(left_singular(&matrix, Wanted::Residual(0.1)).values.len(), 2);
+        assert_eq!(left_singular(&matrix, Wanted::Residual(1e-3)).values.len(), 3);
+        assert_eq!(left_singular(&matrix, Wanted::Residual(0.0)).values.len(), 6);
+        assert_eq!(left_singular(&matrix, Wanted::Rank(4)).values.len(), 4);
+    }
+
+    #[test]
+    fn a_matrix_of_low_rank_has_no_more_vectors_than_its_rank() {
+        let matrix = graded(30, 50, &[&[2.0, 1.0][..], &[0.0; 28]].concat());
+        let found = left_singular(&matrix, Wanted::All);
+        assert!(found.values.len() >= 2 && found.values[1] > 0.99);
+        assert!(found.values.iter().skip(2).all(|value| *value < 1e-14));
+    }
+}

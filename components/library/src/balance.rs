@@ -1,0 +1,62 @@
+//! Eigenforces for the mean error instead of the mean square.
+
+use crate::algebra::left_singular;
+use crate::{BuildError, Keep, LibraryParts, MotionLibrary};
+
+/// Rounds after which the weights hardly change.
+const ROUNDS: usize = 8;
+/// Of the median error: what keeps a movement that is met exactly from counting without bound.
+const FLOOR: f64 = 0.1;
+
+impl MotionLibrary {
+    /// The same movements, with eigenforces of which the first `n` leave a small *mean* error, not a small mean square: a few
+    /// odd movements no longer bend them. From a library that was not truncated; as many are kept as `keep` says.
+    ///
+    /// Iteratively reweighted: with the error `r_k` that `n` eigenforces leave of movement `k` in the metric of the library,
+    /// the next are those of the movements times `(r_k / median + 0.1)^(-1/2)`, which makes `sum r_k^2 c_k^2` about
+    /// `sum r_k`. A singular value is the norm of the weights of its eigenforce, as for any library; but weights of one are
+    /// not uncorrelated with those of another, so that splitting and merging such a library is approximate.
+    ///
+    /// # Errors
+    /// Movements that do not move.
+    pub fn balanced(&self, n: usize, keep: Keep) -> Result<Self, BuildError> {
+        let LibraryParts { basis, weights, .. } = self.parts();
+        let data = basis * weights;
+        let n = n.clamp(1, self.rank());
+        let mut scaled = data.clone();
+        let mut found = basis.columns(0, n).into_owned();
+        for round in 0..ROUNDS {
+            let mut errors: Vec<f64> = {
+                let known = found.transpose() * &data;
+                let left = data.column_iter().zip(known.column_iter());
+                left.map(|(all, known)| (all.norm_squared() - known.norm_squared()).max(0.0).sqrt()).collect()
+            };
+            let median = {
+                let mut sorted = errors.clone();
+                sorted.sort_by(f64::total_cmp);
+                sorted[sorted.len() / 2]
+            };
+            if median <= 0.0 {
+                // n eigenforces hold at least half of the movements exactly
+                break;
+            }
+            errors.iter_mut().for_each(|error| *error = (*error / median + FLOOR).sqrt().recip());
+            scaled.copy_from(&data);
+            scaled.column_iter_mut().zip(&errors).for_each(|(mut column, weight)| column *= *weight);
+            let keep = if round + 1 == ROUNDS { keep } else { Keep::Rank(n) };
+            found = left_singular(&scaled, keep.wanted(scaled.nrows())).vectors;
+        }
+        if found.ncols() == 0 {
+            return Err(BuildError::Still);
+        }
+        let weights = found.transpose() * &data;
+        let singular: Vec<f64> = weights.row_iter().map(|row| row.norm()).collect();
+        Self::from_parts(LibraryParts {
+            spectrum: singular.clone(),
+            singular,
+            basis: found,
+            weights,
+            ..self.parts().clone()
+        })
+    }
+}

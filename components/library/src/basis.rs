@@ -1,0 +1,130 @@
+//! Bases for forces, side by side.
+
+use nalgebra::DMatrix;
+
+use crate::{Keep, Layout, Metric, MotionLibrary, SampledSpring};
+
+/// Functions that forces are written in, and how their weights are found: `w = analysis^T f`, `f = functions w`.
+#[derive(Clone, Debug)]
+pub struct Basis {
+    functions: DMatrix<f64>,
+    analysis: DMatrix<f64>,
+}
+
+impl Basis {
+    /// The first `n` eigenforces of a library.
+    pub fn eigenforces(library: &MotionLibrary, n: usize) -> Self {
+        let n = n.clamp(1, library.rank());
+        let first = |matrix: &DMatrix<f64>| matrix.columns(0, n).into_owned();
+        Self { functions: first(library.eigenforces()), analysis: first(library.analysis()) }
+    }
+
+    /// Eigenforces of each DoF by itself, `n / dofs` of each, from a library that was not truncated.
+    pub fn eigenforces_of_each(library: &MotionLibrary, n: usize) -> Self {
+        let layout = library.layout();
+        let blocks = (0..layout.dofs()).map(|dof| {
+            let part = super::Part { name: layout.names()[dof].clone(), dofs: vec![dof] };
+            let alone = library.split(&part);
+            alone.parts().basis.columns(0, (n / layout.dofs()).clamp(1, alone.rank())).into_owned()
+        });
+        Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))
+    }
+
+    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for each DoF, made
+    /// orthonormal on the samples.
+    pub fn fourier(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
+        let steps = spring.forces();
+        let each = (n / layout.dofs()).clamp(1, steps);
+        let columns = DMatrix::from_fn(steps, each, |k, i| {
+            let turn = std::f64::consts::TAU * i.div_ceil(2) as f64 * k as f64 / steps as f64;
+            if i % 2 == 1 {
+                turn.cos()
+            } else if i == 0 {
+                1.0
+            } else {
+                turn.sin()
+            }
+        });
+        Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
+    }
+
+    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of them for each
+    /// DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s` falling to 1 %. Fitted by
+    /// least squares.
+    pub fn kernels(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
+        let columns = kernel_functions(spring, (n / layout.dofs()).clamp(1, spring.forces()));
+        Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
+    }
+
+    fn orthonormal(functions: DMatrix<f64>) -> Self {
+        Self { analysis: functions.clone(), functions }
+    }
+
+    /// Number of weights.
+    pub fn terms(&self) -> usize {
+        self.functions.ncols()
+    }
+
+    /// The functions, one a column.
+    pub fn functions(&self) -> &DMatrix<f64> {
+        &self.functions
+    }
+
+    /// Weights of forces, one movement a column.
+    pub fn weights(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
+        self.analysis.transpose() * forces
+    }
+
+    /// What the basis makes of forces, one movement a column.
+    pub fn approximate(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.functions * self.weights(forces)
+    }
+}
+
+/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i / sum psi_j`,
+/// centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
+pub fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
+    let decay = -(0.01_f64.ln());
+    let phase = |progress: f64| (-decay * progress).exp();
+    let centre = |i: usize| phase(i as f64 / (count.max(2) - 1) as f64);
+    let widths: Vec<f64> = (0..count)
+        .map(|i| {
+            let i = i.min(count.saturating_sub(2));
+            -(0.8_f64.ln()) / (centre(i + 1) - centre(i)).powi(2)
+        })
+        .collect();
+    let mut functions = DMatrix::zeros(spring.forces(), count);
+    for k in 0..spring.forces() {
+        let s = phase(k as f64 * spring.step());
+        let psi: Vec<f64> = (0..count).map(|i| (-widths[i] * (s - centre(i)).powi(2)).exp()).collect();
+        let total: f64 = psi.iter().sum();
+        for (i, psi) in psi.iter().enumerate() {
+            functions[(k, i)] = s * psi / total.max(f64::MIN_POSITIVE);
+        }
+    }
+    functions
+}
+
+fn block_diagonal(blocks: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let rows = blocks.iter().map(DMatrix::nrows).sum();
+    let columns = blocks.iter().map(DMatrix::ncols).sum();
+    let mut all = DMatrix::zeros(rows, columns);
+    let (mut row, mut column) = (0, 0);
+    for block in blocks {
+        all.view_mut((row, column), block.shape()).copy_from(block);
+        (row, column) = (row + block.nrows(), column + block.ncols());
+    }
+    all
+}
+
+impl MotionLibrary {
+    /// A library of the same movements in another metric, from the weights of a complete one.
+    ///
+    /// # Errors
+    /// Movements that do not move.
+    pub fn in_metric(&self, metric: Metric, keep: Keep) -> Result<Self, super::BuildError> {
+        let forces = self.eigenforces() * self.weights();
+        let kind = (self.layout().clone(), *self.spring());
+        Self::from_forces(forces, self.entries().to_vec(), kind, metric, keep)
+    }
+}

@@ -1,0 +1,139 @@
+//! What a basis makes of movements it has not seen.
+
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use crate::{Basis, Keep, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory};
+
+/// Errors of one basis with one number of weights.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Number of weights.
+    pub n: usize,
+    /// Root mean square of the forces left out, over that of the forces.
+    pub force: f64,
+    /// Errors of the paths.
+    pub position: PathError,
+}
+
+/// Errors of paths: root mean square over the samples of each, over the mean spread of all.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PathError {
+    /// Mean over the movements.
+    pub mean: f64,
+    /// Standard deviation over the movements.
+    pub deviation: f64,
+    /// Median over the movements.
+    pub median: f64,
+    /// The movement with the largest error.
+    pub worst: f64,
+}
+
+impl PathError {
+    /// From one error for each movement.
+    pub fn of(mut errors: Vec<f64>) -> Self {
+        let n = errors.len().max(1) as f64;
+        let mean = errors.iter().sum::<f64>() / n;
+        let deviation = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n).sqrt();
+        errors.sort_by(f64::total_cmp);
+        let median = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
+        Self { mean, deviation, median, worst: errors.last().copied().unwrap_or(0.0) }
+    }
+}
+
+/// Forces of recordings, one a column, and their frames.
+pub(super) fn forces_of(
+    recordings: &Recordings,
+    spring: &SampledSpring,
+) -> (DMatrix<f64>, Vec<super::Frame>) {
+    let rows = recordings.names.len() * spring.forces();
+    let mut forces = DMatrix::zeros(rows, recordings.trajectories.len());
+    let mut frames = Vec::new();
+    for (k, trajectory) in recordings.trajectories.iter().enumerate() {
+        let movement = Movement::of(trajectory, spring);
+        forces.column_mut(k).copy_from_slice(&movement.forces);
+        frames.push(movement.frame);
+    }
+    (forces, frames)
+}
+
+/// How well a basis holds recordings: their forces and, followed by the spring, their paths.
+pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
+    let (forces, _) = forces_of(recordings, spring);
+    let left = &forces - basis.approximate(&forces);
+    let dofs = recordings.names.len();
+    let errors = path_errors(left.clone(), dofs, spring);
+    let spread = mean_spread(recordings, spring);
+    Evaluation {
+        n: basis.terms(),
+        force: (left.norm_squared() / forces.norm_squared().max(f64::MIN_POSITIVE)).sqrt(),
+        position: PathError::of(errors.into_iter().map(|error| error / spread).collect()),
+    }
+}
+
+/// The root mean square over the samples of the path that each column of left-out forces makes.
+pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) -> Vec<f64> {
+    let each = spring.forces();
+    left.column_iter_mut()
+        .map(|mut column| {
+            let mut squares = 0.0;
+            for block in column.as_mut_slice().chunks_exact_mut(each).take(dofs) {
+                spring.respond(block);
+                squares += block.iter().map(|y| y * y).sum::<f64>();
+            }
+            (squares / spring.samples() as f64).sqrt()
+        })
+        .collect()
+}
+
+/// The mean spread of recordings.
+fn mean_spread(recordings: &Recordings, spring: &SampledSpring) -> f64 {
+    let spreads = recordings.trajectories.iter().map(|t| Trajectory::spread(&t.resampled(spring.samples())));
+    spreads.sum::<f64>() / recordings.trajectories.len().max(1) as f64
+}
+
+/// The part of labelled recordings whose nearest movement of the library, in the first `n` weights, has their label.
+pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, n: usize) -> f64 {
+    let mut recogniser = super::Recogniser::new(library, n);
+    let mut right = 0;
+    let labelled: Vec<&Trajectory> = recordings.trajectories.iter().filter(|t| t.label.is_some()).collect();
+    for trajectory in &labelled {
+        let movement = Movement::of(trajectory, library.spring());
+        recogniser.project(&movement.forces);
+        let found = recogniser.nearest().and_then(|(k, _)| library.entries()[k].label.as_ref());
+        right += usize::from(found == trajectory.label.as_ref());
+    }
+    right as f64 / labelled.len().max(1) as f64
+}
+
+/// Name of the eigenforces that are [balanced](MotionLibrary::balanced), in [`compare`].
+pub const BALANCED: &str = "eigenforces, balanced";
+
+/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in the metric of
+/// position is there twice, the second time balanced for each number.
+pub fn compare(
+    libraries: &[(&'static str, &MotionLibrary)],
+    recordings: &Recordings,
+    terms: &[usize],
+    mut done: impl FnMut(),
+) -> Vec<(&'static str, Evaluation)> {
+    let mut found = Vec::new();
+    let Some((_, first)) = libraries.first() else { return found };
+    let (layout, spring): (&Layout, &SampledSpring) = (first.layout(), first.spring());
+    for &n in terms {
+        for (name, library) in libraries {
+            found.push((*name, evaluate(&Basis::eigenforces(library, n), recordings, spring)));
+            if library.metric() == Metric::Position
+                && let Ok(balanced) = library.balanced(n, Keep::Rank(n))
+            {
+                found.push((BALANCED, evaluate(&Basis::eigenforces(&balanced, n), recordings, spring)));
+            }
+        }
+        if n >= layout.dofs() {
+            found.push(("fourier", evaluate(&Basis::fourier(layout, spring, n), recordings, spring)));
+            found.push(("kernels", evaluate(&Basis::kernels(layout, spring, n), recordings, spring)));
+        }
+        done();
+    }
+    found
+}

@@ -1,0 +1,70 @@
+//! The file of a motion library: versioned, checked, and laid out to be mapped into memory.
+//!
+//! All numbers are little-endian. The sections are arrays of `f64` that begin at multiples of 64 bytes, so that a mapped
+//! file is used where it lies ([`View`]).
+//!
+//! | offset | size | content |
+//! |---|---|---|
+//! | 0 | 8 | `MTLIB\r\n\x1a` |
+//! | 8 | 4 | version, 1 |
+//! | 12 | 4 | 0 |
+//! | 16 | 8 | length of the file |
+//! | 24 | 8 | length of the head |
+//! | 32 | 8 | XXH3 (64 bits, seed 0) of all bytes from 64 on |
+//! | 40 | 24 | 0 |
+//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `metric`, `ids`, `labels` and `sections` |
+//! | | | the sections, each as `[offset, count]` in the head |
+//!
+//! | section | shape, column by column | |
+//! |---|---|---|
+//! | `basis` | dofs (samples - 1) x rank | orthonormal in the metric |
+//! | `singular` | rank | singular values |
+//! | `spectrum` | any | all singular values that are known |
+//! | `energy` | 1 | sum of the squares of the data |
+//! | `weights` | rank x movements | weights of the movements |
+//! | `frames` | (3 dofs + 1) x movements | start, goal, velocity, duration of each |
+//!
+//! A file that was cut short, changed, or is of another version is refused with what is wrong with it. Files are written
+//! beside their place and then moved there: a writer that dies leaves the old one.
+
+mod read;
+mod write;
+
+pub use read::{FileError, View, read};
+pub use write::{to_bytes, write};
+
+use serde::{Deserialize, Serialize};
+
+use crate::Metric;
+
+const MAGIC: [u8; 8] = *b"MTLIB\r\n\x1a";
+const VERSION: u32 = 1;
+/// Where the head begins.
+const HEAD: usize = 64;
+const ALIGNMENT: usize = 64;
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Head {
+    names: Vec<String>,
+    samples: usize,
+    damping: f64,
+    metric: Metric,
+    ids: Vec<String>,
+    labels: Vec<Option<String>>,
+    sections: Sections,
+}
+
+/// Offset in bytes and number of entries of each.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Sections {
+    basis: [usize; 2],
+    singular: [usize; 2],
+    spectrum: [usize; 2],
+    energy: [usize; 2],
+    weights: [usize; 2],
+    frames: [usize; 2],
+}
+
+fn checksum(bytes: &[u8]) -> u64 {
+    twox_hash::XxHash3_64::oneshot(bytes)
+}

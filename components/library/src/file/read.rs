@@ -1,0 +1,233 @@
+//! Reading.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use nalgebra::DMatrix;
+
+use super::{HEAD, Head, MAGIC, VERSION, checksum};
+use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrary, SampledSpring};
+
+/// A file that is no library.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The file system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
+    /// Something is wrong in a file that could be read.
+    #[error("{path}: {source}")]
+    In {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<FileError>,
+    },
+    /// Not a library at all.
+    #[error("begins with {found:?}, expected {:?}: this is no motion library", MAGIC)]
+    Magic {
+        /// Its first bytes.
+        found: Vec<u8>,
+    },
+    /// Of another version.
+    #[error("a library of version {found}, this program reads version {VERSION}")]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// Too short or too long.
+    #[error(
+        "{found} bytes, but its head says {expected}: it was cut short or something was added; build it anew"
+    )]
+    Length {
+        /// Bytes there are.
+        found: usize,
+        /// Bytes there should be.
+        expected: u64,
+    },
+    /// Changed since it was written.
+    #[error("its checksum is {found:016x}, its head says {expected:016x}: it was damaged; build it anew")]
+    Checksum {
+        /// Of the bytes there are.
+        found: u64,
+        /// Of those written.
+        expected: u64,
+    },
+    /// A head that does not say what it should.
+    #[error("its head: {0}")]
+    Head(String),
+    /// A section outside the file, or of another size than the head implies.
+    #[error(
+        "section `{name}` has {found} entries at byte {offset}, expected {expected} inside the file at a multiple of 8"
+    )]
+    Section {
+        /// Its name.
+        name: &'static str,
+        /// Entries according to the head.
+        found: usize,
+        /// Where it should begin.
+        offset: usize,
+        /// Entries there should be.
+        expected: String,
+    },
+    /// Bytes that do not begin at a multiple of 8 in memory.
+    #[error("the bytes begin at an odd address, expected a multiple of 8, as a mapped file has")]
+    Misaligned,
+    /// Parts that do not fit each other.
+    #[error(transparent)]
+    Parts(#[from] BuildError),
+}
+
+/// A checked library over bytes that lie elsewhere, such as a mapped file: nothing is copied.
+#[derive(Debug)]
+pub struct View<'a> {
+    head: Head,
+    /// Orthonormal columns in the metric, one after the other.
+    pub basis: &'a [f64],
+    /// Singular values.
+    pub singular: &'a [f64],
+    /// All singular values that are known.
+    pub spectrum: &'a [f64],
+    /// Weights, one movement after the other.
+    pub weights: &'a [f64],
+    frames: &'a [f64],
+    energy: f64,
+}
+
+impl<'a> View<'a> {
+    /// Checks the bytes of a file.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn new(bytes: &'a [u8]) -> Result<Self, FileError> {
+        let head = head(bytes)?;
+        let s = &head.sections;
+        let rows = head.names.len() * head.samples.saturating_sub(1);
+        let (rank, movements) = (s.singular[1], head.ids.len());
+        let section = |name, [offset, count]: [usize; 2], expected: Option<usize>| {
+            let wrong = || FileError::Section {
+                name,
+                found: count,
+                offset,
+                expected: expected.map_or("any number".to_string(), |n| n.to_string()),
+            };
+            let end = count.checked_mul(8).and_then(|size| size.checked_add(offset)).ok_or_else(wrong)?;
+            if expected.is_some_and(|n| n != count) || offset % 8 != 0 {
+                return Err(wrong());
+            }
+            let inside = bytes.get(offset..end).ok_or_else(wrong)?;
+            bytemuck::try_cast_slice::<u8, f64>(inside).map_err(|_| FileError::Misaligned)
+        };
+        let product = |a: usize, b: usize| a.checked_mul(b);
+        Ok(Self {
+            basis: section("basis", s.basis, product(rows, rank))?,
+            singular: section("singular", s.singular, None)?,
+            spectrum: section("spectrum", s.spectrum, None)?,
+            weights: section("weights", s.weights, product(rank, movements))?,
+            frames: section("frames", s.frames, product(3 * head.names.len() + 1, movements))?,
+            energy: section("energy", s.energy, Some(1))?[0],
+            head,
+        })
+    }
+
+    /// Its metric.
+    pub fn metric(&self) -> Metric {
+        self.head.metric
+    }
+
+    /// Names of its degrees of freedom.
+    pub fn names(&self) -> &[String] {
+        &self.head.names
+    }
+
+    /// Ids and labels of its movements.
+    pub fn movements(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
+        let labels = self.head.labels.iter().map(|label| label.as_deref());
+        self.head.ids.iter().map(String::as_str).zip(labels)
+    }
+
+    /// The library, copied out.
+    ///
+    /// # Errors
+    /// Contents that make no library.
+    pub fn to_library(&self) -> Result<MotionLibrary, FileError> {
+        let (dofs, rank) = (self.head.names.len(), self.singular.len());
+        let movements = self.head.ids.len();
+        let spring = SampledSpring::new(self.head.samples, self.head.damping).map_err(BuildError::from)?;
+        let layout = Layout::new(self.head.names.clone()).map_err(BuildError::from)?;
+        let frames = self.frames.chunks_exact(3 * dofs + 1).map(|numbers| Frame {
+            start: numbers[..dofs].to_vec(),
+            goal: numbers[dofs..2 * dofs].to_vec(),
+            velocity: numbers[2 * dofs..3 * dofs].to_vec(),
+            duration: numbers[3 * dofs],
+        });
+        let names = self.head.ids.iter().zip(&self.head.labels);
+        let entries = names.zip(frames).map(|((id, label), frame)| Entry {
+            id: id.clone(),
+            label: label.clone(),
+            frame,
+        });
+        Ok(MotionLibrary::from_parts(LibraryParts {
+            basis: DMatrix::from_column_slice(dofs * spring.forces(), rank, self.basis),
+            layout,
+            spring,
+            metric: self.head.metric,
+            singular: self.singular.to_vec(),
+            spectrum: self.spectrum.to_vec(),
+            energy: self.energy,
+            weights: DMatrix::from_column_slice(rank, movements, self.weights),
+            entries: entries.collect(),
+        })?)
+    }
+}
+
+fn head(bytes: &[u8]) -> Result<Head, FileError> {
+    if bytes.len() < 8 || bytes[..8] != MAGIC {
+        return Err(FileError::Magic { found: bytes[..bytes.len().min(8)].to_vec() });
+    }
+    if bytes.len() < HEAD {
+        return Err(FileError::Length { found: bytes.len(), expected: HEAD as u64 });
+    }
+    let number = |at: usize| u64::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
+    let version = (number(8) & 0xffff_ffff) as u32;
+    if version != VERSION {
+        return Err(FileError::Version { found: version });
+    }
+    if number(16) != bytes.len() as u64 {
+        return Err(FileError::Length { found: bytes.len(), expected: number(16) });
+    }
+    let (found, expected) = (checksum(&bytes[HEAD..]), number(32));
+    if found != expected {
+        return Err(FileError::Checksum { found, expected });
+    }
+    let end = usize::try_from(number(24)).ok().and_then(|length| length.checked_add(HEAD));
+    let text = end.and_then(|end| bytes.get(HEAD..end));
+    let text =
+        text.ok_or_else(|| FileError::Head(format!("{} bytes, more than the file has", number(24))))?;
+    let head: Head = serde_json::from_slice(text).map_err(|error| FileError::Head(error.to_string()))?;
+    if head.labels.len() != head.ids.len() {
+        let (ids, labels) = (head.ids.len(), head.labels.len());
+        return Err(FileError::Head(format!("{ids} ids and {labels} labels, expected as many")));
+    }
+    Ok(head)
+}
+
+/// Reads a library from a file.
+///
+/// # Errors
+/// What the file system says, or what is wrong with the file.
+pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
+    let io = |source| FileError::Io { path: path.to_path_buf(), source };
+    let mut file = std::fs::File::open(path).map_err(io)?;
+    let length = usize::try_from(file.metadata().map_err(io)?.len()).unwrap_or(usize::MAX);
+    // words, so that the numbers in it are aligned
+    let mut words = vec![0_u64; length.div_ceil(8)];
+    let bytes = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..length];
+    file.read_exact(bytes).map_err(io)?;
+    let at = |source: FileError| FileError::In { path: path.to_path_buf(), source: Box::new(source) };
+    View::new(bytes).and_then(|view| view.to_library()).map_err(at)
+}

@@ -1,0 +1,253 @@
+//! Movements out of weights: at once, or step by step in a control loop.
+
+use crate::algebra::Simd;
+use crate::{Frame, MotionLibrary, SampledSpring};
+
+/// Weights and a frame: a movement to be generated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Superposition {
+    /// Weights of the first eigenforces.
+    pub weights: Vec<f64>,
+    /// Start, goal, velocity, duration.
+    pub frame: Frame,
+}
+
+impl Superposition {
+    /// A movement of the library by its first `terms` eigenforces.
+    pub fn of(library: &MotionLibrary, entry: usize, terms: usize) -> Self {
+        let terms = terms.clamp(1, library.rank());
+        let weights = library.weights().column(entry).rows(0, terms).iter().copied().collect();
+        Self { weights, frame: library.entries()[entry].frame.clone() }
+    }
+
+    /// The mean of the movements of one label, by the first `terms` eigenforces.
+    pub fn mean_of(library: &MotionLibrary, label: &str, terms: usize) -> Option<Self> {
+        let members: Vec<usize> = (0..library.entries().len())
+            .filter(|k| library.entries()[*k].label.as_deref() == Some(label))
+            .collect();
+        let (&first, rest) = members.split_first()?;
+        let mut mean = Self::of(library, first, terms);
+        for (count, &k) in rest.iter().enumerate() {
+            mean = mean.blend(&Self::of(library, k, terms), 1.0 / (count + 2) as f64);
+        }
+        Some(mean)
+    }
+
+    /// `self + part * (other - self)`: weights and frame alike, since the path is linear in all of them.
+    #[must_use]
+    pub fn blend(&self, other: &Self, part: f64) -> Self {
+        let n = self.weights.len().max(other.weights.len());
+        let at = |weights: &[f64], k: usize| weights.get(k).copied().unwrap_or(0.0);
+        let mix = |k| at(&self.weights, k) + part * (at(&other.weights, k) - at(&self.weights, k));
+        Self { weights: (0..n).map(mix).collect(), frame: self.frame.towards(&other.frame, part) }
+    }
+
+    /// Moved to a new start (if given) as a whole, then to a new goal and duration (if given).
+    #[must_use]
+    pub fn placed(mut self, start: Option<&[f64]>, goal: Option<&[f64]>, duration: Option<f64>) -> Self {
+        if let Some(start) = start {
+            for (d, start) in start.iter().enumerate() {
+                self.frame.goal[d] += start - self.frame.start[d];
+                self.frame.start[d] = *start;
+            }
+        }
+        if let Some(goal) = goal {
+            self.frame.goal.copy_from_slice(goal);
+        }
+        self.frame.duration = duration.unwrap_or(self.frame.duration);
+        self
+    }
+
+    /// The path: samples x DoFs.
+    pub fn path(&self, library: &MotionLibrary) -> nalgebra::DMatrix<f64> {
+        super::movement::path(&self.frame, &library.forces(&self.weights), library.spring())
+    }
+}
+
+/// A movement that cannot be started. What ran before goes on unchanged.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum GenerateError {
+    /// More weights than eigenforces.
+    #[error("{found} weights for {rank} eigenforces")]
+    Weights {
+        /// Number of weights.
+        found: usize,
+        /// Number of eigenforces.
+        rank: usize,
+    },
+    /// A frame of other DoFs.
+    #[error("a frame of {found} degrees of freedom for a library of {expected}")]
+    Dofs {
+        /// In the frame.
+        found: usize,
+        /// In the library.
+        expected: usize,
+    },
+    /// A number that is none.
+    #[error("{0} is no number to move by")]
+    NotFinite(f64),
+    /// A duration that is not a positive time.
+    #[error("a duration of {0} s, expected a positive time")]
+    Duration(f64),
+}
+
+/// Generates movements of a library in a control loop: starting, steering and stepping never allocate.
+///
+/// At the start the forces are superposed and the spring follows them to the end of the movement; then, without forces,
+/// for a quarter of the duration more, in which what is left of the velocity dies out. Between samples the path is a cubic
+/// with continuous velocity.
+#[derive(Clone, Debug)]
+pub struct Generator {
+    simd: Simd,
+    spring: SampledSpring,
+    eigenforces: Vec<f64>,
+    rank: usize,
+    forces: Vec<f64>,
+    /// Samples of one DoF after the other, the settling included.
+    path: Vec<f64>,
+    length: usize,
+    duration: f64,
+    time: f64,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+}
+
+impl Generator {
+    /// For movements of a library.
+    pub fn new(library: &MotionLibrary) -> Self {
+        let (dofs, spring) = (library.layout().dofs(), *library.spring());
+        let length = spring.samples() + spring.samples() / 4;
+        Self {
+            simd: Simd::new(),
+            spring,
+            eigenforces: library.eigenforces().as_slice().to_vec(),
+            rank: library.rank(),
+            forces: vec![0.0; library.rows()],
+            path: vec![0.0; length * dofs],
+            length,
+            duration: 1.0,
+            time: 0.0,
+            position: vec![0.0; dofs],
+            velocity: vec![0.0; dofs],
+        }
+    }
+
+    /// Starts a movement: weights of the first eigenforces, in a frame.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, or numbers that are none.
+    pub fn start(&mut self, weights: &[f64], frame: &Frame) -> Result<(), GenerateError> {
+        let dofs = self.position.len();
+        if weights.len() > self.rank {
+            return Err(GenerateError::Weights { found: weights.len(), rank: self.rank });
+        }
+        for values in [&frame.start, &frame.goal, &frame.velocity] {
+            if values.len() != dofs {
+                return Err(GenerateError::Dofs { found: values.len(), expected: dofs });
+            }
+            finite(values)?;
+        }
+        finite(weights)?;
+        if !(frame.duration > 0.0 && frame.duration.is_finite()) {
+            return Err(GenerateError::Duration(frame.duration));
+        }
+        self.forces.fill(0.0);
+        let columns = &self.eigenforces[..weights.len() * self.forces.len()];
+        self.simd.superpose(columns, weights, &mut self.forces);
+        (self.duration, self.time) = (frame.duration, 0.0);
+        for d in 0..dofs {
+            self.follow(d, 0, [frame.start[d], frame.velocity[d], frame.goal[d]]);
+        }
+        self.read();
+        Ok(())
+    }
+
+    /// Goes to another goal from the next sample on; the forces stay as they are.
+    ///
+    /// # Errors
+    /// Another number of DoFs, or numbers that are none.
+    pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), GenerateError> {
+        if goal.len() != self.position.len() {
+            return Err(GenerateError::Dofs { found: goal.len(), expected: self.position.len() });
+        }
+        finite(goal)?;
+        let next = ((self.time / self.duration / self.spring.step()).ceil() as usize).max(1);
+        if next + 1 < self.length {
+            for (d, goal) in goal.iter().enumerate() {
+                let path = &self.path[d * self.length..(d + 1) * self.length];
+                let velocity = (path[next] - path[next - 1]) / self.spring.step();
+                self.follow(d, next, [path[next], velocity, *goal]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Advances by a step of time, s.
+    pub fn step(&mut self, dt: f64) {
+        self.time = (self.time + dt.max(0.0)).min(self.duration * self.settled());
+        self.read();
+    }
+
+    /// Position of each DoF.
+    pub fn position(&self) -> &[f64] {
+        &self.position
+    }
+
+    /// Velocity of each DoF, per second.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// Time since the start over the duration: 1 where the movement ends and settling begins.
+    pub fn progress(&self) -> f64 {
+        self.time / self.duration
+    }
+
+    /// Whether it has settled.
+    pub fn is_finished(&self) -> bool {
+        self.progress() >= self.settled() - 1e-12
+    }
+
+    /// The progress at which it has settled.
+    fn settled(&self) -> f64 {
+        (self.length - 1) as f64 * self.spring.step()
+    }
+
+    fn follow(&mut self, dof: usize, from: usize, [start, velocity, goal]: [f64; 3]) {
+        let each = self.spring.forces();
+        let path = &mut self.path[dof * self.length..(dof + 1) * self.length];
+        let forces = &self.forces[dof * each..(dof + 1) * each];
+        let last = self.spring.samples() - 1;
+        let mut state = [start, velocity];
+        path[from] = start;
+        for k in from + 1..path.len() {
+            let force = if k <= last { forces[k - 1] } else { 0.0 };
+            state = self.spring.advance(state, goal, force);
+            path[k] = state[0];
+        }
+    }
+
+    fn read(&mut self) {
+        let at = self.progress() / self.spring.step();
+        let k = (at as usize).min(self.length - 2);
+        let (x, per_second) = (at - k as f64, 1.0 / (self.spring.step() * self.duration));
+        for (d, path) in self.path.chunks_exact(self.length).enumerate() {
+            let y = |k: usize| path[k.min(self.length - 1)];
+            let slope = |k: usize| 0.5 * (y(k + 1) - if k == 0 { 2.0 * y(0) - y(1) } else { y(k - 1) });
+            let (y0, y1, m0, m1) = (y(k), y(k + 1), slope(k), slope(k + 1));
+            let (a, b) = (2.0 * (y0 - y1) + m0 + m1, 3.0 * (y1 - y0) - 2.0 * m0 - m1);
+            self.position[d] = y0 + x * (m0 + x * (b + x * a));
+            self.velocity[d] = (m0 + x * (2.0 * b + x * 3.0 * a)) * per_second;
+        }
+        if self.is_finished() {
+            self.velocity.fill(0.0);
+        }
+    }
+}
+
+fn finite(values: &[f64]) -> Result<(), GenerateError> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(GenerateError::NotFinite(*value)),
+        None => Ok(()),
+    }
+}

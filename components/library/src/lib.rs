@@ -1,0 +1,62 @@
+//! The dynamic motion library: movements as weights of a few eigenforces.
+//!
+//! A movement that a spring follows ([`SampledSpring`]) is a vector of forces `f`, one for each sample of each degree of
+//! freedom (DoF). The forces of many movements, side by side, are a matrix `F = U S V^T`; its left singular vectors are
+//! the **eigenforces**, ordered by what they explain. A movement is then
+//!
+//! | | |
+//! |---|---|
+//! | recognised | `w = U_n^T f`; the residual `\|f - U_n w\| / \|f\|` says how new it is, `w` what it is |
+//! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
+//! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
+//!
+//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Keep`], in a [`Metric`].
+//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
+//!   recordings.
+//! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
+//! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
+//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them.
+//! - [`file`]: the file format. [`data`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
+//! - [`algebra`]: the linear algebra.
+//!
+//! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
+//! movement moves all of its path, one at the end hardly any: [`Metric::Position`] takes the singular vectors `u` of the
+//! responses `P = G F` instead, and `G^-1 u` for forces, which leaves the least *position* out.
+//!
+//! Source: Delhaisse, *Learning and control of humanoid robots* (PhD thesis, 2019), chapter 3 and appendix A: eigenforces,
+//! split and merge, recursive decomposition. The response-weighted metric and the exact sampled spring are our own.
+//! Nothing here knows the runtime.
+
+pub mod algebra;
+mod balance;
+mod basis;
+pub mod data;
+mod evaluate;
+pub mod file;
+mod generate;
+mod layout;
+pub mod letters;
+mod merge;
+mod motion_library;
+mod movement;
+mod rank;
+mod recognise;
+mod recursive;
+mod scatter;
+mod split;
+mod spring;
+mod trajectory;
+
+pub use basis::{Basis, kernel_functions};
+pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
+pub use generate::{GenerateError, Generator, Superposition};
+pub use layout::{Layout, LayoutError, Part};
+pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};
+pub use motion_library::{BuildError, Entry, LibraryParts, Metric, MotionLibrary};
+pub use movement::{Frame, Movement};
+pub use rank::Keep;
+pub use recognise::{Recognised, Recogniser};
+pub use recursive::RecursiveLibrary;
+pub use scatter::RecursiveScatter;
+pub use spring::{DAMPING, SampledSpring, SpringError};
+pub use trajectory::{Recordings, Trajectory};

@@ -1,0 +1,239 @@
+//! One library out of several.
+
+use nalgebra::DMatrix;
+
+use crate::algebra::{LeftSingular, left_singular};
+use crate::{Entry, Frame, Keep, Layout, LayoutError, LibraryParts, Metric, MotionLibrary};
+
+/// Libraries that cannot be merged.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MergeError {
+    /// Only one library, or none.
+    #[error("{0} libraries, expected at least two")]
+    TooFew(usize),
+    /// They were made with different springs.
+    #[error("library {0} has another spring or number of samples than the first: build both with the same")]
+    Spring(usize),
+    /// They were made with different metrics.
+    #[error("library {index} has the metric {found:?}, the first {expected:?}: build both with the same")]
+    Metric {
+        /// Which library, from 1.
+        index: usize,
+        /// Its metric.
+        found: Metric,
+        /// That of the first.
+        expected: Metric,
+    },
+    /// Parts that share a name.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// Other DoFs.
+    #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
+    Dofs {
+        /// Which library, from 1.
+        index: usize,
+        /// Its DoFs.
+        found: String,
+        /// Those of the first.
+        expected: String,
+    },
+}
+
+/// A library of a body out of libraries of its parts.
+///
+/// If all were built from the same movements (the same ids in the same order), their weights say how the parts moved
+/// together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly the
+/// eigenforces of the whole ("correlated", for complete libraries). Otherwise it is [`merge_independent`]. `keep` chooses the
+/// rank of the result.
+///
+/// # Errors
+/// Fewer than two libraries, or libraries that do not fit each other.
+pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+    let first = same_kind(libraries)?;
+    let ids = |library: &MotionLibrary| library.entries().iter().map(|e| e.id.clone()).collect::<Vec<_>>();
+    let together = !first.entries().is_empty() && libraries.iter().all(|library| ids(library) == ids(first));
+    if !together {
+        return merge_independent(libraries, keep);
+    }
+    let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
+    let mut stacked = DMatrix::zeros(basis.ncols(), first.entries().len());
+    let mut row = 0;
+    for library in libraries {
+        stacked.rows_mut(row, library.rank()).copy_from(library.weights());
+        row += library.rank();
+    }
+    let inner = left_singular(&stacked, keep.wanted(basis.nrows()));
+    let weights = inner.vectors.transpose() * &stacked;
+    let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
+    let found = LeftSingular { vectors: basis * &inner.vectors, ..inner };
+    Ok(assemble(first, layout, found, weights, entries))
+}
+
+/// A library of a body whose parts move independently of each other.
+///
+/// The eigenforces of each part stand for themselves, ordered by their singular values. The movements are those of all
+/// parts, each with the other parts at rest.
+///
+/// # Errors
+/// Fewer than two libraries, or libraries that do not fit each other.
+pub fn merge_independent(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+    let first = same_kind(libraries)?;
+    let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
+    let (found, weights, entries) = independent(libraries, &basis, keep);
+    Ok(assemble(first, layout, found, weights, entries))
+}
+
+fn joined_layout(libraries: &[&MotionLibrary]) -> Result<Layout, LayoutError> {
+    Layout::new(libraries.iter().flat_map(|library| library.layout().names().to_vec()).collect())
+}
+
+/// The bases of the parts as blocks on a diagonal.
+fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
+    let rows: usize = libraries.iter().map(|library| library.rows()).sum();
+    let rank: usize = libraries.iter().map(|library| library.rank()).sum();
+    let mut basis = DMatrix::zeros(rows, rank);
+    let (mut row, mut column) = (0, 0);
+    for library in libraries {
+        let shape = (library.rows(), library.rank());
+        basis.view_mut((row, column), shape).copy_from(&library.parts().basis);
+        (row, column) = (row + shape.0, column + shape.1);
+    }
+    basis
+}
+
+/// A library of the movements of several, all of the same DoFs.
+///
+/// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. Exact for complete libraries; with truncated
+/// ones, the leading eigenforces are hardly touched, the last ones miss what both had left out.
+///
+/// # Errors
+/// Fewer than two libraries, or libraries that do not fit each other.
+pub fn merge_movements(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+    let first = same_kind(libraries)?;
+    for (k, library) in libraries.iter().enumerate() {
+        if library.layout() != first.layout() {
+            let names = |library: &MotionLibrary| library.layout().names().join(", ");
+            return Err(MergeError::Dofs { index: k + 1, found: names(library), expected: names(first) });
+        }
+    }
+    let rank: usize = libraries.iter().map(|library| library.rank()).sum();
+    let movements: usize = libraries.iter().map(|library| library.entries().len()).sum();
+    let mut scaled = DMatrix::zeros(first.rows(), rank);
+    let mut column = 0;
+    for library in libraries {
+        for (k, singular) in library.parts().singular.iter().enumerate() {
+            scaled.set_column(column, &(library.parts().basis.column(k) * *singular));
+            column += 1;
+        }
+    }
+    let found = left_singular(&scaled, keep.wanted(first.rows()));
+    let mut weights = DMatrix::zeros(found.values.len(), movements);
+    let (mut column, mut entries) = (0, Vec::new());
+    for library in libraries {
+        let turned = found.vectors.transpose() * &library.parts().basis * library.weights();
+        weights.columns_mut(column, turned.ncols()).copy_from(&turned);
+        column += turned.ncols();
+        entries.extend_from_slice(library.entries());
+    }
+    Ok(assemble(first, first.layout().clone(), found, weights, entries))
+}
+
+fn same_kind<'a>(libraries: &[&'a MotionLibrary]) -> Result<&'a MotionLibrary, MergeError> {
+    let [first, _, ..] = libraries else { return Err(MergeError::TooFew(libraries.len())) };
+    for (k, library) in libraries.iter().enumerate() {
+        if library.spring() != first.spring() {
+            return Err(MergeError::Spring(k + 1));
+        }
+        if library.metric() != first.metric() {
+            let (found, expected) = (library.metric(), first.metric());
+            return Err(MergeError::Metric { index: k + 1, found, expected });
+        }
+    }
+    Ok(first)
+}
+
+fn assemble(
+    first: &MotionLibrary,
+    layout: Layout,
+    found: LeftSingular,
+    weights: DMatrix<f64>,
+    entries: Vec<Entry>,
+) -> MotionLibrary {
+    MotionLibrary::from_parts(LibraryParts {
+        layout,
+        spring: *first.spring(),
+        metric: first.metric(),
+        basis: found.vectors,
+        singular: found.values,
+        spectrum: found.spectrum,
+        energy: found.energy,
+        weights,
+        entries,
+    })
+    .expect("merged parts fit each other")
+}
+
+/// The block-diagonal basis, sorted by singular values; every movement moves one part, the others rest.
+fn independent(
+    libraries: &[&MotionLibrary],
+    basis: &DMatrix<f64>,
+    keep: Keep,
+) -> (LeftSingular, DMatrix<f64>, Vec<Entry>) {
+    let energy: f64 = libraries.iter().map(|library| library.parts().energy).sum();
+    let values: Vec<f64> = libraries.iter().flat_map(|library| library.parts().singular.clone()).collect();
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
+    let sorted: Vec<f64> = order.iter().map(|k| values[*k]).collect();
+    let kept = super::algebra::keep(&sorted, energy, keep.wanted(basis.nrows()));
+    let order = &order[..kept];
+    let movements: usize = libraries.iter().map(|library| library.entries().len()).sum();
+    let mut block = DMatrix::zeros(values.len(), movements);
+    let (mut row, mut column, mut entries) = (0, 0, Vec::new());
+    let dofs: usize = libraries.iter().map(|library| library.layout().dofs()).sum();
+    let mut before = 0;
+    for library in libraries {
+        let weights = library.weights();
+        block.view_mut((row, column), weights.shape()).copy_from(weights);
+        (row, column) = (row + weights.nrows(), column + weights.ncols());
+        entries.extend(library.entries().iter().map(|entry| resting(entry, before, dofs)));
+        before += library.layout().dofs();
+    }
+    let vectors = DMatrix::from_fn(basis.nrows(), kept, |i, k| basis[(i, order[k])]);
+    let weights = DMatrix::from_fn(kept, movements, |k, j| block[(order[k], j)]);
+    let mut spectrum: Vec<f64> =
+        libraries.iter().flat_map(|library| library.parts().spectrum.clone()).collect();
+    spectrum.sort_by(|a, b| b.total_cmp(a));
+    let values = order.iter().map(|k| values[*k]).collect();
+    (LeftSingular { vectors, values, spectrum, energy }, weights, entries)
+}
+
+/// A movement of one part in a whole body, the other parts at rest at 0.
+fn resting(entry: &Entry, before: usize, dofs: usize) -> Entry {
+    let place = |values: &[f64]| {
+        let mut all = vec![0.0; dofs];
+        all[before..before + values.len()].copy_from_slice(values);
+        all
+    };
+    let frame = &entry.frame;
+    Entry {
+        frame: Frame {
+            start: place(&frame.start),
+            goal: place(&frame.goal),
+            velocity: place(&frame.velocity),
+            duration: frame.duration,
+        },
+        ..entry.clone()
+    }
+}
+
+/// Movement `k` of all parts together.
+fn joined(libraries: &[&MotionLibrary], k: usize) -> Entry {
+    let mut entry = libraries[0].entries()[k].clone();
+    for library in &libraries[1..] {
+        let frame = &library.entries()[k].frame;
+        entry.frame.start.extend_from_slice(&frame.start);
+        entry.frame.goal.extend_from_slice(&frame.goal);
+        entry.frame.velocity.extend_from_slice(&frame.velocity);
+    }
+    entry
+}

@@ -1,0 +1,339 @@
+//! The library itself.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use crate::algebra::left_singular;
+use crate::{Frame, Keep, Layout, LayoutError, Movement, Recordings, SampledSpring, SpringError};
+
+/// What the eigenforces leave the least of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Metric {
+    /// Force: the singular vectors of the forces themselves.
+    #[default]
+    Force,
+    /// Position: the singular vectors of the responses to the forces, and the forces that make them.
+    Position,
+}
+
+/// One movement that a library was built from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Its name.
+    pub id: String,
+    /// Its kind, if known.
+    pub label: Option<String>,
+    /// Its start, goal, velocity and duration.
+    pub frame: Frame,
+}
+
+/// What a library consists of; [`MotionLibrary::from_parts`] checks it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LibraryParts {
+    /// Its degrees of freedom.
+    pub layout: Layout,
+    /// The spring.
+    pub spring: SampledSpring,
+    /// What `basis` is orthonormal in.
+    pub metric: Metric,
+    /// Orthonormal columns in the space of the metric: `dofs (samples - 1)` rows, one column an eigenforce.
+    pub basis: DMatrix<f64>,
+    /// Singular value of each.
+    pub singular: Vec<f64>,
+    /// All singular values of the data, as far as they are known.
+    pub spectrum: Vec<f64>,
+    /// Sum of the squares of the data: of the spectrum, if all of it is known.
+    pub energy: f64,
+    /// Weights of the movements the library was built from: eigenforces x movements.
+    pub weights: DMatrix<f64>,
+    /// Those movements.
+    pub entries: Vec<Entry>,
+}
+
+/// Eigenforces, their singular values, and the movements they were found in as weights. Immutable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionLibrary {
+    parts: LibraryParts,
+    /// Forces of the eigenforces; empty in the metric of force, where they are the basis itself.
+    forces: DMatrix<f64>,
+    /// Weights are this transposed times forces; empty likewise.
+    analysis: DMatrix<f64>,
+}
+
+/// Why there is no library.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// Nothing to learn from.
+    #[error("no recording, expected at least one")]
+    NoRecordings,
+    /// The DoFs are not right.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// The spring is not.
+    #[error(transparent)]
+    Spring(#[from] SpringError),
+    /// A recording that does not fit.
+    #[error("recording `{id}`: {found}")]
+    Recording {
+        /// Which.
+        id: String,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// Recordings that do not move.
+    #[error("all forces are zero: nothing moves in these recordings")]
+    Still,
+    /// Parts of a library that do not fit each other.
+    #[error("{what} is {found}, expected {expected}")]
+    Shape {
+        /// Which part.
+        what: &'static str,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+}
+
+impl MotionLibrary {
+    /// Learns from recordings.
+    ///
+    /// # Errors
+    /// Recordings that are none, or do not fit their names.
+    pub fn build(
+        recordings: &Recordings,
+        spring: SampledSpring,
+        metric: Metric,
+        keep: Keep,
+    ) -> Result<Self, BuildError> {
+        let layout = Layout::new(recordings.names.clone())?;
+        if recordings.trajectories.is_empty() {
+            return Err(BuildError::NoRecordings);
+        }
+        let mut entries = Vec::with_capacity(recordings.trajectories.len());
+        let mut data = DMatrix::zeros(layout.dofs() * spring.forces(), recordings.trajectories.len());
+        for (k, trajectory) in recordings.trajectories.iter().enumerate() {
+            check(trajectory, layout.dofs())?;
+            let movement = Movement::of(trajectory, &spring);
+            data.column_mut(k).copy_from_slice(&movement.forces);
+            let (id, label) = (trajectory.id.clone(), trajectory.label.clone());
+            entries.push(Entry { id, label, frame: movement.frame });
+        }
+        Self::from_forces(data, entries, (layout, spring), metric, keep)
+    }
+
+    /// Learns from forces: `dofs (samples - 1)` rows, one column a movement.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, or forces that are all zero.
+    pub fn from_forces(
+        mut data: DMatrix<f64>,
+        entries: Vec<Entry>,
+        (layout, spring): (Layout, SampledSpring),
+        metric: Metric,
+        keep: Keep,
+    ) -> Result<Self, BuildError> {
+        metric.into_space(&spring, &mut data);
+        let found = left_singular(&data, keep.wanted(data.nrows()));
+        if found.values.is_empty() {
+            return Err(BuildError::Still);
+        }
+        let weights = found.vectors.transpose() * &data;
+        Self::from_parts(LibraryParts {
+            layout,
+            spring,
+            metric,
+            basis: found.vectors,
+            singular: found.values,
+            spectrum: found.spectrum,
+            energy: found.energy,
+            weights,
+            entries,
+        })
+    }
+
+    /// A library of parts made elsewhere.
+    ///
+    /// # Errors
+    /// Sizes that do not fit each other.
+    pub fn from_parts(parts: LibraryParts) -> Result<Self, BuildError> {
+        let rows = parts.layout.dofs() * parts.spring.forces();
+        let rank = parts.basis.ncols();
+        let shape = |what, found: String, expected: String| BuildError::Shape { what, found, expected };
+        let size = |(a, b): (usize, usize)| format!("{a} x {b}");
+        if parts.basis.nrows() != rows || rank == 0 {
+            let expected = format!("{rows} x 1 or more");
+            return Err(shape("the basis (forces x eigenforces)", size(parts.basis.shape()), expected));
+        }
+        if parts.singular.len() != rank {
+            let found = parts.singular.len().to_string();
+            return Err(shape("the number of singular values", found, rank.to_string()));
+        }
+        if parts.weights.shape() != (rank, parts.entries.len()) {
+            let expected = size((rank, parts.entries.len()));
+            return Err(shape(
+                "the weights (eigenforces x movements)",
+                size(parts.weights.shape()),
+                expected,
+            ));
+        }
+        if let Some(entry) = parts.entries.iter().find(|entry| {
+            let frame = &entry.frame;
+            [&frame.start, &frame.goal, &frame.velocity].iter().any(|v| v.len() != parts.layout.dofs())
+        }) {
+            let found = format!("of another size in `{}`", entry.id);
+            return Err(shape("a frame", found, format!("{} numbers in each vector", parts.layout.dofs())));
+        }
+        let (mut forces, mut analysis) = (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0));
+        if parts.metric == Metric::Position {
+            forces = parts.basis.clone();
+            analysis = parts.basis.clone();
+            blocks(&parts.spring, &mut forces, |spring, block| spring.force_of(block));
+            blocks(&parts.spring, &mut analysis, |spring, block| spring.respond_transposed(block));
+        }
+        Ok(Self { parts, forces, analysis })
+    }
+
+    /// What it consists of.
+    pub fn parts(&self) -> &LibraryParts {
+        &self.parts
+    }
+
+    /// Takes it apart.
+    pub fn into_parts(self) -> LibraryParts {
+        self.parts
+    }
+
+    /// Its degrees of freedom.
+    pub fn layout(&self) -> &Layout {
+        &self.parts.layout
+    }
+
+    /// The spring that turns forces into paths.
+    pub fn spring(&self) -> &SampledSpring {
+        &self.parts.spring
+    }
+
+    /// Its metric.
+    pub fn metric(&self) -> Metric {
+        self.parts.metric
+    }
+
+    /// Number of eigenforces.
+    pub fn rank(&self) -> usize {
+        self.parts.singular.len()
+    }
+
+    /// Rows of a force vector.
+    pub fn rows(&self) -> usize {
+        self.parts.basis.nrows()
+    }
+
+    /// The movements it was built from.
+    pub fn entries(&self) -> &[Entry] {
+        &self.parts.entries
+    }
+
+    /// Their weights, eigenforces x movements.
+    pub fn weights(&self) -> &DMatrix<f64> {
+        &self.parts.weights
+    }
+
+    /// The eigenforces as forces, one a column.
+    pub fn eigenforces(&self) -> &DMatrix<f64> {
+        if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.forces }
+    }
+
+    /// What forces are multiplied by (transposed) to become weights, one column an eigenforce.
+    pub fn analysis(&self) -> &DMatrix<f64> {
+        if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.analysis }
+    }
+
+    /// The part of the variance that each eigenforce explains (in the metric), the largest first.
+    pub fn explained(&self) -> Vec<f64> {
+        self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
+    }
+
+    /// The first `n` eigenforces alone.
+    #[must_use]
+    pub fn truncated(&self, n: usize) -> Self {
+        let n = n.clamp(1, self.rank());
+        let mut parts = self.parts.clone();
+        parts.basis = parts.basis.columns(0, n).into_owned();
+        parts.singular.truncate(n);
+        parts.weights = parts.weights.rows(0, n).into_owned();
+        Self::from_parts(parts).expect("a part of a library that fits itself")
+    }
+
+    /// Weights of forces: `w = U^T f`, or `U^T G f` in the metric of position.
+    pub fn project(&self, forces: &[f64]) -> DVector<f64> {
+        let mut weights = DVector::zeros(self.rank());
+        super::algebra::Simd::new().project(self.analysis().as_slice(), forces, weights.as_mut_slice());
+        weights
+    }
+
+    /// Forces of weights; of the first eigenforces only, if there are fewer weights.
+    pub fn forces(&self, weights: &[f64]) -> Vec<f64> {
+        let mut forces = vec![0.0; self.rows()];
+        let n = weights.len().min(self.rank());
+        let columns = &self.eigenforces().as_slice()[..n * self.rows()];
+        super::algebra::Simd::new().superpose(columns, &weights[..n], &mut forces);
+        forces
+    }
+
+    /// The index of a movement by its id, or of the first with that label.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        let entries = &self.parts.entries;
+        entries
+            .iter()
+            .position(|entry| entry.id == name)
+            .or_else(|| entries.iter().position(|entry| entry.label.as_deref() == Some(name)))
+    }
+}
+
+impl Metric {
+    /// Takes forces, one movement a column, into the space of the metric.
+    pub(super) fn into_space(self, spring: &SampledSpring, forces: &mut DMatrix<f64>) {
+        if self == Self::Position {
+            blocks(spring, forces, |spring, block| spring.respond(block));
+        }
+    }
+
+    /// The length of forces in this metric. `scratch` is as long as the forces.
+    pub(super) fn norm(self, spring: &SampledSpring, forces: &[f64], scratch: &mut [f64]) -> f64 {
+        scratch.copy_from_slice(forces);
+        if self == Self::Position {
+            scratch.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
+        }
+        scratch.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+}
+
+fn blocks(
+    spring: &SampledSpring,
+    matrix: &mut DMatrix<f64>,
+    mut change: impl FnMut(&SampledSpring, &mut [f64]),
+) {
+    matrix.as_mut_slice().chunks_exact_mut(spring.forces()).for_each(|block| change(spring, block));
+}
+
+/// Checks a recording against the number of DoFs.
+pub(super) fn check(trajectory: &super::Trajectory, dofs: usize) -> Result<(), BuildError> {
+    let refuse = |found: String| BuildError::Recording { id: trajectory.id.clone(), found };
+    let (samples, columns) = trajectory.positions.shape();
+    if columns != dofs {
+        return Err(refuse(format!("{columns} degrees of freedom, expected {dofs}")));
+    }
+    if samples < 4 {
+        return Err(refuse(format!("{samples} samples, expected at least 4: forces are second differences")));
+    }
+    if !(trajectory.duration > 0.0 && trajectory.duration.is_finite()) {
+        return Err(refuse(format!("a duration of {} s, expected a positive time", trajectory.duration)));
+    }
+    if let Some(k) = trajectory.positions.iter().position(|y| !y.is_finite()) {
+        let (sample, dof) = (k % samples, k / samples);
+        return Err(refuse(format!("sample {sample} of degree of freedom {dof} is no number: fill the gap")));
+    }
+    Ok(())
+}

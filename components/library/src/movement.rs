@@ -1,0 +1,82 @@
+//! What a movement is besides its forces.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{SampledSpring, Trajectory};
+
+/// Where, whence and how long: what turns forces into a path. One number for each DoF.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// Where the movement begins.
+    pub start: Vec<f64>,
+    /// Where it ends.
+    pub goal: Vec<f64>,
+    /// How fast it begins, per duration.
+    pub velocity: Vec<f64>,
+    /// Seconds from start to end.
+    pub duration: f64,
+}
+
+/// A movement as forces: a frame, and `samples - 1` forces of each DoF, one DoF after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Movement {
+    /// Its frame.
+    pub frame: Frame,
+    /// Its forces.
+    pub forces: Vec<f64>,
+}
+
+impl Frame {
+    /// Number of DoFs.
+    pub fn dofs(&self) -> usize {
+        self.start.len()
+    }
+
+    /// `self + part * (other - self)` in every number.
+    #[must_use]
+    pub fn towards(&self, other: &Self, part: f64) -> Self {
+        let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect();
+        Self {
+            start: mix(&self.start, &other.start),
+            goal: mix(&self.goal, &other.goal),
+            velocity: mix(&self.velocity, &other.velocity),
+            duration: self.duration + part * (other.duration - self.duration),
+        }
+    }
+}
+
+impl Movement {
+    /// The forces that make the spring follow a recording. The goal is the last sample, the start velocity that between
+    /// the first two.
+    pub fn of(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
+        let path = trajectory.resampled(spring.samples());
+        let (forces_each, dofs) = (spring.forces(), path.ncols());
+        let mut frame = Frame { duration: trajectory.duration, ..Frame::default() };
+        let mut forces = vec![0.0; forces_each * dofs];
+        for (column, forces) in path.column_iter().zip(forces.chunks_exact_mut(forces_each)) {
+            let path = column.as_slice();
+            let velocity = (path[1] - path[0]) / spring.step();
+            let goal = path[path.len() - 1];
+            spring.forces_of(path, velocity, goal, forces);
+            frame.start.push(path[0]);
+            frame.goal.push(goal);
+            frame.velocity.push(velocity);
+        }
+        Self { frame, forces }
+    }
+
+    /// The path: samples x DoFs.
+    pub fn path(&self, spring: &SampledSpring) -> nalgebra::DMatrix<f64> {
+        path(&self.frame, &self.forces, spring)
+    }
+}
+
+/// The path of forces in a frame: samples x DoFs.
+pub(super) fn path(frame: &Frame, forces: &[f64], spring: &SampledSpring) -> nalgebra::DMatrix<f64> {
+    let mut path = nalgebra::DMatrix::zeros(spring.samples(), frame.dofs());
+    let columns = path.as_mut_slice().chunks_exact_mut(spring.samples());
+    for (d, (column, forces)) in columns.zip(forces.chunks_exact(spring.forces())).enumerate() {
+        spring.path_of(forces, [frame.start[d], frame.velocity[d], frame.goal[d]], column);
+    }
+    path
+}

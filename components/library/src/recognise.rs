@@ -1,0 +1,103 @@
+//! Which movement is it?
+
+use crate::algebra::Simd;
+use crate::{Metric, MotionLibrary, Movement, Trajectory};
+
+/// What a movement was recognised as.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recognised {
+    /// Its weights.
+    pub weights: Vec<f64>,
+    /// What the eigenforces leave of it: `|f - U w| / |f|` in the metric of the library, 0 to 1.
+    pub novelty: f64,
+    /// The nearest movement of the library in weights, and its distance relative to the length of the weights.
+    pub nearest: Option<(usize, f64)>,
+}
+
+/// Recognises movements by the first `n` eigenforces of a library, without allocation.
+#[derive(Clone, Debug)]
+pub struct Recogniser {
+    simd: Simd,
+    metric: Metric,
+    spring: super::SampledSpring,
+    /// rows x n
+    analysis: Vec<f64>,
+    rows: usize,
+    terms: usize,
+    /// Weights of the library's movements, one after the other.
+    known: Vec<f64>,
+    weights: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl Recogniser {
+    /// By the first `terms` eigenforces.
+    pub fn new(library: &MotionLibrary, terms: usize) -> Self {
+        let terms = terms.clamp(1, library.rank());
+        let rows = library.rows();
+        Self {
+            simd: Simd::new(),
+            metric: library.metric(),
+            spring: *library.spring(),
+            analysis: library.analysis().as_slice()[..rows * terms].to_vec(),
+            rows,
+            terms,
+            known: library.weights().rows(0, terms).iter().copied().collect(),
+            weights: vec![0.0; terms],
+            scratch: vec![0.0; rows],
+        }
+    }
+
+    /// Number of weights.
+    pub fn terms(&self) -> usize {
+        self.terms
+    }
+
+    /// Projects forces (as long as the library has rows): their weights.
+    ///
+    /// # Panics
+    /// When the forces are of another length.
+    pub fn project(&mut self, forces: &[f64]) -> &[f64] {
+        assert_eq!(forces.len(), self.rows, "as many forces as the library has rows");
+        self.simd.project(&self.analysis, forces, &mut self.weights);
+        &self.weights
+    }
+
+    /// Projects forces; then what the eigenforces leave of them, `|f - U w| / |f|` in the metric of the library.
+    pub fn novelty(&mut self, forces: &[f64]) -> f64 {
+        self.project(forces);
+        let all = self.metric.norm(&self.spring, forces, &mut self.scratch);
+        if all <= 0.0 {
+            return 0.0;
+        }
+        // the basis is orthonormal: what is explained is the length of the weights
+        let explained = self.weights.iter().map(|w| w * w).sum::<f64>().sqrt() / all;
+        (1.0 - explained * explained).max(0.0).sqrt()
+    }
+
+    /// The movement of the library whose weights are nearest to those last projected, and the distance.
+    pub fn nearest(&self) -> Option<(usize, f64)> {
+        let distance =
+            |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        self.known
+            .chunks_exact(self.terms)
+            .map(distance)
+            .enumerate()
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(index, squared)| (index, squared.sqrt()))
+    }
+
+    /// The weights last projected.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// All at once, for a recording.
+    pub fn recognise(&mut self, trajectory: &Trajectory) -> Recognised {
+        let movement = Movement::of(trajectory, &self.spring);
+        let novelty = self.novelty(&movement.forces);
+        let size = self.weights.iter().map(|w| w * w).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+        let nearest = self.nearest().map(|(index, distance)| (index, distance / size));
+        Recognised { weights: self.weights.clone(), novelty, nearest }
+    }
+}

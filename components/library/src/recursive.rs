@@ -1,0 +1,191 @@
+//! One more movement into a library, without the recordings it was built from.
+
+use nalgebra::DMatrix;
+
+use crate::algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
+use crate::motion_library::check;
+use crate::{BuildError, Entry, LibraryParts, MotionLibrary, Movement, Trajectory};
+
+/// A library that takes in movements one by one or in blocks.
+///
+/// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is `[U, e/rho] [[g S, p], [0, rho]] [...]^T`, and the
+/// left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) + [p; rho] [p; rho]^T`: a secular
+/// equation. `g <= 1` forgets: what was seen `k` movements ago counts `g^k`. At most `capacity` eigenforces are kept;
+/// those near that edge are inexact, so keep about `2 n + 10` to use `n`. Cost `O(rows capacity^2)`.
+///
+/// Singular values below about 1e-7 of the largest are not resolved, since the equation holds their squares.
+///
+/// Source: Brand, *Fast low-rank modifications of the thin singular value decomposition*, Linear Algebra and its
+/// Applications 415, 2006. The thesis's appendix A has the covariance form: [`RecursiveScatter`](super::RecursiveScatter).
+#[derive(Clone, Debug)]
+pub struct RecursiveLibrary {
+    origin: MotionLibrary,
+    capacity: usize,
+    forgetting: f64,
+    simd: Simd,
+    /// rows x rank, the least singular value first.
+    basis: DMatrix<f64>,
+    squares: Vec<f64>,
+    energy: f64,
+    added: Vec<Entry>,
+    added_data: Vec<f64>,
+}
+
+impl RecursiveLibrary {
+    /// Goes on from a library, keeping at most `capacity` eigenforces; `forgetting` is `g`, from 0 (exclusive) to 1.
+    ///
+    /// # Panics
+    /// When `forgetting` is outside its range.
+    pub fn new(library: MotionLibrary, capacity: usize, forgetting: f64) -> Self {
+        assert!(forgetting > 0.0 && forgetting <= 1.0, "forgetting by {forgetting}, expected 0 to 1");
+        let parts = library.parts();
+        let rank = library.rank().min(capacity.max(1));
+        let basis = DMatrix::from_fn(library.rows(), rank, |i, k| parts.basis[(i, rank - 1 - k)]);
+        let squares = (0..rank).map(|k| parts.singular[rank - 1 - k].powi(2)).collect();
+        let energy = parts.energy;
+        let (added, added_data, simd) = (Vec::new(), Vec::new(), Simd::new());
+        let capacity = capacity.max(1);
+        Self { origin: library, capacity, forgetting, simd, basis, squares, energy, added, added_data }
+    }
+
+    /// Takes in one movement as forces.
+    ///
+    /// # Panics
+    /// When the forces are of another length than the library has rows.
+    pub fn add_forces(&mut self, forces: &[f64]) {
+        let rows = self.basis.nrows();
+        let mut x = DMatrix::from_column_slice(rows, 1, forces);
+        self.origin.metric().into_space(self.origin.spring(), &mut x);
+        self.add_data(x.as_slice());
+    }
+
+    /// Takes in one column of data, already in the space of the metric.
+    fn add_data(&mut self, x: &[f64]) {
+        let (rows, rank) = self.basis.shape();
+        let mut rest = x.to_vec();
+        let mut p = vec![0.0; rank];
+        let mut correction = vec![0.0; rank];
+        // twice: the second time takes out what rounding left of the basis in the rest
+        for _ in 0..2 {
+            self.simd.project(self.basis.as_slice(), &rest, &mut correction);
+            correction.iter_mut().for_each(|c| *c = -*c);
+            self.simd.superpose(self.basis.as_slice(), &correction, &mut rest);
+            p.iter_mut().zip(&correction).for_each(|(p, c)| *p -= c);
+        }
+        let size = self.simd.dot(x, x);
+        let rho = self.simd.dot(&rest, &rest).sqrt();
+        let fade = self.forgetting * self.forgetting;
+        self.energy = fade * self.energy + size;
+        self.squares.iter_mut().for_each(|s| *s *= fade);
+        let is_new = rho > 1e-12 * size.sqrt();
+        let mut extended = DMatrix::zeros(rows, rank + usize::from(is_new));
+        let (mut d, mut z) = (Vec::with_capacity(rank + 1), Vec::with_capacity(rank + 1));
+        if is_new {
+            rest.iter_mut().for_each(|e| *e /= rho);
+            extended.as_mut_slice()[..rows].copy_from_slice(&rest);
+            d.push(0.0);
+            z.push(rho);
+        }
+        let begin = extended.len() - rows * rank;
+        extended.as_mut_slice()[begin..].copy_from_slice(self.basis.as_slice());
+        d.extend_from_slice(&self.squares);
+        z.extend_from_slice(&p);
+        let update = eigen_of_rank_one_update(&d, &z);
+        let kept = d.len().min(self.capacity);
+        let dropped = d.len() - kept;
+        self.basis = &extended * update.vectors.columns(dropped, kept);
+        self.squares = update.values[dropped..].iter().map(|value| value.max(0.0)).collect();
+    }
+
+    /// Takes in a block of movements as forces, one a column. With forgetting, the block counts as one moment.
+    pub fn add_block(&mut self, forces: &DMatrix<f64>) {
+        let mut data = forces.clone();
+        self.origin.metric().into_space(self.origin.spring(), &mut data);
+        let rank = self.basis.ncols();
+        let mut rest = data.clone();
+        let mut p = DMatrix::zeros(rank, data.ncols());
+        for _ in 0..2 {
+            let correction = self.basis.transpose() * &rest;
+            rest -= &self.basis * &correction;
+            p += correction;
+        }
+        let qr = rest.qr();
+        let (q, r) = (qr.q(), qr.r());
+        let mut small = DMatrix::zeros(rank + q.ncols(), rank + data.ncols());
+        for (k, square) in self.squares.iter().enumerate() {
+            small[(k, k)] = self.forgetting * square.sqrt();
+        }
+        small.view_mut((0, rank), p.shape()).copy_from(&p);
+        small.view_mut((rank, rank), r.shape()).copy_from(&r);
+        let found = left_singular(&small, Wanted::Rank(self.capacity));
+        let kept = found.values.len();
+        let reversed = DMatrix::from_fn(small.nrows(), kept, |i, k| found.vectors[(i, kept - 1 - k)]);
+        let mut extended = self.basis.clone().resize_horizontally(rank + q.ncols(), 0.0);
+        extended.columns_mut(rank, q.ncols()).copy_from(&q);
+        self.basis = extended * reversed;
+        self.squares = found.values.iter().rev().map(|s| s * s).collect();
+        self.energy = self.forgetting * self.forgetting * self.energy + data.norm_squared();
+    }
+
+    /// Takes in a recording, which becomes a movement of the library.
+    ///
+    /// # Errors
+    /// A recording that does not fit the library.
+    pub fn add(&mut self, trajectory: &Trajectory) -> Result<(), BuildError> {
+        check(trajectory, self.origin.layout().dofs())?;
+        let movement = Movement::of(trajectory, self.origin.spring());
+        self.add_forces(&movement.forces);
+        self.added_data.extend_from_slice(&movement.forces);
+        let (id, label) = (trajectory.id.clone(), trajectory.label.clone());
+        self.added.push(Entry { id, label, frame: movement.frame });
+        Ok(())
+    }
+
+    /// Singular values, the largest first.
+    pub fn singular(&self) -> Vec<f64> {
+        self.squares.iter().rev().map(|s| s.sqrt()).collect()
+    }
+
+    /// The library as it is now: the movements of the old one, as far as its eigenforces hold them, and those added.
+    pub fn into_library(self) -> MotionLibrary {
+        let (rows, rank) = self.basis.shape();
+        let basis = DMatrix::from_fn(rows, rank, |i, k| self.basis[(i, rank - 1 - k)]);
+        let singular = self.singular();
+        let parts = self.origin.into_parts();
+        let mut data = DMatrix::from_vec(rows, self.added.len(), self.added_data);
+        parts.metric.into_space(&parts.spring, &mut data);
+        let old = basis.transpose() * &parts.basis * &parts.weights;
+        let mut weights = old.resize_horizontally(parts.entries.len() + self.added.len(), 0.0);
+        weights.columns_mut(parts.entries.len(), self.added.len()).copy_from(&(basis.transpose() * &data));
+        let mut entries = parts.entries;
+        entries.extend(self.added);
+        MotionLibrary::from_parts(LibraryParts {
+            spectrum: singular.clone(),
+            energy: self.energy,
+            basis,
+            singular,
+            weights,
+            entries,
+            ..parts_without_data(parts.layout, parts.spring, parts.metric)
+        })
+        .expect("an updated library fits itself")
+    }
+}
+
+fn parts_without_data(
+    layout: super::Layout,
+    spring: super::SampledSpring,
+    metric: super::Metric,
+) -> LibraryParts {
+    LibraryParts {
+        layout,
+        spring,
+        metric,
+        basis: DMatrix::zeros(0, 0),
+        singular: Vec::new(),
+        spectrum: Vec::new(),
+        energy: 0.0,
+        weights: DMatrix::zeros(0, 0),
+        entries: Vec::new(),
+    }
+}

@@ -1,0 +1,60 @@
+//! Recursive principal components by their covariance: the form of the thesis's appendix A.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::algebra::{SymmetricEigen, symmetric_eigen};
+
+/// Mean and scatter of samples that come one by one.
+///
+/// With `N` samples of mean `m` and scatter `S = sum (x - m)(x - m)^T`, one more sample `x` gives
+///
+/// ```text
+/// m' = (N m + x) / (N + 1),    S' = S + N / (N + 1) (x - m)(x - m)^T
+/// ```
+///
+/// Exact, in `O(d^2)` memory; components cost `O(d^3)`. [`RecursiveLibrary`](super::RecursiveLibrary) is the cheaper way.
+#[derive(Clone, Debug)]
+pub struct RecursiveScatter {
+    samples: usize,
+    mean: DVector<f64>,
+    scatter: DMatrix<f64>,
+}
+
+impl RecursiveScatter {
+    /// Without samples, of `dimensions` numbers each.
+    pub fn new(dimensions: usize) -> Self {
+        Self { samples: 0, mean: DVector::zeros(dimensions), scatter: DMatrix::zeros(dimensions, dimensions) }
+    }
+
+    /// Takes in a sample.
+    ///
+    /// # Panics
+    /// When it has another number of dimensions.
+    pub fn add(&mut self, sample: &DVector<f64>) {
+        let n = self.samples as f64;
+        let away = sample - &self.mean;
+        self.scatter.ger(n / (n + 1.0), &away, &away, 1.0);
+        self.mean += away / (n + 1.0);
+        self.samples += 1;
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// Mean of the samples.
+    pub fn mean(&self) -> &DVector<f64> {
+        &self.mean
+    }
+
+    /// Covariance, `S / (N - 1)`.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        &self.scatter / (self.samples.max(2) - 1) as f64
+    }
+
+    /// Principal components: variances, the largest first, and directions.
+    pub fn components(&self) -> SymmetricEigen {
+        symmetric_eigen(self.covariance())
+    }
+}

@@ -1,0 +1,11 @@
+//! Neural networks on matrices of `f32`, one sample a column, with seeded training on the CPU.
+//!
+//! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
+//! - [`Adam`]: the stochastic gradient method that trains it.
+
+mod adam;
+mod convolutional;
+mod layers;
+
+pub use adam::Adam;
+pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE};

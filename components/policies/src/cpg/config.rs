@@ -1,0 +1,214 @@
+//! The `config` table of `policy.cpg`.
+
+use motorium::declare::ConfigError;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::drive::DriveConfig;
+use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator, RhythmSettings};
+
+/// Configuration of `policy.cpg`.
+///
+/// ```toml
+/// gait = "walk"
+/// frequency = 1.5
+/// legs = [
+///     { joints = [{ joint = "left_hip", amplitude = 0.4 }, { joint = "left_knee", amplitude = 0.3, phase = 1.57 }] },
+///     { joints = [{ joint = "right_hip", amplitude = 0.4 }, { joint = "right_knee", amplitude = 0.3, phase = 1.57 }] },
+/// ]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CpgPolicyConfig {
+    /// Two, four or six legs, left before right, from the front to the rear.
+    pub legs: Vec<LegConfig>,
+    /// The gait to begin with.
+    pub gait: Gait,
+    /// What makes the rhythm. Default "phase".
+    #[serde(default)]
+    pub model: CpgModel,
+    /// Strides per second, Hz. Default 1.
+    #[serde(default = "one")]
+    pub frequency: f64,
+    /// How fast joints fall into the gait, 1/s. Default 5.
+    #[serde(default = "five")]
+    pub coupling: f64,
+    /// Numbers of the model "hopf".
+    #[serde(default)]
+    pub hopf: Option<HopfConfig>,
+    /// Numbers of the model "matsuoka".
+    #[serde(default)]
+    pub matsuoka: Option<MatsuokaConfig>,
+    /// How the joints are driven.
+    #[serde(default)]
+    pub drive: DriveConfig,
+}
+
+/// What makes a rhythm.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CpgModel {
+    /// A phase-amplitude network, one node for each joint (Ijspeert).
+    #[default]
+    Phase,
+    /// A Hopf oscillator for each leg, with a speed for swing and one for stance (Righetti and Ijspeert).
+    Hopf,
+    /// A pair of neurons that inhibit each other for each joint (Matsuoka).
+    Matsuoka,
+    /// A phase for each leg (Kuramoto).
+    Kuramoto,
+}
+
+/// Numbers of Hopf's oscillators.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HopfConfig {
+    /// Rate at which it falls back to its circle, 1/s. Default 8.
+    pub convergence: f64,
+    /// How sharply swing and stance change into each other. Default 50.
+    pub sharpness: f64,
+    /// The part of a stride that is stance, 0.05 to 0.95. Default 0.5.
+    pub duty_factor: f64,
+}
+
+impl Default for HopfConfig {
+    fn default() -> Self {
+        let HopfSettings { convergence, sharpness, .. } = HopfSettings::default();
+        Self { convergence, sharpness, duty_factor: RhythmSettings::default().duty_factor }
+    }
+}
+
+/// Numbers of Matsuoka's neurons.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MatsuokaConfig {
+    /// How strongly fatigue acts, `beta`. Default 2.5.
+    pub fatigue: f64,
+    /// How strongly the two inhibit each other, `w`: more than `1 + time_ratio`, less than `1 + fatigue`. Default 2.2.
+    pub inhibition: f64,
+    /// Rise time over fatigue time, `tau_1 / tau_2`; both are scaled to the frequency. Default 0.5.
+    pub time_ratio: f64,
+}
+
+impl Default for MatsuokaConfig {
+    fn default() -> Self {
+        let MatsuokaSettings { fatigue, rise_time, fatigue_time, .. } = MatsuokaSettings::default();
+        Self { fatigue, inhibition: 2.2, time_ratio: rise_time / fatigue_time }
+    }
+}
+
+/// One leg.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LegConfig {
+    /// Its joints that swing, at least one.
+    pub joints: Vec<SwingConfig>,
+}
+
+/// How a joint swings: `offset + amplitude cos(phase of the leg + phase)`, or what the model has in place of a cosine.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SwingConfig {
+    /// Name of the joint.
+    pub joint: String,
+    /// Amplitude, rad or m.
+    pub amplitude: f64,
+    /// About which it swings, rad or m. Default 0.
+    #[serde(default)]
+    pub offset: f64,
+    /// Ahead of the phase of its leg, rad. Default 0.
+    #[serde(default)]
+    pub phase: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn five() -> f64 {
+    5.0
+}
+
+/// Where the frequency may be, Hz.
+pub(super) const FREQUENCY: std::ops::RangeInclusive<f64> = 0.0..=20.0;
+/// Where the duty factor may be.
+pub(super) const DUTY_FACTOR: std::ops::RangeInclusive<f64> = 0.05..=0.95;
+
+impl CpgPolicyConfig {
+    /// Checks the numbers that no model looks at, and the tables of other models.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        for (l, leg) in self.legs.iter().enumerate() {
+            if leg.joints.is_empty() {
+                return Err(ConfigError::key(
+                    format!("legs[{l}].joints"),
+                    "a leg without a joint that swings",
+                ));
+            }
+            for (j, swing) in leg.joints.iter().enumerate() {
+                let all = [swing.amplitude, swing.offset, swing.phase];
+                if let Some(value) = all.into_iter().find(|value| !value.is_finite()) {
+                    let key = format!("legs[{l}].joints[{j}]");
+                    return Err(ConfigError::key(key, format!("{value} is no number to work with")));
+                }
+            }
+        }
+        if !(self.coupling.is_finite() && self.coupling >= 0.0) {
+            let message = format!("{}: expected a finite number of at least 0", self.coupling);
+            return Err(ConfigError::key("coupling", message));
+        }
+        if !FREQUENCY.contains(&self.frequency) {
+            let message = format!("{} Hz, expected from 0 to 20", self.frequency);
+            return Err(ConfigError::key("frequency", message));
+        }
+        let other = |given: bool, model, key: &str| {
+            (given && self.model != model).then(|| {
+                ConfigError::key(
+                    key,
+                    format!("numbers of a model that is not used: `model` is \"{}\"", self.model.name()),
+                )
+                .advise(format!("say `model = \"{key}\"`, or remove `{key}`"))
+            })
+        };
+        let hopf = other(self.hopf.is_some(), CpgModel::Hopf, "hopf");
+        match hopf.or_else(|| other(self.matsuoka.is_some(), CpgModel::Matsuoka, "matsuoka")) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// The part of a stride that is stance.
+    pub(super) fn duty_factor(&self) -> f64 {
+        self.hopf.unwrap_or_default().duty_factor
+    }
+
+    /// The oscillators, if it is not the phase-amplitude network.
+    pub(super) fn oscillator(&self) -> Option<Oscillator> {
+        Some(match self.model {
+            CpgModel::Phase => return None,
+            CpgModel::Kuramoto => Oscillator::Kuramoto,
+            CpgModel::Hopf => {
+                let HopfConfig { convergence, sharpness, .. } = self.hopf.unwrap_or_default();
+                Oscillator::Hopf(HopfSettings { convergence, sharpness, ..HopfSettings::default() })
+            }
+            CpgModel::Matsuoka => {
+                let MatsuokaConfig { fatigue, inhibition, time_ratio } = self.matsuoka.unwrap_or_default();
+                let usual = MatsuokaSettings::default();
+                let settings =
+                    MatsuokaSettings { fatigue, rise_time: time_ratio * usual.fatigue_time, ..usual };
+                Oscillator::Matsuoka { settings, inhibition }
+            }
+        })
+    }
+}
+
+impl CpgModel {
+    /// As it is written.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Phase => "phase",
+            Self::Hopf => "hopf",
+            Self::Matsuoka => "matsuoka",
+            Self::Kuramoto => "kuramoto",
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! The pattern generator behind the policy, whichever model it is.
+
+use motorium::declare::ConfigError;
+
+use super::config::{CpgModel, CpgPolicyConfig};
+use motorium_primitives::cpg::{
+    CpgError, Entrainment, NetworkSettings, Node, PhaseNetwork, Rhythm, RhythmSettings, Swing,
+};
+
+/// A phase-amplitude network or a rhythm of oscillators: joints in, setpoints and their rates out.
+#[derive(Debug)]
+pub(super) struct Generator {
+    model: Model,
+    swings: Vec<Swing>,
+    /// Phase of every joint in the gait.
+    pattern: Vec<f64>,
+    frequency: f64,
+}
+
+#[derive(Debug)]
+enum Model {
+    Phase(Box<PhaseNetwork>),
+    Rhythm(Box<Rhythm>),
+}
+
+impl Generator {
+    /// From a config that was checked, and the phases of the legs in its gait.
+    pub(super) fn new(config: &CpgPolicyConfig, gait: &[f64]) -> Result<Self, ConfigError> {
+        let legs = config.legs.iter().enumerate();
+        let swings: Vec<Swing> = legs
+            .flat_map(|(leg, config)| config.joints.iter().map(move |swing| (leg, swing)))
+            .map(|(leg, swing)| Swing {
+                leg,
+                amplitude: swing.amplitude,
+                offset: swing.offset,
+                phase: swing.phase,
+            })
+            .collect();
+        let model = match config.oscillator() {
+            None => {
+                let nodes: Vec<Node> = swings
+                    .iter()
+                    .map(|swing| Node {
+                        amplitude: swing.amplitude,
+                        offset: swing.offset,
+                        phase: gait[swing.leg] + swing.phase,
+                    })
+                    .collect();
+                let weights = PhaseNetwork::all_to_all(&nodes, config.coupling);
+                let settings = NetworkSettings { frequency: config.frequency, ..NetworkSettings::default() };
+                PhaseNetwork::new(&nodes, weights, settings).map(|network| Model::Phase(Box::new(network)))
+            }
+            Some(oscillator) => {
+                let settings = RhythmSettings {
+                    frequency: config.frequency,
+                    coupling: config.coupling,
+                    duty_factor: config.duty_factor(),
+                    ..RhythmSettings::default()
+                };
+                Rhythm::new(oscillator, &swings, gait, settings).map(|rhythm| Model::Rhythm(Box::new(rhythm)))
+            }
+        };
+        let refused = |error: CpgError| match config.model {
+            CpgModel::Hopf | CpgModel::Matsuoka => ConfigError::key(config.model.name(), error.to_string()),
+            CpgModel::Phase | CpgModel::Kuramoto => ConfigError::new(error.to_string()),
+        };
+        let pattern = vec![0.0; swings.len()];
+        Ok(Self { model: model.map_err(refused)?, swings, pattern, frequency: config.frequency })
+    }
+
+    /// Number of joints.
+    pub(super) fn joints(&self) -> usize {
+        self.swings.len()
+    }
+
+    pub(super) fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
+        self.frequency = frequency;
+        match &mut self.model {
+            Model::Phase(network) => network.set_frequency(frequency),
+            Model::Rhythm(rhythm) => rhythm.set_frequency(frequency),
+        }
+    }
+
+    pub(super) fn set_duty_factor(&mut self, duty_factor: f64) -> Result<(), CpgError> {
+        match &mut self.model {
+            Model::Phase(_) => Ok(()),
+            Model::Rhythm(rhythm) => rhythm.set_duty_factor(duty_factor),
+        }
+    }
+
+    /// Commands all amplitudes, as a factor of those configured.
+    pub(super) fn set_scale(&mut self, scale: f64) -> Result<(), CpgError> {
+        for (joint, swing) in self.swings.iter().enumerate() {
+            let amplitude = scale * swing.amplitude;
+            match &mut self.model {
+                Model::Phase(network) => network.set_swing(joint, amplitude, swing.offset)?,
+                Model::Rhythm(rhythm) => rhythm.set_swing(joint, amplitude, swing.offset)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Commands the phases of the legs.
+    pub(super) fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
+        match &mut self.model {
+            Model::Phase(network) => {
+                for (phase, swing) in self.pattern.iter_mut().zip(&self.swings) {
+                    *phase = gait[swing.leg] + swing.phase;
+                }
+                network.set_pattern(&self.pattern)
+            }
+            Model::Rhythm(rhythm) => rhythm.set_gait(gait),
+        }
+    }
+
+    /// What a joint that is measured there adds to the rate of its oscillator, rad/s.
+    pub(super) fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
+        match &self.model {
+            Model::Phase(network) if self.frequency > 0.0 => {
+                let omega = std::f64::consts::TAU * self.frequency;
+                let measured =
+                    Entrainment::measured_phase(position, velocity, self.swings[joint].offset, omega);
+                Entrainment { gain, lead: 0.0 }.pull(measured, network.phases()[joint])
+            }
+            Model::Phase(_) => 0.0,
+            Model::Rhythm(rhythm) => rhythm.pull(joint, position, velocity, gain),
+        }
+    }
+
+    pub(super) fn step(&mut self, dt: f64, pull: &[f64]) {
+        match &mut self.model {
+            Model::Phase(network) => network.step_entrained(dt, pull),
+            Model::Rhythm(rhythm) => rhythm.step_entrained(dt, pull),
+        }
+    }
+
+    /// Setpoints of all joints.
+    pub(super) fn output(&self) -> &[f64] {
+        match &self.model {
+            Model::Phase(network) => network.output(),
+            Model::Rhythm(rhythm) => rhythm.output(),
+        }
+    }
+
+    /// Their rates, per second.
+    pub(super) fn velocity(&self) -> &[f64] {
+        match &self.model {
+            Model::Phase(network) => network.velocity(),
+            Model::Rhythm(rhythm) => rhythm.velocity(),
+        }
+    }
+
+    /// The largest deviation of a phase from the gait, rad.
+    pub(super) fn gait_error(&self) -> f64 {
+        match &self.model {
+            Model::Phase(network) => network.pattern_error(),
+            Model::Rhythm(rhythm) => rhythm.gait_error(),
+        }
+    }
+}

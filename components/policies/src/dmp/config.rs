@@ -1,0 +1,116 @@
+//! The `config` table of `policy.dmp`.
+
+use std::time::Duration;
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer};
+
+use super::imitation::DemonstrationConfig;
+use motorium_primitives::dmp::StoredModel;
+use motorium_primitives::reach::Repeat;
+
+/// Configuration of `policy.dmp`.
+///
+/// ```toml
+/// repeat = "forever"
+/// goals = [
+///     { position = [0.5, 0.2, 0.3], duration = "2 s", dwell = "500 ms" },
+///     { offset = [0.0, -0.4, 0.0], rpy = [3.14, 0.0, 0.8], duration = "2 s", shape = { arc = [0.0, 0.0, 0.1] } },
+/// ]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DmpPolicyConfig {
+    /// The goals, in their order.
+    pub goals: Vec<GoalConfig>,
+    /// What follows the last goal: "once" stays there, "forever" goes back to the first.
+    #[serde(default)]
+    pub repeat: Repeat,
+    /// Frame of the robot that is led. Without it, that of the robot's only end effector.
+    #[serde(default)]
+    pub frame: Option<String>,
+    /// Pose to start from, in the world frame. Without it, the hand's measured pose, from the input `joint_state`.
+    #[serde(default)]
+    pub start: Option<PoseConfig>,
+    /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected": files that
+    /// `motorium primitive fit` wrote, relative to the graph file.
+    #[serde(default)]
+    pub primitives: Vec<String>,
+}
+
+/// A pose in the world frame.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PoseConfig {
+    /// Position, m.
+    pub position: [f64; 3],
+    /// Orientation as a quaternion, x y z w. This or `rpy`.
+    #[serde(default)]
+    pub orientation: Option<[f64; 4]>,
+    /// Orientation as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad. This or `orientation`.
+    #[serde(default)]
+    pub rpy: Option<[f64; 3]>,
+}
+
+/// One goal and the way there.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GoalConfig {
+    /// Position in the world frame, m. This or `offset`; after a demonstration, neither: where it ended.
+    #[serde(default)]
+    pub position: Option<[f64; 3]>,
+    /// Position relative to the goal before, or to the start for the first one, in world axes, m. This or `position`.
+    #[serde(default)]
+    pub offset: Option<[f64; 3]>,
+    /// Orientation in the world frame as a quaternion, x y z w. Without it and `rpy`, that of the goal before.
+    #[serde(default)]
+    pub orientation: Option<[f64; 4]>,
+    /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
+    #[serde(default)]
+    pub rpy: Option<[f64; 3]>,
+    /// Time to get there, at least 1 ms, such as "2 s". Required, but for a demonstration, which brings its own.
+    #[serde(default, deserialize_with = "optional_time")]
+    #[schemars(with = "Option<TimeSpan>")]
+    pub duration: Option<Duration>,
+    /// Time to stay there, such as "500 ms". Default none.
+    #[serde(default, deserialize_with = "time")]
+    #[schemars(with = "TimeSpan")]
+    pub dwell: Duration,
+    /// The way of the position. Default straight.
+    #[serde(default)]
+    pub shape: ShapeConfig,
+}
+
+/// The way of the position to a goal.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShapeConfig {
+    /// The straight line.
+    #[default]
+    Straight,
+    /// An arc, off the straight line by so much half way: world axes, m.
+    Arc([f64; 3]),
+    /// A primitive of three dimensions, as it was fitted to a demonstration.
+    Primitive(StoredModel),
+    /// A primitive from a file that `motorium primitive fit` wrote, relative to the graph file.
+    File(String),
+    /// A primitive fitted to a recording when the component is configured.
+    Demonstration(DemonstrationConfig),
+    /// The one of `primitives` that the parameter `primitive` chooses, from the next time the goal is set out for.
+    Selected,
+}
+
+pub(crate) fn optional_time<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Duration>, D::Error> {
+    time(deserializer).map(Some)
+}
+
+pub(crate) fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let span: TimeSpan = text.parse().map_err(|error: motorium::units::UnitError| {
+        serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))
+    })?;
+    Ok(Duration::from_nanos(span.ns))
+}

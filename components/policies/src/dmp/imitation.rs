@@ -1,0 +1,276 @@
+//! Demonstrations as the way to a goal, and how closely they are followed.
+
+use std::path::Path;
+
+use motorium::declare::{ConfigError, RobotReference};
+use motorium_robots::Kinematics;
+use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::origin;
+use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
+use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_recordings::{Recording, Selection};
+
+/// A recorded movement of the hand, to be learned and reproduced.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DemonstrationConfig {
+    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
+    /// Three channels are positions of the hand in the world frame, m; as many as the robot has joints are joint positions.
+    pub file: String,
+    /// Number of kernels for each dimension. Default 40.
+    #[serde(default = "forty")]
+    pub kernels: usize,
+    /// Frequency above which the recording is noise, Hz. Default 10.
+    #[serde(default = "ten")]
+    pub cutoff: f64,
+    /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
+    /// hand is.
+    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
+    #[schemars(with = "Option<motorium::units::TimeSpan>")]
+    pub approach: Option<std::time::Duration>,
+}
+
+fn forty() -> usize {
+    40
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+/// Evenly spaced samples that a recording is made into.
+const SAMPLES: usize = 400;
+
+/// A demonstration that was read and learned.
+#[derive(Debug, Clone)]
+pub(super) struct Demonstrated {
+    pub(super) model: DmpModel,
+    /// Evenly spaced in time, m.
+    pub(super) path: Vec<Vector3<f64>>,
+    pub(super) duration: std::time::Duration,
+    /// Orientation at the beginning and the end, where joints were recorded.
+    pub(super) turns: Option<[UnitQuaternion<f64>; 2]>,
+}
+
+impl Demonstrated {
+    /// Reads, filters and fits. `key` is that of the shape.
+    pub(super) fn read(
+        config: &DemonstrationConfig,
+        robot: Option<&RobotReference>,
+        frame: Option<&str>,
+        key: &str,
+    ) -> Result<Self, ConfigError> {
+        let file = format!("{key}.demonstration.file");
+        let base = robot.map_or_else(|| Path::new("."), |robot| robot.base.as_path());
+        let recording = motorium_recordings::read(&base.join(&config.file), &Selection::default())
+            .map_err(|error| ConfigError::key(&file, error.to_string()))?;
+        let (positions, turns) = hand(&recording, config, robot, frame, key)?;
+        let duration = recording.duration();
+        let demonstration = Demonstration::from_positions(duration, positions.clone())
+            .map_err(|error| ConfigError::key(&file, error.to_string()))?
+            // as the hand will be
+            .at_rest_at_its_ends();
+        let settings = Settings { kernels: config.kernels, ..Settings::default() };
+        let model = DmpModel::fit(settings, &[demonstration], Regression::default())
+            .map_err(|error| ConfigError::key(format!("{key}.demonstration"), error.to_string()))?;
+        let path = positions.row_iter().map(|row| Vector3::new(row[0], row[1], row[2])).collect();
+        Ok(Self { model, path, duration: std::time::Duration::from_secs_f64(duration), turns })
+    }
+
+    /// Where it begins.
+    pub(super) fn start(&self) -> Vector3<f64> {
+        self.path[0]
+    }
+
+    /// Where it ends.
+    pub(super) fn end(&self) -> Vector3<f64> {
+        self.path[self.path.len() - 1]
+    }
+}
+
+type Hand = (DMatrix<f64>, Option<[UnitQuaternion<f64>; 2]>);
+
+/// Positions of the hand, samples x 3, from those recorded or from the joints.
+fn hand(
+    recording: &Recording,
+    config: &DemonstrationConfig,
+    robot: Option<&RobotReference>,
+    frame: Option<&str>,
+    key: &str,
+) -> Result<Hand, ConfigError> {
+    let cutoff = format!("{key}.demonstration.cutoff");
+    let even = recording
+        .evenly(SAMPLES, Some(config.cutoff))
+        .map_err(|error| ConfigError::key(cutoff, error.to_string()))?;
+    let channels = even.ncols();
+    if channels == 3 {
+        return Ok((even, None));
+    }
+    let wrong = |message: String| ConfigError::key(format!("{key}.demonstration.file"), message);
+    let Some(robot) = robot else {
+        let message = format!("{channels} channels, expected the 3 of the position of a hand");
+        return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
+    };
+    let (model, frame) = origin::load(robot, frame)?;
+    if channels != model.nq() {
+        let expected = model.nq();
+        return Err(wrong(format!(
+            "{channels} channels, expected 3 (position of the hand) or {expected} (joints of `{}`)",
+            robot.name
+        )));
+    }
+    let mut kinematics = Kinematics::new(&model);
+    let poses: Vec<Isometry3<f64>> = even
+        .row_iter()
+        .map(|row| {
+            kinematics.update(&model, row.transpose().as_slice());
+            kinematics.pose(&model, frame)
+        })
+        .collect();
+    let positions = DMatrix::from_fn(SAMPLES, 3, |k, d| poses[k].translation.vector[d]);
+    Ok((positions, Some([poses[0].rotation, poses[SAMPLES - 1].rotation])))
+}
+
+/// A primitive of the hand's position from a file.
+pub(super) fn primitive(
+    file: &str,
+    robot: Option<&RobotReference>,
+    key: &str,
+) -> Result<DmpModel, ConfigError> {
+    let base = robot.map_or_else(|| Path::new("."), |robot| robot.base.as_path());
+    let read =
+        PrimitiveFile::read(&base.join(file)).map_err(|error| ConfigError::key(key, error.to_string()))?;
+    let model = match read.primitive {
+        Primitive::Discrete(model) => model,
+        other => {
+            let message = format!("{file} holds a {} primitive, expected a discrete one", other.kind());
+            return Err(ConfigError::key(key, message));
+        }
+    };
+    if model.dimensions() != 3 || model.settings().variant != Variant::QuinticGoal {
+        let (dimensions, variant) = (model.dimensions(), model.settings().variant);
+        let message = format!(
+            "{file} holds a {variant:?} primitive of {dimensions} dimensions, expected QuinticGoal and 3: the position of the hand"
+        );
+        return Err(ConfigError::key(key, message));
+    }
+    Ok(model)
+}
+
+/// How closely demonstrated paths are followed: by the target, and by the hand itself.
+#[derive(Debug, Default)]
+pub(super) struct PathRecord {
+    /// Of every leg that was demonstrated.
+    paths: Vec<Option<Vec<Vector3<f64>>>>,
+    target: Errors,
+    hand: Errors,
+}
+
+#[derive(Debug, Default)]
+struct Errors {
+    samples: u64,
+    /// Of the distance to the point of the path for this moment, and to its nearest point, m and m^2.
+    timed_squares: f64,
+    near_squares: f64,
+    largest: f64,
+}
+
+impl PathRecord {
+    pub(super) fn new(paths: Vec<Option<Vec<Vector3<f64>>>>) -> Self {
+        Self { paths, ..Self::default() }
+    }
+
+    /// Whether there is anything to look at in a leg.
+    pub(super) fn watches(&self, leg: usize) -> bool {
+        self.paths.get(leg).is_some_and(Option::is_some)
+    }
+
+    /// Takes the target (and the measured place of the hand, where known) at a progress of a leg.
+    pub(super) fn observe(
+        &mut self,
+        leg: usize,
+        progress: f64,
+        target: Vector3<f64>,
+        hand: Option<Vector3<f64>>,
+    ) {
+        let Some(Some(path)) = self.paths.get(leg) else { return };
+        self.target.take(path, progress, target);
+        if let Some(hand) = hand {
+            self.hand.take(path, progress, hand);
+        }
+    }
+
+    /// What there is to say about the run: None without a demonstration.
+    pub(super) fn result(&self) -> Option<serde_json::Value> {
+        self.paths
+            .iter()
+            .any(Option::is_some)
+            .then(|| serde_json::json!({ "target": self.target.result(), "hand": self.hand.result() }))
+    }
+}
+
+impl Errors {
+    fn take(&mut self, path: &[Vector3<f64>], progress: f64, place: Vector3<f64>) {
+        let at = progress.clamp(0.0, 1.0) * (path.len() - 1) as f64;
+        let before = (at as usize).min(path.len() - 2);
+        let expected = path[before].lerp(&path[before + 1], at - before as f64);
+        let near =
+            path.windows(2).map(|pair| squared_distance(place, pair[0], pair[1])).fold(f64::MAX, f64::min);
+        self.samples += 1;
+        self.timed_squares += (place - expected).norm_squared();
+        self.near_squares += near;
+        self.largest = self.largest.max(near.sqrt());
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let mean = |squares: f64| (squares / self.samples as f64).sqrt();
+        (self.samples > 0).then(|| {
+            serde_json::json!({
+                "path_error_m": mean(self.near_squares),
+                "largest_path_error_m": self.largest,
+                "timed_error_m": mean(self.timed_squares),
+            })
+        })
+    }
+}
+
+/// Squared distance of a place to the line between two others.
+fn squared_distance(place: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
+    let (along, off) = (to - from, place - from);
+    let length = along.norm_squared();
+    let share = if length > 0.0 { (off.dot(&along) / length).clamp(0.0, 1.0) } else { 0.0 };
+    (off - share * along).norm_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_to_a_path_is_that_to_its_nearest_point_also_beyond_its_ends() {
+        let (from, to) = (Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0));
+        for (place, expected) in
+            [([1.0, 3.0, 0.0], 9.0), ([-1.0, 0.0, 0.0], 1.0), ([3.0, 0.0, 2.0], 5.0), ([0.5, 0.0, 0.0], 0.0)]
+        {
+            assert!((squared_distance(Vector3::from(place), from, to) - expected).abs() < 1e-12);
+        }
+        assert!((squared_distance(Vector3::x(), from, from) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_target_behind_its_time_is_on_the_path_but_not_in_time() {
+        let path = vec![Vector3::zeros(), Vector3::x(), 2.0 * Vector3::x()];
+        let mut record = PathRecord::new(vec![None, Some(path)]);
+        assert!(record.watches(1) && !record.watches(0) && !record.watches(7));
+        record.observe(0, 0.5, Vector3::z(), None);
+        record.observe(1, 0.5, 0.8 * Vector3::x(), Some(Vector3::new(0.8, 0.1, 0.0)));
+        let result = record.result().unwrap();
+        let number = |who: &str, what: &str| result[who][what].as_f64().unwrap();
+        assert!(number("target", "path_error_m") < 1e-12);
+        assert!((number("target", "timed_error_m") - 0.2).abs() < 1e-12);
+        assert!((number("hand", "path_error_m") - 0.1).abs() < 1e-12);
+    }
+}

@@ -1,9 +1,0 @@
-//! Learners of weights.
-//!
-//! - [`Power`]: policy search by weighted exploration, for weights of a motion library or of a movement primitive.
-//! - [`perception`]: from the picture of a letter to the movement that writes it.
-
-pub mod perception;
-mod power;
-
-pub use power::{Power, PowerSettings};

@@ -1,0 +1,90 @@
+//! The movements of a policy, one after the other.
+
+use motorium_library::{Frame, Generator, MotionLibrary, Superposition};
+
+/// A movement to make, with what it should have been.
+#[derive(Clone, Debug)]
+pub(super) struct Planned {
+    pub(super) entry: usize,
+    pub(super) name: String,
+    pub(super) terms: usize,
+    pub(super) movement: Superposition,
+}
+
+/// The movements that were configured.
+pub(super) fn plan(
+    library: &MotionLibrary,
+    movements: &[(usize, String)],
+    terms: &[usize],
+    duration: Option<f64>,
+) -> Vec<Planned> {
+    let all = [library.rank()];
+    let terms = if terms.is_empty() { &all[..] } else { terms };
+    let mut planned = Vec::new();
+    for (entry, name) in movements {
+        for &terms in terms {
+            let movement = Superposition::of(library, *entry, terms).placed(None, None, duration);
+            planned.push(Planned { entry: *entry, name: name.clone(), terms, movement });
+        }
+    }
+    planned
+}
+
+/// What a policy is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Stage {
+    /// It has no state to begin from yet.
+    Waiting,
+    /// On the way to the start of a movement: seconds since it set out.
+    Transit(f64),
+    /// Before or after a movement: seconds since it came to rest.
+    Rest {
+        /// Whether the movement is over.
+        after: bool,
+        /// Seconds.
+        time: f64,
+    },
+    /// In a movement.
+    Moving,
+    /// At the end of the last, for good.
+    Finished,
+}
+
+/// Weights and frame of the movement under way, in memory that is never taken anew.
+#[derive(Clone, Debug)]
+pub(super) struct Current {
+    pub(super) weights: Vec<f64>,
+    pub(super) count: usize,
+    pub(super) frame: Frame,
+}
+
+impl Current {
+    pub(super) fn new(library: &MotionLibrary, first: &Planned) -> Self {
+        let mut current =
+            Self { weights: vec![0.0; library.rank()], count: 0, frame: first.movement.frame.clone() };
+        current.set(&first.movement.weights);
+        current
+    }
+
+    pub(super) fn set(&mut self, weights: &[f64]) {
+        self.count = weights.len().min(self.weights.len());
+        self.weights[..self.count].copy_from_slice(&weights[..self.count]);
+    }
+
+    pub(super) fn set_frame(&mut self, frame: &Frame) {
+        self.frame.start.copy_from_slice(&frame.start);
+        self.frame.goal.copy_from_slice(&frame.goal);
+        self.frame.velocity.copy_from_slice(&frame.velocity);
+        self.frame.duration = frame.duration;
+    }
+
+    pub(super) fn start(&self, generator: &mut Generator) -> Result<(), motorium_library::GenerateError> {
+        generator.start(&self.weights[..self.count], &self.frame)
+    }
+}
+
+/// From 0 to 1 without a jump in acceleration, and its slope: minimum jerk.
+pub(super) fn ease(part: f64) -> [f64; 2] {
+    let p = part.clamp(0.0, 1.0);
+    [p * p * p * (10.0 + p * (6.0 * p - 15.0)), 30.0 * p * p * (1.0 - p) * (1.0 - p)]
+}

@@ -1,0 +1,86 @@
+//! The library that a policy moves by.
+
+use std::path::Path;
+
+use motorium::declare::ConfigError;
+
+use super::config::LibraryPolicyConfig;
+use motorium_library::{
+    DAMPING, Keep, Metric, MotionLibrary, SampledSpring, data, file,
+    letters::{Variation, letters},
+};
+
+/// Samples of each movement where the policy itself learns the library.
+const SAMPLES: usize = 200;
+/// Variations of each of our own letters, and their seed.
+const LETTERS: (usize, u64) = (8, 1);
+
+/// Reads or learns the library. `base` is the folder of the graph file, if it is known.
+pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<MotionLibrary, ConfigError> {
+    let refuse = |error: &dyn std::fmt::Display| ConfigError::key("library", error.to_string());
+    let spring = SampledSpring::new(SAMPLES, DAMPING).map_err(|error| refuse(&error))?;
+    let build = |recordings| {
+        MotionLibrary::build(&recordings, spring, Metric::Position, Keep::Rank(super::MAX_WEIGHTS))
+            .map_err(|error| refuse(&error))
+    };
+    if config.library == "letters" {
+        return build(letters(LETTERS.0, Variation::default(), LETTERS.1));
+    }
+    let path =
+        base.map_or_else(|| Path::new(&config.library).to_path_buf(), |base| base.join(&config.library));
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    if ["jsonl", "json", "csv"].contains(&ending) {
+        let options = data::Options { rate: config.rate, columns: Vec::new() };
+        return build(data::read(&path, &options).map_err(|error| refuse(&error))?);
+    }
+    file::read(&path).map_err(|error| {
+        refuse(&error).advise("give a library file, recordings (.jsonl, .json, .csv), or \"letters\"")
+    })
+}
+
+/// The movement of a label or id.
+pub(super) fn find(library: &MotionLibrary, name: &str, key: &str) -> Result<usize, ConfigError> {
+    library.find(name).ok_or_else(|| {
+        let mut labels: Vec<&str> =
+            library.entries().iter().filter_map(|entry| entry.label.as_deref()).collect();
+        labels.sort_unstable();
+        labels.dedup();
+        let message = format!("the library has no movement and no label `{name}`");
+        ConfigError::key(key, message).advise(format!("its labels are {}", labels.join(", ")))
+    })
+}
+
+/// The movements that are named in the configuration.
+pub(super) fn entries(
+    config: &LibraryPolicyConfig,
+    library: &MotionLibrary,
+) -> Result<Vec<(usize, String)>, ConfigError> {
+    if config.movements.is_empty() {
+        return Err(ConfigError::key("movements", "there is none, expected at least one label or id"));
+    }
+    let named = config.movements.iter().enumerate();
+    named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone()))).collect()
+}
+
+/// Checks the numbers of a configuration.
+pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Result<(), ConfigError> {
+    if let Some(terms) = config.terms.iter().find(|terms| **terms == 0 || **terms > library.rank()) {
+        let message = format!("{terms} eigenforces, the library has {}", library.rank());
+        return Err(ConfigError::key("terms", message));
+    }
+    let r = &config.recognition;
+    for (key, value, least) in [
+        ("duration", config.duration.unwrap_or(1.0), 1e-3),
+        ("transit", config.transit, 1e-3),
+        ("rest", config.rest, 0.0),
+        ("recognition.still", r.still, 0.0),
+        ("recognition.pause", r.pause, 1e-3),
+        ("recognition.longest", r.longest, 1e-2),
+        ("rate", config.rate, 1e-6),
+    ] {
+        if !(value.is_finite() && value >= least) {
+            return Err(ConfigError::key(key, format!("{value}, expected at least {least}")));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,282 @@
+//! `policy.promp`: joints that follow a probabilistic primitive.
+
+use std::path::Path;
+use std::time::Duration;
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::transport::Parameter;
+use motorium::units::TimeSpan;
+use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::drive::{DriveConfig, Driven, JointDrive};
+use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::promp::{ProMp, ProMpRunner, StoredProMp};
+use motorium_primitives::reach::Repeat;
+
+/// Configuration of `policy.promp`.
+///
+/// ```toml
+/// primitives = ["wave.json", "point.json"]
+/// via        = [{ at = 0.5, position = [0.1, 0.2, 0.3], deviation = 0.01 }]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProMpPolicyConfig {
+    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote, relative to
+    /// the graph file, or tables.
+    pub primitives: Vec<ProMpSource>,
+    /// The joints that are moved, in the order of the primitive's dimensions. Default: all, in their order.
+    #[serde(default)]
+    pub joints: Option<Vec<String>>,
+    /// Places to pass.
+    #[serde(default)]
+    pub via: Vec<ViaConfig>,
+    /// Time of a movement, such as "2 s". Default: that of the demonstrations.
+    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
+    #[schemars(with = "Option<TimeSpan>")]
+    pub duration: Option<Duration>,
+    /// Time to stay at the end of a movement, such as "500 ms". Default none.
+    #[serde(default, deserialize_with = "crate::dmp::config::time")]
+    #[schemars(with = "TimeSpan")]
+    pub dwell: Duration,
+    /// What follows a movement: "once" stays at its end, "forever" begins the next.
+    #[serde(default)]
+    pub repeat: Repeat,
+    /// How the joints are driven.
+    #[serde(default)]
+    pub drive: DriveConfig,
+}
+
+/// Where a primitive is.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum ProMpSource {
+    /// A file, relative to the graph file.
+    File(String),
+    /// The primitive itself.
+    Table(StoredProMp),
+}
+
+/// A place on the way.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ViaConfig {
+    /// When: 0 at the start of the movement, 1 at its end.
+    pub at: f64,
+    /// Positions of the joints that are moved, rad or m.
+    pub position: Vec<f64>,
+    /// Standard deviation with which it is to be passed, rad or m. Default 0.001.
+    #[serde(default = "precise")]
+    pub deviation: f64,
+}
+
+fn precise() -> f64 {
+    1e-3
+}
+
+/// Moves joints along the mean of a probabilistic primitive, conditioned on the places it is to pass.
+///
+/// A movement begins with the first joint state, from where the robot is; the difference fades on the way. The parameter
+/// `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
+#[derive(Debug)]
+pub struct ProMpPolicy {
+    drive: JointDrive,
+    runners: Vec<ProMpRunner>,
+    durations: Vec<f64>,
+    repeat: Repeat,
+    dwell: f64,
+    primitive: Parameter<i64>,
+    speed: Parameter<f64>,
+    running: Option<usize>,
+    rested: f64,
+    movements: u64,
+    exchanges: u64,
+    setpoint: Vec<f64>,
+    rate: Vec<f64>,
+    squares: f64,
+    samples: u64,
+}
+
+impl Component for ProMpPolicy {
+    const KIND: &'static str = "policy.promp";
+    const SUMMARY: &'static str = "moves joints by a probabilistic movement primitive";
+    type Config = ProMpPolicyConfig;
+
+    fn declare(config: &ProMpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let driven = Driven::new(
+            &config.drive,
+            declare.robot(),
+            named(config, declare.robot())?.iter().map(borrowed),
+        )?;
+        let base = declare.robot().map(|robot| robot.base.clone()).unwrap_or_default();
+        primitives(config, &base, driven_count(config, &driven))?;
+        Driven::declare(declare);
+        let last = config.primitives.len() as i64 - 1;
+        declare.integer("primitive", 0, 0..=last, "the primitive of the next movement, counted from 0");
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the joints where they are");
+        Ok(())
+    }
+
+    fn configure(config: ProMpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let driven =
+            Driven::new(&config.drive, Some(&robot), named(&config, Some(&robot))?.iter().map(borrowed))?;
+        let joints = driven_count(&config, &driven);
+        let primitives = primitives(&config, &robot.base, joints)?;
+        let time = config.duration.map(|duration| duration.as_secs_f64());
+        Ok(Self {
+            drive: JointDrive::new(driven, &config.drive, setup)?,
+            durations: primitives.iter().map(|promp| time.unwrap_or(promp.duration())).collect(),
+            runners: primitives.into_iter().map(ProMpRunner::new).collect(),
+            repeat: config.repeat,
+            dwell: config.dwell.as_secs_f64(),
+            primitive: setup.parameter("primitive")?,
+            speed: setup.parameter("speed")?,
+            running: None,
+            rested: 0.0,
+            movements: 0,
+            exchanges: 0,
+            setpoint: vec![0.0; joints],
+            rate: vec![0.0; joints],
+            squares: 0.0,
+            samples: 0,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if !self.drive.read()? {
+            return Ok(());
+        }
+        let (dt, speed) = (tick.dt(), self.speed.get());
+        match self.running {
+            None => {
+                for (place, setpoint) in self.setpoint.iter_mut().enumerate() {
+                    *setpoint = self.drive.position(place);
+                }
+                self.begin()?;
+            }
+            Some(current) => {
+                let runner = &mut self.runners[current];
+                runner.step(speed * dt);
+                if runner.is_over() {
+                    self.rested += speed * dt;
+                    if self.repeat == Repeat::Forever && self.rested >= self.dwell {
+                        self.begin()?;
+                    }
+                }
+            }
+        }
+        let Some(current) = self.running else { return Ok(()) };
+        let runner = &self.runners[current];
+        self.setpoint.copy_from_slice(runner.position());
+        for (rate, velocity) in self.rate.iter_mut().zip(runner.velocity()) {
+            *rate = speed * velocity;
+        }
+        for place in 0..self.setpoint.len() {
+            self.squares += (self.setpoint[place] - self.drive.position(place)).powi(2);
+            self.samples += 1;
+        }
+        self.drive.command(dt, &self.setpoint, &self.rate)
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let error = (self.squares / self.samples.max(1) as f64).sqrt();
+        Some(serde_json::json!({
+            "movements": self.movements,
+            "primitive": self.running,
+            "exchanges": self.exchanges,
+            "tracking_error": error,
+        }))
+    }
+}
+
+impl ProMpPolicy {
+    /// Begins a movement from the setpoint of this moment, with the primitive that is chosen.
+    fn begin(&mut self) -> Result<(), StepError> {
+        let chosen = usize::try_from(self.primitive.get()).unwrap_or(0).min(self.runners.len() - 1);
+        self.exchanges += u64::from(self.running.is_some_and(|running| running != chosen));
+        self.rate.fill(0.0);
+        self.runners[chosen]
+            .start(&self.setpoint, &self.rate, self.durations[chosen])
+            .map_err(|_| StepError::failed("the robot has no finite position to start from"))?;
+        self.running = Some(chosen);
+        self.rested = 0.0;
+        self.movements += 1;
+        Ok(())
+    }
+}
+
+fn borrowed((name, key): &(String, String)) -> (&str, String) {
+    (name.as_str(), key.clone())
+}
+
+/// The joints that are moved, with their keys.
+fn named(
+    config: &ProMpPolicyConfig,
+    robot: Option<&motorium::declare::RobotReference>,
+) -> Result<Vec<(String, String)>, ConfigError> {
+    if let Some(joints) = &config.joints {
+        let keyed = |(i, name): (usize, &String)| (name.clone(), format!("joints[{i}]"));
+        return Ok(joints.iter().enumerate().map(keyed).collect());
+    }
+    let Some(robot) = robot else { return Ok(Vec::new()) };
+    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
+        .map_err(|error| ConfigError::new(error.to_string()))?;
+    Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
+}
+
+fn driven_count(config: &ProMpPolicyConfig, driven: &Driven) -> usize {
+    config.joints.as_ref().map_or(driven.model.joint_count(), Vec::len)
+}
+
+/// Reads, checks and conditions the primitives.
+fn primitives(config: &ProMpPolicyConfig, base: &Path, joints: usize) -> Result<Vec<ProMp>, ConfigError> {
+    if config.primitives.is_empty() {
+        return Err(ConfigError::key("primitives", "no primitive given, expected at least one"));
+    }
+    if config.duration.is_some_and(|duration| duration < Duration::from_millis(1)) {
+        return Err(ConfigError::key("duration", "expected at least 1 ms"));
+    }
+    let mut found = Vec::new();
+    for (index, source) in config.primitives.iter().enumerate() {
+        let key = format!("primitives[{index}]");
+        let mut promp = match source {
+            ProMpSource::Table(stored) => {
+                ProMp::try_from(stored.clone()).map_err(|error| ConfigError::key(&key, error.to_string()))?
+            }
+            ProMpSource::File(file) => {
+                let read = PrimitiveFile::read(&base.join(file));
+                let read = read.map_err(|error| ConfigError::key(&key, error.to_string()))?;
+                match read.primitive {
+                    Primitive::Probabilistic(promp) => promp,
+                    other => {
+                        let message = format!("{file} holds a {} primitive", other.kind());
+                        return Err(ConfigError::key(&key, message)
+                            .advise("fit one with `motorium primitive fit --model promp`"));
+                    }
+                }
+            }
+        };
+        if promp.dimensions() != joints {
+            let message = format!("a primitive of {} dimensions for {joints} joints", promp.dimensions());
+            return Err(ConfigError::key(&key, message).advise("name the joints it moves in `joints`"));
+        }
+        for (v, via) in config.via.iter().enumerate() {
+            let key = format!("via[{v}]");
+            let possible = (0.0..=1.0).contains(&via.at) && via.deviation >= 0.0 && via.deviation.is_finite();
+            if !possible {
+                let message = "expected `at` from 0 to 1 and a `deviation` of at least 0";
+                return Err(ConfigError::key(key, message));
+            }
+            let noise = DMatrix::identity(joints, joints) * via.deviation * via.deviation;
+            promp = promp
+                .conditioned(via.at, &DVector::from_column_slice(&via.position), &noise)
+                .map_err(|error| ConfigError::key(key, error.to_string()))?;
+        }
+        found.push(promp);
+    }
+    Ok(found)
+}

@@ -1,0 +1,275 @@
+//! `policy.library` in a running graph.
+
+use crate::support::{self, Nothing};
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium::launcher::Report;
+use motorium::state::{JointState, PoseTarget};
+use motorium::telemetry::{allocations, counts_allocations};
+use motorium::transport::{Input, Output};
+use motorium::worker::{ConfigSource, Kind};
+use motorium_library::{
+    DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, SampledSpring,
+    Superposition, Trajectory, file,
+};
+use motorium_policies::LibraryPolicy;
+use motorium_policies::library::{MovementRequest, Recognition};
+use nalgebra::DMatrix;
+
+/// A robot that is where its setpoint says, and asks for another movement after a while.
+struct Follower {
+    setpoint: Input<JointState>,
+    recognised: Input<Recognition>,
+    state: Output<JointState>,
+    request: Output<MovementRequest>,
+    q: Vec<f64>,
+    largest_step: f64,
+    seen: Vec<(u64, f64)>,
+}
+
+impl Component for Follower {
+    const KIND: &'static str = "test.follower";
+    const SUMMARY: &'static str = "a robot that is where it should be";
+    type Config = Nothing;
+
+    fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<JointState>("setpoint", "where it should be");
+        declare.input::<Recognition>("recognised", "what was recognised");
+        declare.output::<JointState>("joint_state", "where it is");
+        declare.output::<MovementRequest>("request", "another movement");
+        Ok(())
+    }
+
+    fn configure(_: Nothing, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self {
+            setpoint: setup.input("setpoint")?,
+            recognised: setup.input("recognised")?,
+            state: setup.output("joint_state")?,
+            request: setup.output("request")?,
+            q: vec![0.1; 3],
+            largest_step: 0.0,
+            seen: Vec::new(),
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if let Some(setpoint) = self.setpoint.latest() {
+            for (q, y) in self.q.iter_mut().zip(setpoint.position()) {
+                self.largest_step = self.largest_step.max((*q - y).abs());
+                *q = *y;
+            }
+        }
+        if let Some(seen) = self.recognised.latest()
+            && self.seen.last().is_none_or(|last| last.0 != seen.sequence * 100 + seen.movement)
+        {
+            self.seen.push((seen.sequence * 100 + seen.movement, seen.novelty));
+        }
+        if tick.index == 500 {
+            let mut label = [0; 32];
+            label[..5].copy_from_slice(b"there");
+            let mut request = self.request.loan()?;
+            *request = MovementRequest { sequence: 1, label, ..MovementRequest::default() };
+            request.publish()?;
+        }
+        let mut state = self.state.loan()?;
+        state.set_count(3);
+        state.position_mut().copy_from_slice(&self.q);
+        state.velocity_mut().fill(0.0);
+        state.effort_mut().fill(0.0);
+        state.publish()
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "largest_step": self.largest_step, "seen": self.seen, "q": self.q }))
+    }
+}
+
+/// A library of two movements of the planar arm: joints out and back.
+fn library() -> MotionLibrary {
+    let movement = |id: &str, far: [f64; 3], bow: f64| {
+        let path = DMatrix::from_fn(100, 3, |k, d| {
+            let t = k as f64 / 99.0;
+            let s = t * t * t * (10.0 + t * (6.0 * t - 15.0));
+            far[d] * s + bow * (d as f64 - 1.0) * (std::f64::consts::PI * s).sin()
+        });
+        Trajectory { id: id.into(), label: Some(id.into()), duration: 1.0, positions: path }
+    };
+    let robot = motorium_robots::load("planar-3r", std::path::Path::new(".")).unwrap();
+    let names = robot.model.joint_names().to_vec();
+    let trajectories = vec![
+        movement("here", [0.5, -0.3, 0.4], 0.3),
+        movement("there", [-0.4, 0.6, 0.1], -0.2),
+        movement("back", [0.1, 0.1, -0.5], 0.1),
+    ];
+    let spring = SampledSpring::new(100, DAMPING).unwrap();
+    MotionLibrary::build(&Recordings { names, trajectories }, spring, Metric::Position, Keep::All).unwrap()
+}
+
+fn run(config: &str, request: bool) -> Report {
+    let folder = tempfile::tempdir().unwrap();
+    file::write(&library(), &folder.path().join("arm.library")).unwrap();
+    run_in(folder.path(), &format!("library = \"arm.library\"\n{config}"), request)
+}
+
+fn run_in(folder: &std::path::Path, config: &str, request: bool) -> Report {
+    let wire = if request { ", request = \"arm/request\"" } else { "" };
+    let graph = format!(
+        r#"
+name = "library"
+clock = "lockstep"
+duration = "8 s"
+
+[robot.arm]
+urdf = "planar-3r"
+
+[component.robot]
+kind = "test.follower"
+rate = "1 kHz"
+subscribe = {{ setpoint = "arm/setpoint", recognised = "arm/recognised" }}
+publish = {{ joint_state = "arm/joint_state", request = "arm/request" }}
+
+[component.policy]
+kind = "policy.library"
+robot = "arm"
+rate = "1 kHz"
+subscribe = {{ joint_state = "arm/joint_state"{wire} }}
+publish = {{ setpoint = "arm/setpoint", recognised = "arm/recognised" }}
+
+[component.policy.config]
+{config}
+"#
+    );
+    let kinds = [Kind::of::<Follower>(), Kind::of::<LibraryPolicy>()];
+    support::run(&folder.join("library.toml"), graph, kinds)
+}
+
+#[test]
+fn joints_are_led_through_the_movements_without_a_jump_and_what_they_did_is_recognised() {
+    let report = run("movements = [\"here\", \"there\"]", false);
+    let (robot, policy) = (&report.results["robot"], &report.results["policy"]);
+    assert!(robot["largest_step"].as_f64().unwrap() < 0.01, "{robot}");
+    assert_eq!(policy["movements_begun"], 2);
+    assert_eq!(policy["finished"], true);
+    for movement in policy["movements"].as_array().unwrap() {
+        assert!(movement["path_error"].as_f64().unwrap() < 0.01, "{movement}");
+    }
+    let labels: Vec<&str> =
+        policy["recognised"].as_array().unwrap().iter().map(|seen| seen["label"].as_str().unwrap()).collect();
+    assert!(labels.contains(&"here") && labels.contains(&"there"), "{policy}");
+    assert!(!robot["seen"].as_array().unwrap().is_empty(), "what was recognised was published");
+    assert_eq!(support::faults(&report), (Some(0), 0), "a step allocates or fails");
+}
+
+#[test]
+fn a_requested_movement_follows_the_one_under_way() {
+    let report = run("movements = [\"here\"]", true);
+    let (robot, policy) = (&report.results["robot"], &report.results["policy"]);
+    assert_eq!(policy["movements_begun"], 2, "{policy}");
+    // the goal of `there`
+    let q: Vec<f64> = robot["q"].as_array().unwrap().iter().map(|q| q.as_f64().unwrap()).collect();
+    assert!(q.iter().zip([-0.4, 0.6, 0.1]).all(|(a, b)| (a - b).abs() < 0.02), "{q:?}");
+    assert!(robot["largest_step"].as_f64().unwrap() < 0.01, "{robot}");
+}
+
+#[test]
+fn fewer_eigenforces_draw_less_exactly_and_the_result_says_so() {
+    let report = run("movements = [\"here\"]\nterms = [1, 3]", false);
+    let errors = &report.results["policy"]["path_error_by_terms"];
+    let error = |n: &str| errors[n].as_f64().unwrap();
+    assert!(error("1") > 0.01 && error("3") < 1e-3, "{errors}");
+}
+
+fn refuse(config: serde_json::Value) -> (String, Option<String>) {
+    let here = std::env::current_dir().unwrap();
+    let error = support::refusal::<LibraryPolicy>(config, Some("panda"), &here);
+    (error.to_string(), error.key)
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_its_key() {
+    let (message, key) = refuse(serde_json::json!({ "library": "none.library", "movements": ["a"] }));
+    assert!(key.as_deref() == Some("library") && message.contains("none.library"), "{message}");
+    let hand = serde_json::json!({ "origin": [0.4, 0.0, 0.4] });
+    let (message, key) =
+        refuse(serde_json::json!({ "library": "letters", "movements": ["a", "?"], "hand": hand }));
+    assert!(key.as_deref() == Some("movements[1]") && message.contains('?'), "{message}");
+    let (_, key) =
+        refuse(serde_json::json!({ "library": "letters", "movements": ["a"], "terms": [0], "hand": hand }));
+    assert_eq!(key.as_deref(), Some("terms"));
+    let (message, key) = refuse(serde_json::json!({ "library": "letters", "movements": ["a"] }));
+    assert!(key.as_deref() == Some("library") && message.contains("no joint"), "{message}");
+}
+
+#[test]
+fn recognition_and_generation_never_allocate() {
+    let library = library();
+    let movement = Movement::of(
+        &Trajectory {
+            id: String::new(),
+            label: None,
+            duration: 1.0,
+            positions: Superposition::of(&library, 0, 3).path(&library),
+        },
+        library.spring(),
+    );
+    let mut recogniser = Recogniser::new(&library, 3);
+    let mut generator = Generator::new(&library);
+    let known = Superposition::of(&library, 1, 3);
+    let goal = known.frame.goal.clone();
+    assert!(counts_allocations());
+    let before = allocations().own;
+    let novelty = recogniser.novelty(&movement.forces);
+    let nearest = recogniser.nearest();
+    generator.start(&known.weights, &known.frame).unwrap();
+    for k in 0..1500 {
+        generator.step(1e-3);
+        if k == 300 {
+            generator.set_goal(&goal).unwrap();
+        }
+    }
+    assert_eq!(allocations().own, before);
+    assert!(novelty < 1e-6 && nearest.is_some_and(|(k, _)| k == 0));
+}
+
+/// Velocities recorded of the joints, as of a pen: the library is learned from them when the run starts.
+#[test]
+fn movements_are_made_straight_from_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library();
+    let mut lines = String::new();
+    for (k, entry) in library.entries().iter().enumerate() {
+        let path = Superposition::of(&library, k, library.rank()).path(&library);
+        let velocity = |d: usize| {
+            (0..path.nrows())
+                .map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0)
+                .collect()
+        };
+        let [a, b, c]: [Vec<f64>; 3] = [velocity(0), velocity(1), velocity(2)];
+        let line = serde_json::json!({ "label": entry.label, "vjoint1": a, "vjoint2": b, "vjoint3": c });
+        lines += &format!("{line}\n");
+    }
+    std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
+    let config =
+        "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let report = run_in(folder.path(), config, false);
+    let policy = &report.results["policy"];
+    assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));
+    let error = |n: &str| policy["path_error_by_terms"][n].as_f64().unwrap();
+    assert!(error("1") > 0.01 && error("3") < 1e-3, "{policy}");
+    let q: Vec<f64> = serde_json::from_value(report.results["robot"]["q"].clone()).unwrap();
+    for (found, expected) in q.iter().zip([-0.4, 0.6, 0.1]) {
+        assert!((found - expected).abs() < 0.01, "{q:?}");
+    }
+}
+
+/// The type of the target is that of the other policies.
+#[test]
+fn a_hand_is_led_by_pose_targets() {
+    let robot =
+        RobotReference { name: "panda".into(), urdf: "panda".into(), base: std::env::current_dir().unwrap() };
+    let config = serde_json::json!({ "library": "letters", "movements": ["a"], "hand": { "origin": [0.4, 0.0, 0.4] } });
+    let declared = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap();
+    let target = declared.ports.iter().find(|port| port.name == "target").unwrap();
+    assert_eq!(target.layout.type_name, <PoseTarget as motorium::state::StateBuffer>::NAME);
+}

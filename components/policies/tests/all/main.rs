@@ -1,0 +1,8 @@
+//! Integration tests of the crate, one module a subject.
+
+mod dmp;
+mod gaits;
+mod imitation;
+mod joint_policies;
+mod library_policy;
+mod support;

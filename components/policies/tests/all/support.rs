@@ -1,0 +1,43 @@
+//! What tests of components share: a graph in one process, and configurations that are refused.
+
+use std::path::Path;
+
+use motorium::component::Component;
+use motorium::declare::{ConfigError, RobotReference};
+use motorium::launcher::{self, Hosting, Options, Report};
+use motorium::telemetry::CountingAllocator;
+use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// The configuration of a component that has none.
+#[derive(serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Nothing {}
+
+/// Checks and runs a graph of these kinds; its files are relative to `path`.
+pub(crate) fn run(path: &Path, graph: String, kinds: impl IntoIterator<Item = Kind>) -> Report {
+    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, kinds);
+    let machine = motorium::graph::Machine::detect();
+    let checked = motorium::graph::check(path, graph, &[], &registry, &machine)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+    launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap()
+}
+
+/// Allocations in steps (where they are counted) and failed steps of the component `policy`.
+pub(crate) fn faults(report: &Report) -> (Option<u64>, u64) {
+    let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
+    (policy.allocations, policy.errors + policy.refused)
+}
+
+/// What is said against a configuration for a robot (if there is one), with its files relative to `base`.
+pub(crate) fn refusal<C: Component>(
+    config: serde_json::Value,
+    robot: Option<&str>,
+    base: &Path,
+) -> ConfigError {
+    let robot = robot.map(|urdf| RobotReference { name: "arm".into(), urdf: urdf.into(), base: base.into() });
+    Kind::of::<C>().declare(ConfigSource::Json(config), robot).unwrap_err().error
+}

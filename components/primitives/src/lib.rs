@@ -1,0 +1,44 @@
+//! Models of movements: construct, start, step. Only construction allocates; nothing here knows the runtime.
+//!
+//! - [`dmp`]: dynamic movement primitives: discrete, rhythmic, with a final velocity, and for orientations.
+//! - [`promp`]: probabilistic movement primitives.
+//! - [`kmp`]: kernelised movement primitives.
+//! - [`gmm`]: Gaussian mixtures and regression with them.
+//! - [`cpg`]: central pattern generators and gaits.
+//! - [`regression`]: linear and polynomial policies.
+//! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
+//! - [`rotation`]: the exponential map of rotations.
+//! - [`file`]: primitives in files.
+//!
+//! ```
+//! use std::time::Duration;
+//! use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachPhase, Repeat};
+//! use nalgebra::{Isometry3, Vector3};
+//!
+//! let leg = Leg {
+//!     goal: Isometry3::translation(0.5, 0.2, 0.4),
+//!     duration: Duration::from_secs(2),
+//!     dwell: Duration::from_millis(500),
+//!     shape: PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.1) },
+//! };
+//! let mut reach = PoseReach::new(vec![leg], Repeat::Once)?;
+//! reach.start(Isometry3::translation(0.3, 0.0, 0.5))?;
+//! while reach.phase() != ReachPhase::Finished {
+//!     reach.step(Duration::from_millis(1));
+//! }
+//! assert!((reach.pose().translation.vector - Vector3::new(0.5, 0.2, 0.4)).norm() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod cpg;
+pub mod dmp;
+pub mod file;
+pub mod gmm;
+pub mod kmp;
+pub mod promp;
+pub mod reach;
+pub mod regression;
+pub mod rotation;
+mod value;
+
+pub use value::ValueError;

@@ -1,0 +1,150 @@
+//! Primitives learned from demonstrations reproduce them.
+
+use motorium_primitives::dmp::{
+    Demonstration, DiscreteDmp, DmpModel, FitError, Regression, Scaling, Settings, Variant,
+};
+use nalgebra::DMatrix;
+
+const RIDGE: Regression = Regression::Ridge { lambda: 1e-12 };
+const RESPONSE: Regression = Regression::Response { lambda: 1e-12 };
+
+fn settings(variant: Variant) -> Settings {
+    Settings { variant, ..Settings::default() }
+}
+
+/// A reach of `duration` seconds with a detour and a wiggle, moving at its start, at rest at its end.
+fn curve(t: f64, duration: f64) -> [f64; 2] {
+    let p = t / duration;
+    let rest = (1.0 - p).powi(3);
+    let x = 1.0 - rest - 0.4 * p * rest + 0.2 * (6.0 * p).sin() * rest;
+    [x, 0.5 * (9.0 * p).sin() * p * rest - 0.3 * (1.0 - rest)]
+}
+
+fn recording(duration: f64, samples: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(samples, 2, |k, d| curve(duration * k as f64 / (samples - 1) as f64, duration)[d])
+}
+
+/// Root mean square of the distance between the movement of a model and the curve.
+fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
+    let duration = demonstration.duration();
+    let row = |matrix: &DMatrix<f64>, k: usize| matrix.row(k).iter().copied().collect::<Vec<f64>>();
+    let mut dmp = DiscreteDmp::new(model);
+    dmp.start_moving(
+        [
+            &row(demonstration.positions(), 0),
+            &row(demonstration.velocities(), 0),
+            &row(demonstration.accelerations(), 0),
+        ],
+        &row(demonstration.positions(), demonstration.samples() - 1),
+        duration,
+    )
+    .unwrap();
+    let mut squares = 0.0;
+    for k in 1..=1000 {
+        dmp.step(duration / 1000.0);
+        let expected = curve(duration * f64::from(k) / 1000.0, duration);
+        squares += (0..2).map(|d| (dmp.position()[d] - expected[d]).powi(2)).sum::<f64>();
+    }
+    (squares / 1000.0).sqrt()
+}
+
+#[test]
+fn every_variant_and_regression_reproduces_the_demonstration() {
+    let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
+    for variant in [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal] {
+        for (regression, tolerance) in [(RIDGE, 1e-3), (RESPONSE, 3e-4), (Regression::LocallyWeighted, 0.1)] {
+            let model =
+                DmpModel::fit(settings(variant), std::slice::from_ref(&demonstration), regression).unwrap();
+            let error = reproduction_error(model, &demonstration);
+            assert!(error < tolerance, "{variant:?}, {regression:?}: {error}");
+        }
+    }
+}
+
+#[test]
+fn ridge_is_closer_than_locally_weighted_regression_and_more_kernels_are_closer_than_few() {
+    let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
+    let error = |kernels, regression| {
+        let settings = Settings { kernels, ..settings(Variant::Classic) };
+        let model = DmpModel::fit(settings, std::slice::from_ref(&demonstration), regression).unwrap();
+        reproduction_error(model, &demonstration)
+    };
+    assert!(error(20, RIDGE) < 0.3 * error(20, Regression::LocallyWeighted));
+    assert!(error(40, RIDGE) < 0.3 * error(10, RIDGE));
+}
+
+#[test]
+fn fitting_the_response_withstands_the_noise_that_differentiation_amplifies() {
+    let clean = recording(2.0, 400);
+    // +-0.5 mm from a linear congruential generator
+    let mut state = 12_345_u64;
+    let noisy = clean.map(|value| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        value + 1e-3 * ((state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5)
+    });
+    let demonstration = Demonstration::from_positions(2.0, noisy).unwrap();
+    let fit = |regression| {
+        let settings = settings(Variant::GoalSafe);
+        let model = DmpModel::fit(settings, std::slice::from_ref(&demonstration), regression).unwrap();
+        reproduction_error(model, &demonstration)
+    };
+    let (ridge, response) = (fit(RIDGE), fit(RESPONSE));
+    assert!(response < 0.3 * ridge, "response {response}, ridge {ridge}");
+}
+
+#[test]
+fn a_fitted_quintic_goal_arrives_on_time_and_settles_after_it() {
+    let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
+    let model = DmpModel::fit(settings(Variant::QuinticGoal), &[demonstration], RIDGE).unwrap();
+    let mut dmp = DiscreteDmp::new(model);
+    dmp.start(&[0.3, 0.1], &[0.7, 0.9], 2.0).unwrap();
+    let off = |dmp: &DiscreteDmp| (dmp.position()[0] - 0.7).abs().max((dmp.position()[1] - 0.9).abs());
+    (0..2000).for_each(|_| dmp.step(1e-3));
+    assert!(off(&dmp) < 1e-4, "{} at the end", off(&dmp));
+    (0..1000).for_each(|_| dmp.step(1e-3));
+    assert!(off(&dmp) < 1e-6, "{} half a duration later", off(&dmp));
+}
+
+#[test]
+fn demonstrations_of_different_reach_teach_one_shape_for_any_reach_when_they_are_scaled() {
+    let scale = |factor: f64| {
+        let positions = recording(2.0, 400).map(|value| factor * value);
+        Demonstration::from_positions(2.0, positions).unwrap()
+    };
+    for scaling in [Scaling::Displacement { limit: 10.0 }, Scaling::Similarity { limit: 10.0 }] {
+        let settings = Settings { scaling, ..settings(Variant::Classic) };
+        let model = DmpModel::fit(settings, &[scale(0.5), scale(1.5), scale(2.5)], RIDGE).unwrap();
+        // a reach that was not among them
+        let error = reproduction_error(model, &scale(1.0));
+        assert!(error < 1e-3, "{scaling:?}: {error}");
+    }
+}
+
+#[test]
+fn a_demonstration_turned_round_teaches_the_same_shape_under_similarity() {
+    let positions = recording(2.0, 400);
+    let turned = DMatrix::from_fn(400, 2, |k, d| [-positions[(k, 1)], positions[(k, 0)]][d]);
+    let [straight, turned] =
+        [positions, turned].map(|positions| Demonstration::from_positions(2.0, positions).unwrap());
+    let settings =
+        Settings { scaling: Scaling::Similarity { limit: 10.0 }, ..settings(Variant::QuinticGoal) };
+    // the mean of two demonstrations a quarter turn apart lies between them, and is shorter
+    let model = DmpModel::fit(settings, &[straight.clone(), turned.clone()], RIDGE).unwrap();
+    assert!(reproduction_error(model, &straight) < 1e-3);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused() {
+    let demonstration = Demonstration::from_positions(2.0, recording(2.0, 20)).unwrap();
+    let one = [demonstration.clone()];
+    let fit = |demonstrations: &[Demonstration], regression| {
+        DmpModel::fit(settings(Variant::Classic), demonstrations, regression).unwrap_err()
+    };
+    assert_eq!(fit(&[], RIDGE), FitError::NoDemonstration);
+    assert_eq!(fit(&one, Regression::Ridge { lambda: -1.0 }), FitError::Lambda { found: -1.0 });
+    let error = fit(&one, Regression::Ridge { lambda: 0.0 });
+    assert_eq!(error, FitError::Undetermined { samples: 20, kernels: 30 });
+    let single = Demonstration::from_positions(1.0, DMatrix::zeros(5, 1)).unwrap();
+    let error = fit(&[demonstration, single], RIDGE);
+    assert_eq!(error, FitError::Dimensions { index: 1, found: 1, expected: 2 });
+}
