@@ -1,6 +1,7 @@
 //! The `config` table of `control.qp`.
 
 use motorium::units::TimeSpan;
+use motorium_robots::PerJoint;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -84,14 +85,4 @@ pub struct LimitsConfig {
     pub position: PositionLimit,
     /// Joint velocities.
     pub velocity: VelocityLimit,
-}
-
-/// One number for all joints, or one for each.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum PerJoint {
-    /// The same for all.
-    All(f64),
-    /// One per independent joint, in the order of the model's `q`.
-    Each(Vec<f64>),
 }

@@ -5,7 +5,7 @@ mod config;
 mod setup;
 mod tasks;
 
-pub use config::{Feedback, LimitsConfig, PerJoint, QpControllerConfig};
+pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use tasks::*;
 
 use motorium::prelude::*;

@@ -1,11 +1,11 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{Gains, Loaded, Model, Profile, load};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, load};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
-use super::config::{PerJoint, QpControllerConfig};
+use super::config::QpControllerConfig;
 use super::tasks::{CartesianConfig, PostureConfig, TaskConfig, TaskKind, TaskPlace};
 use crate::{FeedForward, check_gains};
 

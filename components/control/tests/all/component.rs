@@ -131,7 +131,8 @@ fn resting_centre_of_mass() -> [f64; 3] {
 #[test]
 fn the_centre_of_mass_comes_to_its_goals_within_limits() {
     let start = resting_centre_of_mass();
-    let targets = format!("{{ offsets = [[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]], leg = 2.0, start = {start:?} }}");
+    let targets =
+        format!("{{ offsets = [[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]], leg = 2.0, start = {start:?} }}");
     let tasks = "{ tasks = [{ centre_of_mass = { target = \"target\" } }, { posture = {} }] }";
     let report = run(graph("{}", &targets, tasks));
     let result = &report.results["controller"];
@@ -179,7 +180,7 @@ fn commands_carry_the_gains_of_the_profile_or_those_configured() {
     assert_eq!(published["kp"], serde_json::json!(gains.kp.as_slice()));
     assert_eq!(published["kd"], serde_json::json!(gains.kd.as_slice()));
     let given = run(graph("{}", LEGS, "{ kp = 700, kd = [50, 51, 52, 53, 54, 55, 56, 57] }"));
-    assert_eq!(given.results["plant"]["kp"], serde_json::json!([700.0; 8]));
+    assert_eq!(given.results["plant"]["kp"], serde_json::json!(vec![700.0; 8]));
     assert_eq!(given.results["plant"]["kd"][7], 57.0);
 }
 

@@ -6,7 +6,8 @@ use motorium_control::{
     RobotState, se3,
     solver::{Problem, Sides, Structure},
     tasks::{
-        CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings, PostureTask, Task,
+        CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings,
+        PostureTask, Task,
     },
 };
 use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, parse_urdf};
@@ -228,8 +229,13 @@ fn the_cost_of_the_centre_of_mass_is_its_weighted_square() {
     let q = panda.near_home(0.5, &mut random);
     let velocity = Vector3::new(0.1, -0.2, 0.05);
     for max_speed in [f64::INFINITY, 0.3] {
-        let settings =
-            CentreOfMassSettings { gain: 4.0, weight: 2.0, shares: [1.0, 0.5, 0.0], max_speed, damping: 0.01 };
+        let settings = CentreOfMassSettings {
+            gain: 4.0,
+            weight: 2.0,
+            shares: [1.0, 0.5, 0.0],
+            max_speed,
+            damping: 0.01,
+        };
         let mut task = CentreOfMassTask::new(&panda.model).with(settings);
         task.set_moving_target(Vector3::new(0.3, 0.4, 0.2), velocity);
         update(&mut task, &panda.model, &q);

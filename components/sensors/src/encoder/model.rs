@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use super::settings::{EncoderSettings, SettingsError, VelocitySource};
+use motorium_robots::PerJoint;
+
+use super::settings::{EncoderSettings, SettingsError, VelocitySource, resolve};
 use crate::delay::DelayLine;
 use crate::noise::Noise;
 
@@ -34,7 +36,7 @@ enum Velocity {
     Differentiated { cutoff_hz: f64, since: Option<u64>, position: Vec<f64>, estimate: Vec<f64> },
 }
 
-/// What the sensors say, in the order of the joints.
+/// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
     /// When the joints were sampled, ns.
@@ -47,7 +49,7 @@ pub struct Reading<'a> {
     pub effort: &'a [f64],
 }
 
-/// Why a joint state cannot be sampled.
+/// A joint state that cannot be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the joint state has {position} positions, {velocity} velocities and {effort} efforts, the encoder {joints} joints"
@@ -67,24 +69,28 @@ pub struct SampleError {
 const MOST_FRAMES: u64 = 100_000;
 
 impl EncoderModel {
-    /// Sensors for `joints` joints, sampled no more often than every `shortest_period`.
+    /// Sensors for `joints` joints, sampled no more often than every `shortest_period`. `seed` is that of the noise
+    /// unless the settings have one.
     ///
     /// # Errors
     /// A list of another length, a number out of range, a latency of more than 100,000 periods.
     pub fn new(
         joints: usize,
         settings: &EncoderSettings,
+        seed: u64,
         shortest_period: Duration,
     ) -> Result<Self, SettingsError> {
-        let channel = |name, per_joint: &super::PerJoint, number| {
-            let deviations = per_joint.resolve(name, joints)?;
-            Ok(Channel { noise: Noise::new(settings.seed, number), deviations })
+        let seed = settings.seed.unwrap_or(seed);
+        let channel = |name, deviations: &PerJoint, number| {
+            Ok(Channel { noise: Noise::new(seed, number), deviations: resolve(name, deviations, joints)? })
         };
         let velocity = match settings.velocity {
             VelocitySource::Measured => {
                 Velocity::Measured(channel("velocity_noise", &settings.velocity_noise, 1)?)
             }
-            VelocitySource::Differentiated { .. } if !settings.velocity_noise.is_zero() => {
+            VelocitySource::Differentiated { .. }
+                if settings.velocity_noise.values().iter().any(|deviation| *deviation != 0.0) =>
+            {
                 return Err(SettingsError::NeedlessVelocityNoise);
             }
             VelocitySource::Differentiated { cutoff_hz } if cutoff_hz > 0.0 && cutoff_hz.is_finite() => {
@@ -96,7 +102,7 @@ impl EncoderModel {
                 return Err(SettingsError::OutOfRange { name, value, expected });
             }
         };
-        let latency_ns = settings.latency_ns;
+        let latency_ns = settings.latency.ns;
         let period_ns = u64::try_from(shortest_period.as_nanos()).unwrap_or(u64::MAX).max(1);
         let frames = latency_ns / period_ns;
         if frames > MOST_FRAMES {
@@ -104,7 +110,7 @@ impl EncoderModel {
         }
         Ok(Self {
             joints,
-            resolution: settings.resolution.resolve("resolution", joints)?,
+            resolution: resolve("resolution", &settings.resolution, joints)?,
             position: channel("position_noise", &settings.position_noise, 0)?,
             velocity,
             effort: channel("effort_noise", &settings.effort_noise, 2)?,

@@ -2,25 +2,24 @@
 
 use std::time::Duration;
 
-use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
-use motorium_sensors::encoder::{EncoderModel, EncoderSettings, PerJoint, VelocitySource};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use motorium::telemetry::{allocations, counts_allocations};
+use motorium::units::TimeSpan;
+use motorium_robots::PerJoint;
+use motorium_sensors::encoder::{EncoderModel, EncoderSettings, VelocitySource};
 
 #[test]
 fn sampling_and_reading_allocate_nothing() {
     assert!(counts_allocations());
     for velocity in [VelocitySource::Measured, VelocitySource::Differentiated { cutoff_hz: 100.0 }] {
         let settings = EncoderSettings {
-            resolution: PerJoint::Same(1e-4),
-            position_noise: PerJoint::Same(1e-4),
-            effort_noise: PerJoint::Same(0.1),
-            latency_ns: 3_500_000,
+            resolution: PerJoint::All(1e-4),
+            position_noise: PerJoint::All(1e-4),
+            effort_noise: PerJoint::All(0.1),
+            latency: TimeSpan { ns: 3_500_000 },
             velocity,
             ..EncoderSettings::default()
         };
-        let mut encoder = EncoderModel::new(8, &settings, Duration::from_millis(1)).unwrap();
+        let mut encoder = EncoderModel::new(8, &settings, 0, Duration::from_millis(1)).unwrap();
         let before = allocations().own;
         for k in 0..2000_u64 {
             // every tenth sample comes twice, and the clock begins anew once

@@ -4,13 +4,9 @@ use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, Direction, RobotReference, StepError};
 use motorium::launcher::{self, Hosting, Options, Report};
 use motorium::state::JointState;
-use motorium::telemetry::CountingAllocator;
 use motorium::transport::{Input, Output};
 use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
 use motorium_sensors::JointEncoder;
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
