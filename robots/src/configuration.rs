@@ -4,12 +4,10 @@
 //! `v` with the velocity of the base's origin and its angular velocity, both in the base's axes. Everything else is one
 //! number per joint in both; a continuous joint is one unbounded angle.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3, Vector6};
 
+use crate::lie::se3;
 use crate::{JointKind, Model};
-
-/// Below this angle \[rad\] series replace quotients that lose their digits.
-const SMALL: f64 = 1e-4;
 
 impl Model {
     /// The configuration with every joint at zero and the base where its file puts it.
@@ -35,7 +33,7 @@ impl Model {
             *out = q + v;
         }
         if self.base().floating {
-            write_pose(&(base_pose(q) * exp(&v[..6])), q_out);
+            write_pose(&(base_pose(q) * se3::exp(&Vector6::from_column_slice(&v[..6]))), q_out);
         }
     }
 
@@ -51,7 +49,8 @@ impl Model {
             *out = to - from;
         }
         if self.base().floating {
-            v_out[..6].copy_from_slice(&log(&(base_pose(from).inverse() * base_pose(to))));
+            let way = se3::log(&base_pose(from).inv_mul(&base_pose(to)));
+            v_out[..6].copy_from_slice(way.as_slice());
         }
     }
 
@@ -63,13 +62,13 @@ impl Model {
             *out = from + share * (to - from);
         }
         if self.base().floating {
-            let way = log(&(base_pose(from).inverse() * base_pose(to))).map(|part| part * share);
-            write_pose(&(base_pose(from) * exp(&way)), q_out);
+            let way = se3::log(&base_pose(from).inv_mul(&base_pose(to))) * share;
+            write_pose(&(base_pose(from) * se3::exp(&way)), q_out);
         }
     }
 
-    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine, so that a planar joint is x, y,
-    /// cosine and sine. Joints keep our order.
+    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine, so that a planar joint
+    /// is x, y, cosine and sine. Joints keep our order.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
@@ -97,10 +96,11 @@ impl Model {
         rest.next().is_none().then_some(out)
     }
 
-    /// A velocity `v` at `q` in Pinocchio's axes. They differ for a planar joint alone, which moves there along the axes of the
-    /// body, here along those of the plane. Efforts `tau` turn in the same way.
+    /// A velocity `v` at `q` in Pinocchio's axes. They differ for a planar joint alone, which moves there along the
+    /// axes of the body, here along those of the plane. Efforts `tau` turn in the same way.
     ///
-    /// Pinocchio takes every planar joint to lie in x and y, whatever axis its file gives; here the plane is square to it.
+    /// Pinocchio takes every planar joint to lie in x and y, whatever axis its file gives; here the plane is square to
+    /// it.
     pub fn velocity_to_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
         self.turned_planes(q, v, -1.0)
     }
@@ -162,44 +162,4 @@ pub(crate) fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
     q[..3].copy_from_slice(pose.translation.vector.as_slice());
     let rotation = UnitQuaternion::new_normalize(*pose.rotation.quaternion());
     q[3..7].copy_from_slice(rotation.coords.as_slice());
-}
-
-/// The pose reached by a unit time of the twist `v` (linear, angular).
-fn exp(v: &[f64]) -> Isometry3<f64> {
-    let (u, w) = (Vector3::from_column_slice(&v[..3]), Vector3::from_column_slice(&v[3..6]));
-    let angle = w.norm();
-    // (1 - cos t) / t^2 and (t - sin t) / t^3
-    let (b, c) = if angle < SMALL {
-        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
-    } else {
-        let half = (0.5 * angle).sin() / angle;
-        (2.0 * half * half, (angle - angle.sin()) / angle.powi(3))
-    };
-    let translation = u + w.cross(&u) * b + w.cross(&w.cross(&u)) * c;
-    Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_scaled_axis(w))
-}
-
-/// The reverse of [`exp`], with the least rotation.
-fn log(pose: &Isometry3<f64>) -> [f64; 6] {
-    let quaternion = pose.rotation.quaternion();
-    let (mut vector, mut real) = (quaternion.imag(), quaternion.w);
-    if real < 0.0 {
-        (vector, real) = (-vector, -real);
-    }
-    let sine = vector.norm();
-    let angle = 2.0 * sine.atan2(real);
-    let w = if sine < SMALL {
-        vector * (2.0 / real) * (1.0 - sine * sine / (3.0 * real * real))
-    } else {
-        vector * (angle / sine)
-    };
-    // (1 - (t/2) cot(t/2)) / t^2
-    let c = if angle < SMALL {
-        1.0 / 12.0 + angle * angle / 720.0
-    } else {
-        (1.0 - 0.5 * angle * real / sine) / (angle * angle)
-    };
-    let p = pose.translation.vector;
-    let u = p - w.cross(&p) * 0.5 + w.cross(&w.cross(&p)) * c;
-    [u.x, u.y, u.z, w.x, w.y, w.z]
 }

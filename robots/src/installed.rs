@@ -1,5 +1,5 @@
-//! Robots of others, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data folder. Each
-//! folder there is a collection; whatever `.urdf` file lies in it is a robot.
+//! Robots of others, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data folder.
+//! Each folder there is a collection; whatever `.urdf` file lies in it is a robot.
 
 use std::path::{Path, PathBuf};
 
@@ -14,8 +14,8 @@ pub struct Installed {
     pub urdf: PathBuf,
 }
 
-/// Where robots are installed: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or `~/.local/share/motorium/robots`.
-/// `None` when neither those variables nor `HOME` are set.
+/// Where robots are installed: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or
+/// `~/.local/share/motorium/robots`. `None` when neither those variables nor `HOME` are set.
 pub fn installed_folder() -> Option<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     variable("MOTORIUM_ROBOTS").or_else(|| {

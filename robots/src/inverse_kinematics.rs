@@ -1,7 +1,8 @@
 //! Inverse kinematics as a library call: the configuration that puts a frame somewhere.
 //!
-//! Damped least squares (Wampler 1986; the damping follows the error, in the spirit of Sugihara 2011) on the configuration manifold,
-//! inside the joint limits, from several starting points, with what freedom is left drawn towards the posture it starts from.
+//! Damped least squares (Wampler 1986; the damping follows the error, in the spirit of Sugihara 2011) on the
+//! configuration manifold, inside the joint limits, from several starting points, with what freedom is left drawn
+//! towards the posture it starts from.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 
@@ -109,8 +110,8 @@ impl InverseKinematics {
         }
     }
 
-    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also the posture
-    /// that freedom left over is drawn towards. All joints stay within their limits.
+    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also the
+    /// posture that freedom left over is drawn towards. All joints stay within their limits.
     ///
     /// # Errors
     ///
@@ -168,8 +169,8 @@ impl InverseKinematics {
         }
     }
 
-    /// What is missing at `trial`: the motion of the frame, in world axes, that would do. The angular part is zero where
-    /// it does not matter.
+    /// What is missing at `trial`: the motion of the frame, in world axes, that would do. The angular part is zero
+    /// where it does not matter.
     fn error(
         &mut self,
         model: &Model,

@@ -1,24 +1,27 @@
 //! Robot models for motorium: URDF, kinematics and dynamics, without any runtime.
 //!
-//! [`load`] turns a catalogue name, a folder, a URDF or an MJCF file into a [`Model`]. [`Kinematics`], [`Dynamics`], [`ConstrainedDynamics`]
-//! and [`InverseKinematics`] are preallocated workspaces over it: after `new` they never allocate.
+//! [`load`] turns a catalogue name, a folder, a URDF or an MJCF file into a [`Model`]. [`Kinematics`], [`Dynamics`],
+//! [`ConstrainedDynamics`] and [`InverseKinematics`] are preallocated workspaces over it: after `new` they never
+//! allocate.
 //!
 //! # Conventions
 //!
 //! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link, unless the base floats.
-//! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before children,
-//!   siblings in the order of the URDF file; a planar joint counts as two slides and a turn. A continuous joint is one
-//!   unbounded angle. On a fixed base `nq == nv`.
+//! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before
+//!   children, siblings in the order of the URDF file; a planar joint counts as two slides and a turn. A continuous
+//!   joint is one unbounded angle. On a fixed base `nq == nv`.
 //! - On a floating base `q` begins with the base's position in the world and its orientation, a quaternion x y z w; `v`
-//!   with the velocity of the base's origin and its angular velocity, both in the base's axes; `a` with the derivative of
-//!   those six numbers (the spatial acceleration, not the classical one); `tau` with a wrench at the base's origin in its
-//!   axes. That is Pinocchio's convention; [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert what differs.
+//!   with the velocity of the base's origin and its angular velocity, both in the base's axes; `a` with the derivative
+//!   of those six numbers (the spatial acceleration, not the classical one); `tau` with a wrench at the base's origin
+//!   in its axes. That is Pinocchio's convention; [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert what
+//!   differs.
 //! - A mimic joint stands at `multiplier * q[of] + offset`; its motion, forces and inertia fold into the column of the
 //!   joint it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
 //! - Joint damping and friction are read but never part of a dynamics quantity here: they belong to who simulates them.
-//!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of `M`.
+//!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of
+//!   `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};
@@ -40,6 +43,7 @@ mod geometry;
 mod installed;
 mod inverse_kinematics;
 mod kinematics;
+pub mod lie;
 mod load;
 mod mjcf;
 mod model;
@@ -47,7 +51,7 @@ mod nearest;
 mod per_joint;
 mod postures;
 mod profile;
-mod spatial;
+mod twist;
 mod urdf;
 
 pub use catalogue::{Entry, catalogue};
@@ -73,7 +77,7 @@ pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
 };
-pub use spatial::{Reference, Twist};
+pub use twist::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
     parse_urdf_with,

@@ -32,8 +32,8 @@ pub struct Loaded {
 /// How a robot stands in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world, unless a
-    /// `floating` joint is all that moves it.
+    /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world,
+    /// unless a `floating` joint is all that moves it.
     #[default]
     AsFile,
     /// The root link moves freely.
@@ -107,7 +107,8 @@ pub enum LoadError {
 /// Loads a robot: a catalogue name (`panda`), a folder or file relative to `base`, or the name of an
 /// [installed](crate::installed) robot. A file is URDF, or MJCF when its root element is `<mujoco>`.
 ///
-/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an installed robot.
+/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an installed
+/// robot.
 ///
 /// # Errors
 ///
@@ -210,8 +211,8 @@ fn read(path: &Path) -> Result<String, LoadError> {
     std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
 }
 
-/// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF file,
-/// likewise.
+/// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF
+/// file, likewise.
 fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
     for (place, extension) in
         [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")]

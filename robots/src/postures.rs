@@ -33,7 +33,8 @@ impl Posture {
     }
 
     /// The states of the SRDF that belongs to a robot's file: `NAME.srdf` beside it or in the folder `srdf` beside its
-    /// own, NAME being the file's or the robot's. None without one, or when it is not well formed: nothing depends on it.
+    /// own, NAME being the file's or the robot's. None without one, or when it is not well formed: nothing depends on
+    /// it.
     pub(crate) fn beside(file: &Path, model: &Model) -> Vec<Self> {
         let names = [file.with_extension("srdf").file_name().map(PathBuf::from), {
             Some(PathBuf::from(format!("{}.srdf", model.name())))

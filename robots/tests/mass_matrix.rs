@@ -1,5 +1,5 @@
-//! The mass matrix in frames on the joints' axes, held to inverse dynamics, which knows nothing of them; its factor, held to
-//! a dense one.
+//! The mass matrix in frames on the joints' axes, held to inverse dynamics, which knows nothing of them; its factor,
+//! held to a dense one.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Articulated body algorithm (Featherstone 2008, table 7.1), in base coordinates.
 //!
-//! Velocity products and gravity go out with the velocities as an acceleration of their own; what comes back is then the
-//! response of a robot at rest, so that no articulated inertia has to be multiplied with a bias acceleration.
+//! Velocity products and gravity go out with the velocities as an acceleration of their own; what comes back is then
+//! the response of a robot at rest, so that no articulated inertia has to be multiplied with a bias acceleration.
 
 use nalgebra::Vector3;
 

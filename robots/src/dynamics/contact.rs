@@ -61,7 +61,8 @@ impl ConstrainedDynamics {
         }
     }
 
-    /// Acceleration `a_out` (nv) and constraint forces `lambda_out` (one a row, positive along its row of the Jacobian).
+    /// Acceleration `a_out` (nv) and constraint forces `lambda_out` (one a row, positive along its row of the
+    /// Jacobian).
     ///
     /// # Errors
     ///

@@ -1,5 +1,5 @@
-//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2): in frames on the joints' axes where
-//! bodies stand depth first and no joint follows another, else in base coordinates.
+//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2): in frames on the joints' axes
+//! where bodies stand depth first and no joint follows another, else in base coordinates.
 
 use nalgebra::DMatrix;
 

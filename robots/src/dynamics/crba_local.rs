@@ -1,16 +1,16 @@
 //! The composite rigid body algorithm in frames on the joints' axes.
 //!
-//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the parent is two screws
-//! about coordinate axes. But each wrench has to be carried down to the base step by step. All wrenches from beyond a body
-//! go through the same steps, so they are carried side by side, in blocks that fill the registers.
+//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the parent is two
+//! screws about coordinate axes. But each wrench has to be carried down to the base step by step. All wrenches from
+//! beyond a body go through the same steps, so they are carried side by side, in blocks that fill the registers.
 
 use super::Dynamics;
 use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
 use crate::model::normals::{Arm, Bend, Zero};
 use crate::model::program::Program;
 
-/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that the recursion
-/// has come down to.
+/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that the
+/// recursion has come down to.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
 struct Block([[f64; LANES]; 6]);
@@ -66,7 +66,8 @@ impl Hanging {
     }
 }
 
-/// Bodies in their order. A branch that begins beside another starts a block: a step then takes all lanes of its blocks.
+/// Bodies in their order. A branch that begins beside another starts a block: a step then takes all lanes of its
+/// blocks.
 fn places(program: &Program) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::with_capacity(program.ends.len());
     let mut next: usize = 0;
@@ -84,8 +85,9 @@ fn places(program: &Program) -> Vec<Place> {
 }
 
 impl Dynamics {
-    /// The mass matrix of a model without mimic joints whose bodies stand depth first, the base's own block apart: the upper
-    /// triangle, and its mirror image if `BOTH`. Leaves the inertia of the whole in the first slot of `composite`.
+    /// The mass matrix of a model without mimic joints whose bodies stand depth first, the base's own block apart: the
+    /// upper triangle, and its mirror image if `BOTH`. Leaves the inertia of the whole in the first slot of
+    /// `composite`.
     #[inline(always)]
     pub(super) fn hanging_mass<const FUSED: bool, const BOTH: bool>(
         &mut self,

@@ -16,8 +16,8 @@ pub struct SingularMassMatrix {
     pub index: usize,
 }
 
-/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries joint `i`, as
-/// in M itself.
+/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries joint `i`,
+/// as in M itself.
 #[derive(Clone, Debug)]
 pub struct MassFactor {
     above: Vec<usize>,

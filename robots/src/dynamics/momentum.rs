@@ -67,8 +67,8 @@ impl Dynamics {
         about(&axes, centre, sum).into()
     }
 
-    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0` it
-    /// is the drift `Agdot v`.
+    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0`
+    /// it is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // What moves the robot in the absence of gravity arrives at the base.
         self.base_wrench(model, q, v, a);

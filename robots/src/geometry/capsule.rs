@@ -1,8 +1,9 @@
 //! Capsules around points: a stand-in for a mesh that is a hundred times cheaper to ask.
 
-use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 
 use crate::Geometry;
+use crate::lie::so3;
 
 /// Steps of the search for the best axis: from 0.3 rad, halved each time no direction is better, to below a milliradian.
 const WIDEST: f64 = 0.3;
@@ -33,8 +34,7 @@ pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)
         .map(|axis| improve(points, Unit::new_normalize(axis.into_owned())))
         .filter(|fit| fit.volume().is_finite())
         .min_by(|a, b| a.volume().total_cmp(&b.volume()))?;
-    let turn = UnitQuaternion::rotation_between_axis(&Vector3::z_axis(), &best.axis)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let turn = so3::least_rotation(&Vector3::z_axis(), &best.axis);
     let placement = Isometry3::from_parts(Translation3::from(best.middle), turn);
     Some((placement, Geometry::Capsule { radius: best.radius, length: best.length }))
 }

@@ -71,8 +71,9 @@ impl Kinematics {
         }
     }
 
-    /// Columns of the joints where each joint has its own, in one sweep from the leaves to the base: a column holds the first
-    /// moment of mass of what its body carries until the body itself is reached. Gives the moment of the whole robot.
+    /// Columns of the joints where each joint has its own, in one sweep from the leaves to the base: a column holds the
+    /// first moment of mass of what its body carries until the body itself is reached. Gives the moment of the whole
+    /// robot.
     fn fill_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         program: &Program,

@@ -50,8 +50,8 @@ impl Kinematics {
 
     /// Time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in `reference`.
     ///
-    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the others the
-    /// spatial one, which lacks the `w x v` of the origin's own motion. After
+    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the others
+    /// the spatial one, which lacks the `w x v` of the origin's own motion. After
     /// [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
     pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let classical = self.acceleration(model, frame);

@@ -10,7 +10,8 @@ use crate::{FrameId, Model, Reference};
 impl Kinematics {
     /// Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in `reference`.
     ///
-    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the frame are zero.
+    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the frame are
+    /// zero.
     pub fn jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         model: &Model,
@@ -158,8 +159,8 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along `direction` per unit of
-    /// each velocity.
+    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along `direction` per
+    /// unit of each velocity.
     pub(crate) fn add_point_slope(
         &self,
         model: &Model,
@@ -208,7 +209,8 @@ pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
 }
 
-/// All six rows to zero, entry after entry: nalgebra's own way of filling goes through an iterator that cannot be widened.
+/// All six rows to zero, entry after entry: nalgebra's own way of filling goes through an iterator that cannot be
+/// widened.
 #[inline(always)]
 fn clear<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(out: &mut Matrix<f64, R, C, S>) {
     for column in 0..out.ncols() {

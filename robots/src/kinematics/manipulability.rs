@@ -21,16 +21,16 @@ impl TaskRows {
 }
 
 impl Kinematics {
-    /// Manipulability of `frame` by the joints: `sqrt(det(J J'))` of the rows that count. Zero in a singular configuration,
-    /// and always where fewer joints move the frame than there are rows. A floating base does not count: with it
-    /// everything could be reached.
+    /// Manipulability of `frame` by the joints: `sqrt(det(J J'))` of the rows that count. Zero in a singular
+    /// configuration, and always where fewer joints move the frame than there are rows. A floating base does not count:
+    /// with it everything could be reached.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // Of a square root of rounding noise only the digits above it are true.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()
     }
 
-    /// Slope of the [`manipulability`](Self::manipulability) by the configuration: `out` (nv) times a velocity is its rate.
-    /// Gives the manipulability too. In a singular configuration there is no slope; `out` is then zero.
+    /// Slope of the [`manipulability`](Self::manipulability) by the configuration: `out` (nv) times a velocity is its
+    /// rate. Gives the manipulability too. In a singular configuration there is no slope; `out` is then zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,
@@ -45,7 +45,8 @@ impl Kinematics {
         let Some(factor) = gram.cholesky() else { return measure };
         let program = model.program();
         let Some((chain, point)) = self.movers(model, frame) else { return measure };
-        // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j over the columns.
+        // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j over the
+        // columns.
         for (place, &slot) in chain.iter().enumerate() {
             let node = &program.nodes[slot - 1];
             let weight = factor.solve(&self.masked_column(model, chain, node.column, point, rows));

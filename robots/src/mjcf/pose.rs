@@ -6,6 +6,7 @@ use roxmltree::Node;
 use super::attributes::Attributes;
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
+use crate::lie::so3;
 
 /// Pose of an element in what it stands in.
 pub(super) fn pose<'a, 'i>(
@@ -72,8 +73,10 @@ fn rotation<'a, 'i>(
     })
 }
 
-/// The least rotation from z to `axis`.
+/// The least rotation from z to `axis`; to -z, or within 1e-10 of it, the half turn about x that MuJoCo takes.
 pub(super) fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
-    UnitQuaternion::rotation_between_axis(&Vector3::z_axis(), axis)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+    if axis.x.hypot(axis.y) < 1e-10 && axis.z < 0.0 {
+        return UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    }
+    so3::least_rotation(&Vector3::z_axis(), axis)
 }

@@ -39,8 +39,8 @@ pub enum AttachError {
 }
 
 impl Model {
-    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root frame there. The
-    /// tool's links and joints are called `prefix` and their names; its joints stand last in `q` and `v`.
+    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root frame there.
+    /// The tool's links and joints are called `prefix` and their names; its joints stand last in `q` and `v`.
     ///
     /// # Errors
     ///
@@ -126,7 +126,8 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame is `world`.
+    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame is
+    /// `world`.
     ///
     /// # Errors
     ///

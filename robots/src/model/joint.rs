@@ -101,8 +101,8 @@ pub enum Coordinate {
 }
 
 impl Coordinate {
-    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a floating one
-    /// add 7 and 6.
+    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a floating
+    /// one add 7 and 6.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,

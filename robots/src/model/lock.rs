@@ -29,9 +29,9 @@ pub enum LockError {
 }
 
 impl Model {
-    /// The robot with some joints locked at positions \[rad or m\]: they leave `q` and `v`, joints that mimic them stand
-    /// still too, and their bodies' inertias, shapes and frames belong to the bodies that carry them. Limits do not bind
-    /// the positions. The other joints keep their order.
+    /// The robot with some joints locked at positions \[rad or m\]: they leave `q` and `v`, joints that mimic them
+    /// stand still too, and their bodies' inertias, shapes and frames belong to the bodies that carry them. Limits do
+    /// not bind the positions. The other joints keep their order.
     ///
     /// # Errors
     ///

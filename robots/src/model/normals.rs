@@ -2,8 +2,8 @@
 //! modified form of Craig 1986): from a body to its parent it takes a screw about z and one about x, where a general
 //! placement would take three times the arithmetic.
 //!
-//! A body's frame may turn about and slide along its joint's axis freely; that freedom is spent on the child that carries
-//! most. Its other children, and children of a floating base whose frame is given, keep a general placement.
+//! A body's frame may turn about and slide along its joint's axis freely; that freedom is spent on the child that
+//! carries most. Its other children, and children of a floating base whose frame is given, keep a general placement.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
@@ -139,8 +139,8 @@ fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     heaviest
 }
 
-/// Where the frame of the parent has to stand on its axis, turn about and shift along the common normal, and what is left to
-/// turn about and lift along the node's axis; `None` where the normal cannot be told exactly.
+/// Where the frame of the parent has to stand on its axis, turn about and shift along the common normal, and what is
+/// left to turn about and lift along the node's axis; `None` where the normal cannot be told exactly.
 fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let way = placement(node);
     let rotation = way.rotation.into_inner();

@@ -228,8 +228,8 @@ pub(crate) fn quaternion(q: &[f64]) -> M3 {
     }
 }
 
-/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is a coordinate
-/// axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT 6(1), 2017).
+/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is a
+/// coordinate axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT 6(1), 2017).
 ///
 /// Each entry is accurate to rounding for every axis: no angle is computed, and the divisor is never smaller than one.
 fn turn_z_to(axis: &Vector3<f64>) -> Matrix3<f64> {

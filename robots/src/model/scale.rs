@@ -11,8 +11,8 @@ pub struct ScaleError(pub f64);
 
 impl Model {
     /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third power,
-    /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts, speeds
-    /// of rotation, damping and friction, and rotors stay as they are.
+    /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts,
+    /// speeds of rotation, damping and friction, and rotors stay as they are.
     ///
     /// # Errors
     ///

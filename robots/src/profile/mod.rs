@@ -104,8 +104,8 @@ impl Profile {
         self.arrange(model, self.find_pose(name)?)
     }
 
-    /// The configuration `q` (nq) of the pose `name`. A floating base stands where `base_poses` puts it, or where it is in
-    /// the model's neutral configuration.
+    /// The configuration `q` (nq) of the pose `name`. A floating base stands where `base_poses` puts it, or where it is
+    /// in the model's neutral configuration.
     ///
     /// # Errors
     ///

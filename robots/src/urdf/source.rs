@@ -1,5 +1,5 @@
-//! The XML itself: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but its errors carry no
-//! place and it cannot tell an absent element from a default one; this pass can.
+//! The XML itself: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but its errors carry
+//! no place and it cannot tell an absent element from a default one; this pass can.
 
 use std::collections::HashMap;
 use std::ops::Range;

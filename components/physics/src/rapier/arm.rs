@@ -222,6 +222,5 @@ fn joint(body: &Body) -> GenericJoint {
 
 /// The shortest rotation that takes x onto `axis`.
 fn onto(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
-    UnitQuaternion::rotation_between_axis(&Vector3::x_axis(), axis)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI))
+    motorium_robots::lie::so3::least_rotation(&Vector3::x_axis(), axis)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium_robots::{Geometry, Kinematics, Loaded, Shape};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::solid::{Face, Form, Solid};
 use crate::commands::robot::urdf_text;
@@ -126,8 +126,7 @@ fn stick(from: &Point3<f64>, to: &Point3<f64>, thick: f64) -> Option<Solid> {
     if length < 0.25 * thick {
         return None;
     }
-    let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &way)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let rotation = motorium_robots::lie::so3::least_rotation(&Vector3::z_axis(), &Unit::new_normalize(way));
     let pose = Isometry3::from_parts(Translation3::from(nalgebra::center(from, to).coords), rotation);
     let form = Form::Primitive(Geometry::Capsule { radius: thick / 2.0, length });
     Some(Solid { pose, form, colour: STICK })

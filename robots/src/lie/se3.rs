@@ -1,0 +1,87 @@
+//! SE(3), the rigid motions of space, as isometries and twists: linear \[m\], then angular \[rad\].
+
+use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
+
+use super::{coefficients, so3};
+
+/// The motion reached from the identity in one unit of time by the constant twist `xi`.
+pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
+    let (rho, phi) = split(xi);
+    let (a, b) = coefficients::left(phi.norm());
+    let across = phi.cross(&rho);
+    let translation = rho + across * a + phi.cross(&across) * b;
+    Isometry3::from_parts(Translation3::from(translation), so3::exp(&phi))
+}
+
+/// The twist that carries the identity to `motion` in one unit of time, with the least rotation: at most pi; at exactly
+/// half a turn one of the two opposite rotations is chosen.
+pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
+    let phi = so3::log(&motion.rotation);
+    let t = motion.translation.vector;
+    let across = phi.cross(&t);
+    let rho = t - across * 0.5 + phi.cross(&across) * coefficients::left_inverse(phi.norm());
+    stack(&rho, &phi)
+}
+
+/// The derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body velocity of `M`,
+/// `M^-1 dM/dt`. The inverse of the right Jacobian at `log(M)`.
+pub fn log_jacobian(motion: &Isometry3<f64>) -> Matrix6<f64> {
+    right_jacobian_inverse(&log(motion))
+}
+
+/// The left Jacobian: the derivative of [`exp`] as a velocity in world axes.
+pub fn left_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
+    let (rho, phi) = split(xi);
+    triangular(&so3::left_jacobian(&phi), &coupling(&rho, &phi))
+}
+
+/// The inverse of the left Jacobian, for rotations short of 2 pi, where that is singular.
+pub fn left_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
+    let (rho, phi) = split(xi);
+    let rotation = so3::left_jacobian_inverse(&phi);
+    triangular(&rotation, &(-rotation * coupling(&rho, &phi) * rotation))
+}
+
+/// The right Jacobian: the left one at `-xi`.
+pub fn right_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
+    left_jacobian(&-xi)
+}
+
+/// The inverse of the right Jacobian, for rotations short of 2 pi.
+pub fn right_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
+    left_jacobian_inverse(&-xi)
+}
+
+/// The adjoint of `motion`: it maps the body velocity of a frame to its velocity in the axes and at the origin of the
+/// frame that `motion` is given in.
+pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
+    let rotation = motion.rotation.to_rotation_matrix().into_inner();
+    triangular(&rotation, &(motion.translation.vector.cross_matrix() * rotation))
+}
+
+/// Linear and angular part as one vector.
+pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+}
+
+fn split(xi: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    (xi.fixed_rows::<3>(0).into_owned(), xi.fixed_rows::<3>(3).into_owned())
+}
+
+/// `[diagonal, coupling; 0, diagonal]`
+fn triangular(diagonal: &Matrix3<f64>, coupling: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut matrix = Matrix6::zeros();
+    matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(diagonal);
+    matrix.fixed_view_mut::<3, 3>(0, 3).copy_from(coupling);
+    matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(diagonal);
+    matrix
+}
+
+/// The off-diagonal block of the left Jacobian (Barfoot, equation 7.86b).
+fn coupling(rho: &Vector3<f64>, phi: &Vector3<f64>) -> Matrix3<f64> {
+    let (r, p) = (rho.cross_matrix(), phi.cross_matrix());
+    let (c1, c2, c3) = coefficients::coupling(phi.norm());
+    let (pr, rp) = (p * r, r * p);
+    let prp = pr * p;
+    r * 0.5 + (pr + rp + prp) * c1 + (p * pr + rp * p - prp * 3.0) * c2 + (prp * p + p * prp) * c3
+}

@@ -1,0 +1,70 @@
+//! SO(3), the rotations of space, as unit quaternions and rotation vectors \[rad\].
+
+use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
+
+use super::coefficients;
+
+/// The rotation by `|phi|` rad about `phi`.
+pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
+    let (sin, cos) = (0.5 * phi.norm()).sin_cos();
+    // sin(t/2) / t tends to 1/2; below this angle the rest is under half a unit in the last place.
+    let angle = phi.norm();
+    let factor = if angle < 1e-8 { 0.5 } else { sin / angle };
+    UnitQuaternion::new_normalize(Quaternion::from_parts(cos, phi * factor))
+}
+
+/// The rotation vector of least length, at most pi. `q` and `-q` have the same; at exactly half a turn one of the two
+/// opposite vectors is chosen.
+pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
+    let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
+    let (real, imaginary) = (rotation.w * sign, rotation.imag() * sign);
+    let sine = imaginary.norm();
+    // 2 atan2(s, c) / s tends to 2 / c.
+    let factor = if sine < 1e-9 { 2.0 / real } else { 2.0 * sine.atan2(real) / sine };
+    imaginary * factor
+}
+
+/// The left Jacobian `1 + a [phi] + b [phi]^2`, `a = (1 - cos t) / t^2`, `b = (t - sin t) / t^3`, `t = |phi|`.
+pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
+    let (a, b) = coefficients::left(phi.norm());
+    let cross = phi.cross_matrix();
+    Matrix3::identity() + cross * a + cross * cross * b
+}
+
+/// The inverse of the left Jacobian, for `|phi|` short of 2 pi, where that is singular.
+pub fn left_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
+    let cross = phi.cross_matrix();
+    Matrix3::identity() - cross * 0.5 + cross * cross * coefficients::left_inverse(phi.norm())
+}
+
+/// The right Jacobian: the left one at `-phi`, its transpose.
+pub fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
+    left_jacobian(&-phi)
+}
+
+/// The inverse of the right Jacobian, for `|phi|` short of 2 pi.
+pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
+    left_jacobian_inverse(&-phi)
+}
+
+/// The rotation of least angle that takes `from` to `to`. Of opposite vectors, and of those that differ from opposite
+/// ones by rounding alone, a half turn about some axis square to `from`.
+///
+/// Accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and the difference.
+pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
+    let (from, to) = (from.into_inner(), to.into_inner());
+    let (sum, difference) = (from + to, from - to);
+    let (cosine, sine) = (0.5 * sum.norm(), 0.5 * difference.norm());
+    let mut axis = from.cross(&to);
+    if axis.norm() < 1e-20 {
+        if cosine > sine {
+            return UnitQuaternion::identity();
+        }
+        axis = from.cross(&Vector3::ith(from.iamin(), 1.0));
+    }
+    // Exactly square to the longer of the two, so that `from` comes to lie on `to` where their product is all but zero.
+    let longer = if cosine > sine { sum } else { difference };
+    axis = axis.normalize();
+    axis -= longer * (axis.dot(&longer) / longer.norm_squared());
+    UnitQuaternion::new_normalize(Quaternion::from_parts(cosine, axis.normalize() * sine))
+}
