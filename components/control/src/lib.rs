@@ -61,7 +61,6 @@ mod gains;
 mod goals;
 mod ik;
 pub mod limits;
-pub mod se3;
 mod setpoint;
 pub mod solver;
 mod state;

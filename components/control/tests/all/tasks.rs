@@ -3,14 +3,14 @@
 use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
 use motorium_control::{
-    RobotState, se3,
+    RobotState,
     solver::{Problem, Sides, Structure},
     tasks::{
         CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings,
         PostureTask, Task,
     },
 };
-use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, parse_urdf};
+use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, lie::se3, parse_urdf};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3, Vector6};
 
 fn update(task: &mut dyn Task, model: &Model, q: &[f64]) {
