@@ -39,6 +39,7 @@ mod algebra;
 mod catalogue;
 mod configuration;
 mod dynamics;
+mod end_effector;
 mod geometry;
 mod installed;
 mod inverse_kinematics;
@@ -51,6 +52,8 @@ mod nearest;
 mod per_joint;
 mod postures;
 mod profile;
+mod source;
+mod srdf;
 mod twist;
 mod urdf;
 
@@ -59,9 +62,10 @@ pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
 };
+pub use end_effector::EndEffectorError;
 pub use geometry::{
     CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
-    Proximity, SolidKind, SolidProblem, Srdf, SrdfError, TriangleMesh, fit_capsule,
+    Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
@@ -77,6 +81,8 @@ pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
 };
+pub use source::{RobotSource, RobotSourceError};
+pub use srdf::{Srdf, SrdfError};
 pub use twist::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,

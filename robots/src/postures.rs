@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
-use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::Model;
 use crate::configuration::write_pose;
+use crate::srdf::{GroupState, group_states};
 
 /// A named configuration of an SRDF file. Joints it does not name stand at zero; names that the model does not have, of
 /// grippers and wheels that another variant of the robot carries, are left out.
@@ -48,21 +48,18 @@ impl Posture {
         text.map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
 
-    /// The states of an SRDF text.
+    /// The states of an SRDF text; none where it is not well formed.
     fn parse(text: &str, model: &Model) -> Vec<Self> {
-        let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
-        let Ok(document) = Document::parse_with_options(text, options) else { return Vec::new() };
         let mut postures: Vec<Self> = Vec::new();
-        for state in document.root_element().children().filter(|node| node.has_tag_name("group_state")) {
-            let mut name = state.attribute("name").unwrap_or("unnamed").to_owned();
+        for state in group_states(text).unwrap_or_default() {
+            let GroupState { mut name, group, joints: values } = state;
             if postures.iter().any(|posture| posture.name == name) {
-                name = format!("{}/{name}", state.attribute("group").unwrap_or("group"));
+                name = format!("{group}/{name}");
             }
-            let joints = DVector::zeros(model.joint_count());
-            let mut posture = Self { name, base: None, joints };
+            let mut posture = Self { name, base: None, joints: DVector::zeros(model.joint_count()) };
             let mut known = false;
-            for joint in state.children().filter(|node| node.has_tag_name("joint")) {
-                known |= posture.take(joint, model);
+            for (joint, numbers) in &values {
+                known |= posture.set_joint(model, joint, numbers);
             }
             if known {
                 postures.push(posture);
@@ -71,12 +68,9 @@ impl Posture {
         postures
     }
 
-    /// Takes over one joint of a state; says whether the model has it.
-    fn take(&mut self, joint: Node<'_, '_>, model: &Model) -> bool {
-        let (name, value) = (joint.attribute("name").unwrap_or(""), joint.attribute("value").unwrap_or(""));
-        let numbers: Option<Vec<f64>> = value.split_whitespace().map(|number| number.parse().ok()).collect();
-        let numbers = numbers.unwrap_or_default();
-        match (model.joint_index(name), &numbers[..]) {
+    /// Sets one joint of a state; false where the model does not have it.
+    fn set_joint(&mut self, model: &Model, name: &str, numbers: &[f64]) -> bool {
+        match (model.joint_index(name), numbers) {
             (Some(index), [position]) => self.joints[index] = *position,
             // Pinocchio writes a continuous joint as its cosine and sine.
             (Some(index), [cosine, sine]) => self.joints[index] = sine.atan2(*cosine),

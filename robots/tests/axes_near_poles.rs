@@ -4,12 +4,10 @@
 //! joint after the other from the root. And trees and a real robot against Pinocchio, by vectors that `golden/axes.py`
 //! wrote.
 
-mod golden;
-
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write;
 
-use golden::Golden;
+use crate::golden::Golden;
 use motorium_robots::{
     BaseMode, Dynamics, Kinematics, LoadOptions, MimicMode, Model, PackagePath, Reference, parse_urdf,
     parse_urdf_with,

@@ -1,16 +1,14 @@
 //! Signed distances between links: pairs, rules, ranges, slopes.
 
-mod solids;
-
 use std::path::Path;
 
+use crate::solids::{Random, at, cube, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
     BaseMode, CollisionError, CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics,
     LoadOptions, MeshMode, Model, Proximity, Srdf, load, load_with,
 };
 use nalgebra::DMatrix;
-use solids::{Random, at, cube, with_shape};
 
 fn panda(base: BaseMode) -> Model {
     load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model

@@ -1,13 +1,11 @@
 //! Signed distances of shapes, held to what geometry says of them.
 
-mod solids;
-
+use crate::solids::{Random, at, cube, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
     CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode, Proximity,
 };
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use solids::{Random, at, cube, with_shape};
 
 fn random_vector(random: &mut Random, scale: f64) -> Vector3<f64> {
     Vector3::new(random.next(), random.next(), random.next()) * scale

@@ -4,12 +4,10 @@
 //! folder with `panda_description` and others in it), or the PyPI package `example-robot-data` of the `python3` in the
 //! path.
 
-mod golden;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use golden::Golden;
+use crate::golden::Golden;
 use motorium_robots::{BaseMode, LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
 
 const ROBOTS: &str = "cmeel.prefix/share/example-robot-data/robots";

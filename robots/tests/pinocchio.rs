@@ -1,10 +1,8 @@
 //! The catalogue against Pinocchio, by vectors that `golden/generate.py` wrote.
 
-mod golden;
-
 use std::path::Path;
 
-use golden::Golden;
+use crate::golden::Golden;
 use motorium_robots::load;
 
 #[test]

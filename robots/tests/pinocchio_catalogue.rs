@@ -1,10 +1,8 @@
 //! Every robot of the catalogue against Pinocchio, by vectors that `golden/catalogue.py` wrote.
 
-mod golden;
-
 use std::path::Path;
 
-use golden::Golden;
+use crate::golden::Golden;
 use motorium_robots::{LoadOptions, MimicMode, Model, catalogue, load_with};
 use serde_json::Value;
 

@@ -143,6 +143,8 @@ impl Component for Controller {
 
 #[cfg(test)]
 mod tests {
+    use motorium::testing::{Graph, Instance, Probe, Source};
+
     use super::*;
 
     #[test]
@@ -185,5 +187,44 @@ mod tests {
         ] {
             assert_eq!(declare(&wrong).unwrap_err().key.as_deref(), Some(key));
         }
+    }
+
+    /// Two joints at rest, the second at 0.3 rad.
+    fn robot() -> Source {
+        Source::new("robot", "state", |_| {
+            let mut state = JointState::default();
+            state.set_count(2);
+            state.position_mut()[1] = 0.3;
+            Some(state)
+        })
+    }
+
+    // The component in a graph of its own, in simulated time: two seconds take a few milliseconds.
+    #[test]
+    fn the_commands_start_where_the_robot_was_found_and_swing_one_joint() {
+        let commands = Probe::<JointCommand>::of("command");
+        let controller = Instance::of::<Controller>("controller")
+            .trigger("state")
+            .subscribe("state", "state")
+            .publish("command", "command")
+            .parameter("frequency", 0.5)
+            .config("joint", 1)
+            .config("amplitude", 0.2)
+            .config("kp", vec![1.0, 2.0])
+            .config("kd", vec![0.1, 0.2]);
+        let report = Graph::new("swing").with(robot()).with(controller).with(&commands).run("2 s").unwrap();
+
+        let path: Vec<f64> = commands.values().iter().map(|command| command.position()[1]).collect();
+        assert_eq!(path.len(), 2000);
+        assert!((path[0] - 0.3).abs() < 1e-5);
+        assert!((path[999] - 0.5).abs() < 1e-9);
+        assert!(
+            commands
+                .values()
+                .iter()
+                .all(|command| command.position()[0] == 0.0 && command.kp() == [1.0, 2.0])
+        );
+        // `motorium::main!` counts: no step allocates
+        assert!(report.components.iter().all(|component| component.allocations == Some(0)));
     }
 }

@@ -14,7 +14,6 @@ mod jacobian;
 mod mesh;
 mod pairs;
 mod solid;
-mod srdf;
 mod support;
 
 pub use capsule::fit_capsule;
@@ -22,4 +21,3 @@ pub use distance::{Collisions, Proximity};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh};
 pub use pairs::{CollisionError, CollisionModel, CollisionOptions};
 pub use solid::{MeshMode, SolidKind, SolidProblem};
-pub use srdf::{Srdf, SrdfError};

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, UnitQuaternion};
 use parry3d_f64::shape::SharedShape;
 
 use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
-use super::srdf::Srdf;
+use crate::Srdf;
 use crate::model::program::Program;
 use crate::nearest::{nearest, suggestion};
 use crate::{Geometry, Model, Shape};

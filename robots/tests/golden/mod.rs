@@ -47,12 +47,10 @@ impl Errors {
 }
 
 impl Golden {
-    #[allow(dead_code, reason = "not every test reads a file of its own")]
     pub(crate) fn parse(text: &str) -> Self {
         Self::of(serde_json::from_str(text).unwrap())
     }
 
-    #[allow(dead_code, reason = "not every test has several in one file")]
     pub(crate) fn of(document: Value) -> Self {
         Self { document }
     }
@@ -141,7 +139,6 @@ impl Golden {
     }
 
     /// Lower, upper, velocity and effort limits agree, joint by joint.
-    #[allow(dead_code, reason = "not every file of vectors has limits")]
     pub(crate) fn compare_limits(&self, model: &Model) {
         let columns = self.columns(model);
         for (key, ours) in [

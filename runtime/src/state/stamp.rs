@@ -4,20 +4,23 @@
 use super::StateBuffer;
 
 crate::state_buffer! {
-    /// When and by whom a sample was made. Carried as the user header of every [`StateBuffer`] sample.
+    /// The header of a sample: its number, its times and its publisher. The user header of every [`StateBuffer`] sample.
     ///
     /// Times are nanoseconds on `CLOCK_MONOTONIC`, or simulated nanoseconds since the start in lockstep.
     pub struct Stamp as "motorium.Stamp" {
-        /// Counts the samples of one publisher from 1; 0 is never published.
+        /// Number of the sample among those of its publisher, from 1; 0 is never published.
         pub sequence: u64,
-        /// When the data at the head of the chain came into being: a sample made from an input inherits the
+        /// Time of publication of the sample at the head of the chain: a sample made from an input inherits the
         /// input's source time, so `publish_time - source_time` is the latency of the whole chain so far.
         pub source_time: u64,
-        /// When this sample was published.
+        /// Time of publication of this sample.
         pub publish_time: u64,
+        /// Time that the state is for: the scheduled release of the time-triggered step that made it, or made the
+        /// sample at the head of the chain of triggers. It keeps to the grid of the rate, however late the step was.
+        pub state_time: u64,
         /// Index of the publishing component in the plan.
         pub origin: u32,
-        /// How often the publishing component had been restarted.
+        /// Restarts of the publishing component before this sample.
         pub incarnation: u32,
     }
 }

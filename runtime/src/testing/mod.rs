@@ -1,5 +1,64 @@
-//! Parts for tests and measurements of components and of the transport. Feature `testing`.
+//! Graphs, sources and probes for tests of components. Feature `testing`.
+//!
+//! A test builds a [`Graph`] in code, or takes the text of a graph file and adds to it, and runs it hosted: every
+//! component is a thread of the test's process, by default in lockstep, so that a run of a simulated second takes
+//! milliseconds and gives the same numbers every time. [`Source`] publishes what a closure returns, [`Function`] answers
+//! an input with an output, [`Probe`] records what it reads.
+//!
+//! ```
+//! use motorium::prelude::*;
+//! use motorium::testing::{Graph, Instance, Probe, Source};
+//! # #[derive(serde::Deserialize, schemars::JsonSchema)]
+//! # struct MirrorConfig {}
+//! # struct Mirror { state: Input<JointState>, mirrored: Output<JointState> }
+//! # impl Component for Mirror {
+//! #     const KIND: &'static str = "example.mirror";
+//! #     const SUMMARY: &'static str = "reverses velocities";
+//! #     type Config = MirrorConfig;
+//! #     fn declare(_: &MirrorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+//! #         declare.input::<JointState>("state", "joint state to mirror");
+//! #         declare.output::<JointState>("mirrored", "joint state, velocities reversed");
+//! #         Ok(())
+//! #     }
+//! #     fn configure(_: MirrorConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+//! #         Ok(Self { state: setup.input("state")?, mirrored: setup.output("mirrored")? })
+//! #     }
+//! #     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+//! #         let Some(state) = self.state.latest() else { return Ok(()) };
+//! #         let mut mirrored = self.mirrored.loan()?;
+//! #         *mirrored = *state;
+//! #         mirrored.velocity_mut().iter_mut().for_each(|v| *v = -*v);
+//! #         mirrored.publish()
+//! #     }
+//! # }
+//!
+//! let mirrored = Probe::<JointState>::of("mirrored");
+//! let report = Graph::new("mirror")
+//!     .with(Source::new("robot", "state", |tick| {
+//!         let mut state = JointState::default();
+//!         state.set_count(1);
+//!         state.velocity_mut()[0] = tick.index as f64;
+//!         Some(state)
+//!     }))
+//!     .with(
+//!         Instance::of::<Mirror>("mirror")
+//!             .trigger("state")
+//!             .subscribe("state", "state")
+//!             .publish("mirrored", "mirrored"),
+//!     )
+//!     .with(&mirrored)
+//!     .run("10 ms")
+//!     .unwrap();
+//! assert_eq!(mirrored.samples().last().unwrap().value.velocity(), [-9.0]);
+//! assert_eq!(report.components.len(), 3);
+//! ```
 
+mod allocations;
+mod graph;
+mod parts;
 mod topics;
 
+pub use allocations::allocations;
+pub use graph::{Graph, Instance, RunError};
+pub use parts::{Function, Probe, Sample, Source};
 pub use topics::{Endpoint, TopicSet, TopicSetError};

@@ -95,6 +95,13 @@ impl<T: StateBuffer> Reading<'_, T> {
         *self.stamp
     }
 
+    /// The time that the state is for, ns since the run began: the scheduled release of the time-triggered step at the
+    /// head of the chain of triggers. It keeps to the grid of that rate, so a difference quotient over it does not jitter;
+    /// [`Tick::time_ns`](crate::component::Tick::time_ns) of a time-triggered component is on the same clock.
+    pub fn time_ns(&self) -> u64 {
+        self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
+    }
+
     /// Time since it was published, ns.
     pub fn age_ns(&self) -> u64 {
         self.context.clock().now_ns().saturating_sub(self.stamp.publish_time)
@@ -322,7 +329,7 @@ impl<T: StateBuffer> Input<T> {
     fn reading(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;
         if self.is_cause {
-            self.context.causality().propagate(reading.stamp.source_time);
+            self.context.causality().propagate(reading.stamp);
         }
         Some(reading)
     }

@@ -220,6 +220,7 @@ impl<T: StateBuffer> Loan<'_, T> {
             sequence: output.sequence,
             source_time,
             publish_time: now,
+            state_time: context.causality().state_time_or(context.clock().step_ns()),
             origin: context.index() as u32,
             incarnation: context.incarnation(),
         };

@@ -1,18 +1,30 @@
-//! The source time that a step passes on from its input to its outputs.
+//! The times that a step passes on from its input to its outputs.
 
 use std::cell::Cell;
 
-/// The source time that a step passes on from the input that causes it to its outputs, ns.
-#[derive(Debug, Default)]
+use crate::state::Stamp;
+
+/// The times that a step passes on from the input that causes it to its outputs, ns.
+#[derive(Debug)]
 pub(crate) struct Causality {
+    /// Whether another component's publication triggers the steps: their states then are for the time of that sample.
+    triggered: bool,
     source_ns: Cell<Option<u64>>,
+    state_ns: Cell<Option<u64>>,
 }
 
 impl Causality {
-    /// Takes over the source time of the input that causes this step's outputs.
+    pub(super) fn new(triggered: bool) -> Self {
+        Self { triggered, source_ns: Cell::new(None), state_ns: Cell::new(None) }
+    }
+
+    /// Takes over the times of the input that causes this step's outputs.
     #[inline]
-    pub(crate) fn propagate(&self, source_ns: u64) {
-        self.source_ns.set(Some(source_ns));
+    pub(crate) fn propagate(&self, stamp: &Stamp) {
+        self.source_ns.set(Some(stamp.source_time));
+        if self.triggered {
+            self.state_ns.set(Some(stamp.state_time));
+        }
     }
 
     /// The source time of an output of this step; `now_ns` for a step without a cause.
@@ -21,8 +33,15 @@ impl Causality {
         self.source_ns.get().unwrap_or(now_ns)
     }
 
+    /// The time that an output of this step is for; `step_ns` unless a trigger gave another.
+    #[inline]
+    pub(crate) fn state_time_or(&self, step_ns: u64) -> u64 {
+        self.state_ns.get().unwrap_or(step_ns)
+    }
+
     #[inline]
     pub(super) fn enter_step(&self) {
         self.source_ns.set(None);
+        self.state_ns.set(None);
     }
 }

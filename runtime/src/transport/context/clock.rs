@@ -43,6 +43,16 @@ impl Clock {
         if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
     }
 
+    /// The time for which the current step computes, ns: its scheduled release, or the publication that triggered it.
+    /// The current time outside of a worker's steps.
+    #[inline]
+    pub(crate) fn step_ns(&self) -> u64 {
+        match self.time_ns.get() {
+            0 => self.now_ns(),
+            time_ns => time_ns,
+        }
+    }
+
     /// The start of the run, ns.
     pub(crate) fn start_ns(&self) -> u64 {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }

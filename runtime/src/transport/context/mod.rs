@@ -14,7 +14,7 @@ use iceoryx2::node::Node;
 
 use super::{Bell, PortError, Shared, open_bell};
 use crate::os::current_core;
-use crate::plan::{OnOverrun, Plan, TopicPlan};
+use crate::plan::{Activation, OnOverrun, Plan, TopicPlan};
 use crate::region::{Command, ComponentBlock, Region};
 
 pub(crate) use causality::Causality;
@@ -26,7 +26,7 @@ pub(crate) use signals::Signals;
 const CORE_LOOK_UP: u32 = 64;
 
 /// The state that the ports, the setup and the loop of one component share: its identity in the run, its clock, the
-/// source time of its step, the work put off to the end of the step, and the signals it received.
+/// times that its step passes on, the work put off to the end of the step, and the signals it received.
 #[derive(Debug)]
 pub struct Context {
     region: Rc<Region>,
@@ -55,7 +55,7 @@ impl Context {
             hold_late_outputs: component.on_overrun == OnOverrun::Hold,
             settle_ns: plan.safety.settle_ns,
             clock: Clock::new(plan.clock, region.clone()),
-            causality: Causality::default(),
+            causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),
             signals: Arc::default(),
             core: Cell::new((0, 0)),

@@ -23,8 +23,14 @@ pub(super) enum WriteError {
 
 /// All files of a crate of this name.
 pub(super) fn files(name: &str, checkout: Option<&Checkout>) -> Vec<File> {
-    let dependency = dependency(checkout);
-    let fill = |template: &str| template.replace("{{name}}", name).replace("{{dependency}}", &dependency);
+    let [dependency, testing] =
+        ["", ", features = [\"testing\"]"].map(|features| dependency(checkout, features));
+    let fill = |template: &str| {
+        template
+            .replace("{{name}}", name)
+            .replace("{{dependency}}", &dependency)
+            .replace("{{testing_dependency}}", &testing)
+    };
     let schema = motorium::graph::schema(&registry::registry());
     let mut files = vec![
         ("Cargo.toml", fill(include_str!("../../../templates/Cargo.toml.in"))),
@@ -39,16 +45,18 @@ pub(super) fn files(name: &str, checkout: Option<&Checkout>) -> Vec<File> {
     files
 }
 
-/// How the crate depends on motorium: on this checkout, or on the published version of this program.
-fn dependency(checkout: Option<&Checkout>) -> String {
+/// The crate's dependency on motorium: on this checkout, or on the published version of this program. `features` is
+/// empty, or the rest of the table that asks for them.
+fn dependency(checkout: Option<&Checkout>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match checkout {
         // A path as a TOML string: quoted and escaped as JSON is.
         Some(checkout) => {
             let path = serde_json::Value::String(checkout.runtime().to_string_lossy().into_owned());
-            format!("{{ version = \"{version}\", path = {path} }}")
+            format!("{{ version = \"{version}\", path = {path}{features} }}")
         }
-        None => format!("\"={version}\""),
+        None if features.is_empty() => format!("\"={version}\""),
+        None => format!("{{ version = \"={version}\"{features} }}"),
     }
 }
 

@@ -71,7 +71,14 @@ mod tests {
     use super::*;
 
     fn stamp(sequence: u64, publish_time: u64, incarnation: u32) -> Stamp {
-        Stamp { sequence, source_time: publish_time, publish_time, origin: 3, incarnation }
+        Stamp {
+            sequence,
+            source_time: publish_time,
+            publish_time,
+            origin: 3,
+            incarnation,
+            ..Stamp::default()
+        }
     }
 
     fn pace(stamps: &[(u64, u64, u32)]) -> (Pace, Vec<u64>) {

@@ -1,0 +1,58 @@
+//! A robot by the name and text that a graph file has for it.
+
+use std::path::Path;
+
+use crate::{LoadError, LoadOptions, Loaded, load_with};
+
+/// A robot as a graph file refers to it.
+///
+/// ```
+/// # use std::path::Path;
+/// use motorium_robots::RobotSource;
+///
+/// let arm = RobotSource { name: "arm", text: "panda", base: Path::new(".") };
+/// assert_eq!(arm.load().unwrap().model.nv(), 8);
+///
+/// let wrong = RobotSource { text: "pnada", ..arm };
+/// assert!(wrong.load().unwrap_err().to_string().starts_with("robot `arm`: "));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RobotSource<'a> {
+    /// Name of the robot in the graph.
+    pub name: &'a str,
+    /// A catalogue name, a file or a folder, or an installed robot: see [`load`](crate::load).
+    pub text: &'a str,
+    /// Folder that a relative path in `text` starts from: that of the graph file.
+    pub base: &'a Path,
+}
+
+/// A robot of a graph that cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+#[error("robot `{name}`: {source}")]
+pub struct RobotSourceError {
+    /// Name of the robot in the graph.
+    pub name: String,
+    /// Cause.
+    pub source: Box<LoadError>,
+}
+
+impl RobotSource<'_> {
+    /// Loads the robot as its files say.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotSourceError`], which names the robot and the cause.
+    pub fn load(&self) -> Result<Loaded, RobotSourceError> {
+        self.load_with(&LoadOptions::default())
+    }
+
+    /// Loads the robot with options.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_with(&self, options: &LoadOptions) -> Result<Loaded, RobotSourceError> {
+        load_with(self.text, self.base, options)
+            .map_err(|source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) })
+    }
+}

@@ -1,0 +1,115 @@
+//! SRDF, MoveIt's semantic description of a robot: collision rules and named states of its groups.
+
+use std::collections::HashSet;
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+/// The collision rules of an SRDF file. Groups, states and end effectors are skipped.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Srdf {
+    /// `<disable_collisions link1 link2>`
+    pub disabled: Vec<(String, String)>,
+    /// `<enable_collisions link1 link2>`: wins over everything that disables the pair.
+    pub enabled: Vec<(String, String)>,
+    /// `<disable_default_collisions link>`: the link is checked against nothing but what `enabled` says.
+    pub disabled_links: Vec<String>,
+}
+
+/// An SRDF file with a fault.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("SRDF:{line}:{column}: {problem}")]
+pub struct SrdfError {
+    /// Line, counted from 1.
+    pub line: u32,
+    /// Column in characters, counted from 1.
+    pub column: u32,
+    /// The fault.
+    pub problem: String,
+}
+
+/// A `<group_state>`: values of some joints, as the file has them.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GroupState {
+    pub(crate) name: String,
+    pub(crate) group: String,
+    /// Name and numbers of each joint; no numbers where one of them cannot be read.
+    pub(crate) joints: Vec<(String, Vec<f64>)>,
+}
+
+impl Srdf {
+    /// Parses the collision rules in the text of an SRDF file.
+    ///
+    /// # Errors
+    ///
+    /// [`SrdfError`]: XML that is not well formed, another root than `<robot>`, a rule without its links.
+    pub fn parse(text: &str) -> Result<Self, SrdfError> {
+        let document = read(text)?;
+        let mut rules = Self::default();
+        for rule in document.root_element().children().filter(Node::is_element) {
+            let element = rule.tag_name().name();
+            let link = |attribute: &str| {
+                rule.attribute(attribute).map(str::to_owned).ok_or_else(|| {
+                    error(&document, rule, format!("<{element}> has no attribute \"{attribute}\""))
+                })
+            };
+            match element {
+                "disable_collisions" => rules.disabled.push((link("link1")?, link("link2")?)),
+                "enable_collisions" => rules.enabled.push((link("link1")?, link("link2")?)),
+                "disable_default_collisions" => rules.disabled_links.push(link("link")?),
+                _ => {}
+            }
+        }
+        Ok(rules)
+    }
+
+    /// Links that the rules name.
+    pub fn links(&self) -> HashSet<&str> {
+        let pairs = self.disabled.iter().chain(&self.enabled);
+        let links = pairs.flat_map(|(first, second)| [first.as_str(), second.as_str()]);
+        links.chain(self.disabled_links.iter().map(String::as_str)).collect()
+    }
+}
+
+/// The states of the groups in the text of an SRDF file, in their order.
+pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
+    let document = read(text)?;
+    let states = document.root_element().children().filter(|node| node.has_tag_name("group_state"));
+    let attribute = |node: Node<'_, '_>, name: &str| node.attribute(name).unwrap_or_default().to_owned();
+    let numbers = |value: &str| -> Option<Vec<f64>> {
+        value.split_whitespace().map(|number| number.parse().ok()).collect()
+    };
+    Ok(states
+        .map(|state| GroupState {
+            name: state.attribute("name").unwrap_or("unnamed").to_owned(),
+            group: state.attribute("group").unwrap_or("group").to_owned(),
+            joints: state
+                .children()
+                .filter(|node| node.has_tag_name("joint"))
+                .map(|joint| {
+                    let value = joint.attribute("value").unwrap_or_default();
+                    (attribute(joint, "name"), numbers(value).unwrap_or_default())
+                })
+                .collect(),
+        })
+        .collect())
+}
+
+fn read(text: &str) -> Result<Document<'_>, SrdfError> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|error| {
+        let at = error.pos();
+        let problem = format!("not well-formed XML: {}", error.to_string().replace(&format!(" at {at}"), ""));
+        SrdfError { line: at.row, column: at.col, problem }
+    })?;
+    let root = document.root_element();
+    if root.tag_name().name() != "robot" {
+        let problem = format!("the root element is <{}>, expected <robot>", root.tag_name().name());
+        return Err(error(&document, root, problem));
+    }
+    Ok(document)
+}
+
+fn error(document: &Document<'_>, node: Node<'_, '_>, problem: String) -> SrdfError {
+    let at = document.text_pos_at(node.range().start);
+    SrdfError { line: at.row, column: at.col, problem }
+}

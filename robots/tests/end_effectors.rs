@@ -1,0 +1,49 @@
+//! The frame that a task controls when none is named.
+
+use std::path::Path;
+
+use motorium_robots::{EndEffectorError, LoadError, Loaded, RobotSource, load};
+
+fn robot(name: &str) -> Loaded {
+    load(name, Path::new(".")).unwrap()
+}
+
+#[test]
+fn the_only_end_effector_is_taken_unless_a_frame_is_named() {
+    let panda = robot("panda");
+    assert_eq!(panda.end_effector(None).unwrap(), panda.model.frame("panda_hand_tcp").unwrap());
+    assert_eq!(panda.end_effector(Some("panda_link4")).unwrap(), panda.model.frame("panda_link4").unwrap());
+    // Without the profile nothing is known of its end effectors, but a frame can still be named.
+    assert!(panda.model.end_effector(None, Some("panda_link4")).is_ok());
+}
+
+#[test]
+fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
+    let panda = robot("panda");
+    let error = panda.model.end_effector(None, None).unwrap_err();
+    assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");
+    assert_eq!(error.example(), panda.model.frames().last().map(|frame| frame.name.as_str()));
+
+    let mut two = robot("panda");
+    let ends = &mut two.profile.as_mut().unwrap().end_effectors;
+    let second = ends.values().next().unwrap().clone();
+    ends.insert("second".to_owned(), second);
+    let error = two.end_effector(None).unwrap_err();
+    assert_eq!(error.to_string(), "robot `panda` has several end effectors, and no `frame` is given");
+    assert_eq!(error.example(), Some("panda_hand_tcp"));
+
+    let error = panda.end_effector(Some("panda_hand_tpc")).unwrap_err();
+    assert!(matches!(error, EndEffectorError::UnknownFrame(_)), "{error}");
+    assert_eq!(error.example(), Some("panda_hand_tcp"));
+}
+
+#[test]
+fn a_robot_of_a_graph_that_cannot_be_loaded_is_named_with_the_cause() {
+    let error = RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere") }.load().unwrap_err();
+    assert!(matches!(*error.source, LoadError::NotFound { .. }));
+    assert!(
+        error.to_string().starts_with("robot `left`: robot \"pnada\" is neither in the catalogue"),
+        "{error}"
+    );
+    assert!(error.to_string().ends_with("(did you mean \"panda\"?)"), "{error}");
+}

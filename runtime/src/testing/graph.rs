@@ -1,0 +1,208 @@
+//! Graphs built in code and run in the process of a test.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::component::Component;
+use crate::graph::{self, Checked, GraphError, Machine, Override};
+use crate::launcher::{self, Hosting, LaunchError, Options, Report};
+use crate::worker::{Kind, Registry, RobotSource};
+
+/// A graph built in code, or read from the text of a graph file, with the kinds of components it may name.
+///
+/// Its components run as threads of this process, in lockstep unless the graph says otherwise. Robots are not checked:
+/// any model's name is accepted. See [the module](super) for an example.
+#[derive(Debug)]
+pub struct Graph {
+    text: String,
+    file: PathBuf,
+    overrides: Vec<Override>,
+    kinds: Vec<Kind>,
+    parts: Vec<super::parts::Part>,
+}
+
+/// One component of a graph built in code.
+#[derive(Debug)]
+pub struct Instance {
+    name: String,
+    kind: Kind,
+    table: toml::Table,
+    pub(super) part: Option<super::parts::Part>,
+}
+
+/// A graph that did not run.
+#[derive(thiserror::Error)]
+pub enum RunError {
+    /// The graph is refused.
+    #[error("{}", .0.render(false))]
+    Graph(#[from] GraphError),
+    /// It did not start.
+    #[error(transparent)]
+    Launch(#[from] LaunchError),
+}
+
+impl core::fmt::Debug for RunError {
+    /// As `Display`: `unwrap` in a test shows the places in the graph.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        core::fmt::Display::fmt(self, f)
+    }
+}
+
+impl Graph {
+    /// An empty graph in lockstep.
+    pub fn new(name: &str) -> Self {
+        Self::from_toml(format!("name = {}\nclock = \"lockstep\"\n", toml::Value::from(name)))
+    }
+
+    /// The graph of a graph file's text. What is added in code comes after it.
+    pub fn from_toml(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            file: "graph.toml".into(),
+            overrides: Vec::new(),
+            kinds: Vec::new(),
+            parts: Vec::new(),
+        }
+    }
+
+    /// Takes the graph for the content of this file: paths in it are relative to the file's folder. By default it is
+    /// `graph.toml` in the working directory.
+    #[must_use]
+    pub fn at(mut self, file: &Path) -> Self {
+        self.file = file.to_path_buf();
+        self
+    }
+
+    /// Makes a kind known that the text of the graph names.
+    #[must_use]
+    pub fn kind<C: Component>(mut self) -> Self {
+        self.know(Kind::of::<C>());
+        self
+    }
+
+    fn know(&mut self, kind: Kind) {
+        if self.kinds.iter().all(|known| known.name != kind.name) {
+            self.kinds.push(kind);
+        }
+    }
+
+    /// Adds a robot.
+    #[must_use]
+    pub fn robot(mut self, name: &str, urdf: &str) -> Self {
+        let _ = write!(self.text, "\n[robot.{name}]\nurdf = {}\n", toml::Value::from(urdf));
+        self
+    }
+
+    /// Adds a component: an [`Instance`], a [`Source`](super::Source), a [`Function`](super::Function) or a
+    /// [`Probe`](super::Probe).
+    #[must_use]
+    pub fn with(mut self, instance: impl Into<Instance>) -> Self {
+        let Instance { name, kind, table, part } = instance.into();
+        self.know(kind);
+        self.parts.extend(part);
+        let named = toml::Table::from_iter([(name, toml::Value::Table(table))]);
+        let whole = toml::Table::from_iter([("component".to_string(), toml::Value::Table(named))]);
+        let _ = write!(self.text, "\n{whole}");
+        self
+    }
+
+    /// Sets a value as `--set path=value` of the command does, such as `clock`, `realtime`.
+    #[must_use]
+    pub fn set(mut self, path: &str, value: &str) -> Self {
+        self.overrides.push(Override { path: path.to_string(), value: value.to_string() });
+        self
+    }
+
+    /// Checks the graph for this machine, as `motorium check` does.
+    ///
+    /// # Errors
+    /// All mistakes that were found.
+    pub fn check(&self) -> Result<Checked, GraphError> {
+        graph::check(&self.file, self.text.clone(), &self.overrides, &self.registry(), &Machine::detect())
+    }
+
+    fn registry(&self) -> Registry {
+        Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, self.kinds.iter().copied())
+    }
+
+    /// Runs the graph for a time with its unit, such as `"2 s"`: simulated time in lockstep.
+    ///
+    /// # Errors
+    /// The graph is refused, or does not start. A graph that ran and failed is no error: its report says how it ended.
+    pub fn run(self, duration: &str) -> Result<Report, RunError> {
+        let this = self.set("duration", duration);
+        let plan = this.check()?.plan;
+        let options = Options { hosting: Hosting::OneProcess, program: PathBuf::new() };
+        Ok(launcher::run(plan, &this.registry(), &options, &mut |_| {})?)
+    }
+}
+
+impl Instance {
+    /// A component of a type. It needs [`rate`](Self::rate) or [`trigger`](Self::trigger).
+    pub fn of<C: Component>(name: &str) -> Self {
+        Self { name: name.to_string(), kind: Kind::of::<C>(), table: toml::Table::new(), part: None }
+            .set("kind", C::KIND)
+    }
+
+    /// Steps at a rate, such as `"1 kHz"`.
+    #[must_use]
+    pub fn rate(mut self, rate: &str) -> Self {
+        self.table.remove("trigger");
+        self.set("rate", rate)
+    }
+
+    /// Steps whenever a topic is published; the component must subscribe to it.
+    #[must_use]
+    pub fn trigger(mut self, topic: &str) -> Self {
+        self.table.remove("rate");
+        self.set("trigger", topic)
+    }
+
+    /// Works on a robot of the graph.
+    #[must_use]
+    pub fn robot(self, name: &str) -> Self {
+        self.set("robot", name)
+    }
+
+    /// Wires an input.
+    #[must_use]
+    pub fn subscribe(mut self, port: &str, topic: &str) -> Self {
+        self.entry("subscribe", port, topic.into());
+        self
+    }
+
+    /// Wires an output.
+    #[must_use]
+    pub fn publish(mut self, port: &str, topic: &str) -> Self {
+        self.entry("publish", port, topic.into());
+        self
+    }
+
+    /// Sets the initial value of a parameter.
+    #[must_use]
+    pub fn parameter(mut self, name: &str, value: impl Into<toml::Value>) -> Self {
+        self.entry("params", name, value.into());
+        self
+    }
+
+    /// Sets a key of the configuration.
+    #[must_use]
+    pub fn config(mut self, key: &str, value: impl Into<toml::Value>) -> Self {
+        self.entry("config", key, value.into());
+        self
+    }
+
+    /// Sets any other key of the component's table, such as `on_error` or `budget`.
+    #[must_use]
+    pub fn set(mut self, key: &str, value: impl Into<toml::Value>) -> Self {
+        self.table.insert(key.to_string(), value.into());
+        self
+    }
+
+    fn entry(&mut self, table: &str, key: &str, value: toml::Value) {
+        let table = self.table.entry(table).or_insert_with(|| toml::Table::new().into());
+        if let toml::Value::Table(table) = table {
+            table.insert(key.to_string(), value);
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! Components made of closures: sources, functions, probes.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde::Deserialize;
+
+use super::graph::Instance;
+use crate::component::{Component, ConfigureError, Setup, Tick};
+use crate::declare::{ConfigError, Declare, StepError};
+use crate::state::{Stamp, StateBuffer};
+use crate::telemetry::set_apart;
+
+/// A component that publishes on a topic what a closure returns in each step; nothing in a step where it returns `None`.
+/// At 1 kHz unless its instance says otherwise.
+#[derive(Debug)]
+pub struct Source(Instance);
+
+/// A component that reads the newest sample of one topic, gives it to a closure (`None` before the first), and publishes
+/// on another what the closure returns. At 1 kHz unless its instance says otherwise.
+#[derive(Debug)]
+pub struct Function(Instance);
+
+/// A component that records each sample of a topic that it reads: at 1 kHz, or at every publication once
+/// [`triggered`](Self::triggered). Its clones share one record.
+#[derive(Debug)]
+pub struct Probe<T: StateBuffer> {
+    topic: String,
+    name: String,
+    rate: Option<String>,
+    samples: Arc<Mutex<Vec<Sample<T>>>>,
+}
+
+/// A sample that a [`Probe`] has read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample<T> {
+    /// The step of the probe that first read it.
+    pub tick: Tick,
+    /// Its stamp.
+    pub stamp: Stamp,
+    /// The time that the state is for, ns since the run began: see [`Reading::time_ns`](crate::transport::Reading).
+    pub time_ns: u64,
+    /// Its content.
+    pub value: T,
+}
+
+impl Source {
+    /// A source named `name` of a topic.
+    pub fn new<T: StateBuffer>(
+        name: &str,
+        topic: &str,
+        mut next: impl FnMut(&Tick) -> Option<T> + Send + 'static,
+    ) -> Self {
+        let declare = |declare: &mut Declare| declare.output::<T>("output", "the samples of the closure");
+        let open = move |setup: &mut Setup| {
+            let mut output = setup.output::<T>("output")?;
+            Ok(step(move |tick| match next(tick) {
+                Some(value) => output.send(&value),
+                None => Ok(()),
+            }))
+        };
+        Self(instance(name, declare, open).publish("output", topic).rate("1 kHz"))
+    }
+
+    /// Steps at a rate, such as `"100 Hz"`.
+    #[must_use]
+    pub fn rate(self, rate: &str) -> Self {
+        Self(self.0.rate(rate))
+    }
+}
+
+impl Function {
+    /// A function named `name` from one topic to another.
+    pub fn new<I: StateBuffer, O: StateBuffer>(
+        name: &str,
+        from: &str,
+        to: &str,
+        mut function: impl FnMut(&Tick, Option<&I>) -> Option<O> + Send + 'static,
+    ) -> Self {
+        let declare = |declare: &mut Declare| {
+            declare.input::<I>("input", "the argument of the closure");
+            declare.output::<O>("output", "the result of the closure");
+        };
+        let open = move |setup: &mut Setup| {
+            let mut input = setup.input::<I>("input")?;
+            let mut output = setup.output::<O>("output")?;
+            Ok(step(move |tick| {
+                let reading = input.latest();
+                match function(tick, reading.as_deref()) {
+                    Some(value) => output.send(&value),
+                    None => Ok(()),
+                }
+            }))
+        };
+        let instance = instance(name, declare, open);
+        Self(instance.subscribe("input", from).publish("output", to).rate("1 kHz"))
+    }
+
+    /// Steps at a rate, such as `"100 Hz"`.
+    #[must_use]
+    pub fn rate(self, rate: &str) -> Self {
+        Self(self.0.rate(rate))
+    }
+
+    /// Steps whenever a topic is published: the one it reads.
+    #[must_use]
+    pub fn trigger(self, topic: &str) -> Self {
+        Self(self.0.trigger(topic))
+    }
+}
+
+impl<T: StateBuffer> Probe<T> {
+    /// A probe of a topic, named `probe` and the topic.
+    pub fn of(topic: &str) -> Self {
+        let name = format!("probe-{}", topic.replace('/', "-"));
+        Self { topic: topic.to_string(), name, rate: Some("1 kHz".to_string()), samples: Arc::default() }
+    }
+
+    /// Reads at a rate, such as `"100 Hz"`.
+    #[must_use]
+    pub fn rate(mut self, rate: &str) -> Self {
+        self.rate = Some(rate.to_string());
+        self
+    }
+
+    /// Reads at every publication.
+    #[must_use]
+    pub fn triggered(mut self) -> Self {
+        self.rate = None;
+        self
+    }
+
+    /// The samples recorded so far.
+    pub fn samples(&self) -> Vec<Sample<T>> {
+        lock(&self.samples).clone()
+    }
+
+    /// The values of the samples recorded so far.
+    pub fn values(&self) -> Vec<T> {
+        lock(&self.samples).iter().map(|sample| sample.value).collect()
+    }
+}
+
+impl<T: StateBuffer> Clone for Probe<T> {
+    fn clone(&self) -> Self {
+        let Self { topic, name, rate, samples } = self;
+        Self { topic: topic.clone(), name: name.clone(), rate: rate.clone(), samples: samples.clone() }
+    }
+}
+
+impl From<Source> for Instance {
+    fn from(source: Source) -> Self {
+        source.0
+    }
+}
+
+impl From<Function> for Instance {
+    fn from(function: Function) -> Self {
+        function.0
+    }
+}
+
+impl<T: StateBuffer + Send> From<&Probe<T>> for Instance {
+    fn from(probe: &Probe<T>) -> Self {
+        let samples = probe.samples.clone();
+        let declare = |declare: &mut Declare| declare.input::<T>("input", "the samples to record");
+        let open = move |setup: &mut Setup| {
+            let mut input = setup.input::<T>("input")?;
+            let mut last = None;
+            Ok(step(move |tick| {
+                let Some(reading) = input.latest() else { return Ok(()) };
+                let stamp = reading.stamp();
+                let number = (stamp.origin, stamp.incarnation, stamp.sequence);
+                if last != Some(number) {
+                    last = Some(number);
+                    let sample = Sample { tick: *tick, stamp, time_ns: reading.time_ns(), value: *reading };
+                    set_apart(|| lock(&samples).push(sample));
+                }
+                Ok(())
+            }))
+        };
+        let instance = instance(&probe.name, declare, open).subscribe("input", &probe.topic);
+        match &probe.rate {
+            Some(rate) => instance.rate(rate),
+            None => instance.trigger(&probe.topic),
+        }
+    }
+}
+
+type Step = Box<dyn FnMut(&Tick) -> Result<(), StepError>>;
+type Open = Box<dyn FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send>;
+
+fn step(step: impl FnMut(&Tick) -> Result<(), StepError> + 'static) -> Step {
+    Box::new(step)
+}
+
+/// The closures of the parts of this process, by number: a graph file can hold the number only.
+static CLOSURES: Mutex<BTreeMap<u64, Closures>> = Mutex::new(BTreeMap::new());
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
+struct Closures {
+    declare: fn(&mut Declare),
+    /// Taken when the component is configured.
+    open: Option<Open>,
+}
+
+/// The number of a part; its closures are dropped with it.
+#[derive(Debug)]
+pub(super) struct Part(u64);
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        let closures = lock(&CLOSURES).remove(&self.0);
+        drop(closures);
+    }
+}
+
+fn instance(
+    name: &str,
+    declare: fn(&mut Declare),
+    open: impl FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send + 'static,
+) -> Instance {
+    let number = NEXT.fetch_add(1, Relaxed);
+    lock(&CLOSURES).insert(number, Closures { declare, open: Some(Box::new(open)) });
+    let mut instance = Instance::of::<Closure>(name).config("part", number as i64);
+    instance.part = Some(Part(number));
+    instance
+}
+
+fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A component whose declaration and step are closures.
+struct Closure(Step);
+
+#[derive(Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ClosureConfig {
+    /// Number of the closures.
+    part: u64,
+}
+
+impl Component for Closure {
+    const KIND: &'static str = "test.closure";
+    const SUMMARY: &'static str = "a component of closures, in the process of its test";
+    type Config = ClosureConfig;
+
+    fn declare(config: &ClosureConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let closures = lock(&CLOSURES);
+        let found = closures
+            .get(&config.part)
+            .ok_or_else(|| ConfigError::key("part", "is no part of this process"))?;
+        (found.declare)(declare);
+        Ok(())
+    }
+
+    fn configure(config: ClosureConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let open = lock(&CLOSURES).get_mut(&config.part).and_then(|closures| closures.open.take());
+        let open = open.ok_or_else(|| ConfigureError::failed("its closure has run already"))?;
+        open(setup).map(Self)
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        (self.0)(tick)
+    }
+}

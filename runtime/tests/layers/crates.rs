@@ -1,0 +1,94 @@
+//! Arrows between the crates of the workspace.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::tokens::{self, Token};
+
+/// Wings that may use other wings; all others meet in topics only.
+const BETWEEN_WINGS: [(&str, &[&str]); 3] = [
+    ("library", &["primitives"]),
+    ("learners", &["primitives", "library", "models", "physics"]),
+    ("policies", &["primitives", "library", "models", "learners"]),
+];
+
+/// The members of the workspace: their folders, by the names of their crates.
+fn members(root: &Path) -> BTreeMap<String, String> {
+    let manifest = read(&root.join("Cargo.toml"));
+    let folders = manifest["workspace"]["members"].as_array().expect("members").iter();
+    folders
+        .map(|folder| {
+            let folder = folder.as_str().expect("a folder").to_string();
+            let name = read(&root.join(&folder).join("Cargo.toml"))["package"]["name"]
+                .as_str()
+                .expect("a name")
+                .to_string();
+            (name, folder)
+        })
+        .collect()
+}
+
+fn read(path: &Path) -> toml::Table {
+    std::fs::read_to_string(path).expect("a manifest").parse().expect("a manifest")
+}
+
+/// Whether the crate in one folder may use that in another.
+fn may_use(from: &str, to: &str) -> bool {
+    let wing = |folder: &str| folder.strip_prefix("components/").map(str::to_string);
+    match (wing(from), wing(to)) {
+        _ if matches!(from, "runtime" | "robots") => false,
+        (Some(from), Some(to)) => {
+            BETWEEN_WINGS.iter().any(|(wing, others)| *wing == from && others.contains(&to.as_str()))
+        }
+        (Some(_), None) => matches!(to, "runtime" | "robots"),
+        // the command is the last but one: whole graphs are tested with it
+        (None, _) => match from {
+            "benches" => to != "tools" && to != "tests",
+            "tools" => to != "tests",
+            _ => from == "tests",
+        },
+    }
+}
+
+/// Dependencies of members on one another that run back up.
+pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
+    let members = members(root);
+    let mut found = Vec::new();
+    for (name, folder) in &members {
+        let manifest = read(&root.join(folder).join("Cargo.toml"));
+        let dependencies = manifest.get("dependencies").and_then(toml::Value::as_table);
+        for dependency in dependencies.into_iter().flat_map(toml::Table::keys) {
+            if let Some(to) = members.get(dependency)
+                && !may_use(folder, to)
+            {
+                found.push(format!("{name} depends on {dependency}"));
+            }
+        }
+    }
+    found
+}
+
+/// Files of the wings outside of their `component` modules that name the runtime. Interfaces and bridges are components
+/// alone.
+pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
+    let wings = members(root).into_values().filter(|folder| folder.starts_with("components/"));
+    let mut found = Vec::new();
+    for wing in wings.filter(|wing| !matches!(wing.as_str(), "components/interfaces" | "components/bridges"))
+    {
+        let src = root.join(&wing).join("src");
+        for file in crate::sources(&src) {
+            let part = file.strip_prefix(&src).expect("below src");
+            let first = part.iter().next().expect("a file").to_string_lossy().into_owned();
+            if first.starts_with("component") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&file).expect("a source file");
+            let tokens = tokens::product(tokens::tokens(&text));
+            let named = tokens.windows(2).find(|pair| pair[0].is("motorium") && pair[1].is(":"));
+            if let Some([Token::Name(_, line), _]) = named {
+                found.push(format!("{wing}/src/{}, line {line}", part.display()));
+            }
+        }
+    }
+    found
+}

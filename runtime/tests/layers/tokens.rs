@@ -1,0 +1,185 @@
+//! The tokens of a Rust source that matter for paths: no comments, no texts, no tests.
+
+/// A name, or a single other character.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Token {
+    /// An identifier or keyword, and its line from 1.
+    Name(String, usize),
+    /// Any other character that is no blank; `::` comes as two.
+    Mark(char),
+}
+
+impl Token {
+    pub(crate) fn is(&self, text: &str) -> bool {
+        match self {
+            Self::Name(name, _) => name == text,
+            Self::Mark(mark) => text.chars().eq([*mark]),
+        }
+    }
+}
+
+/// Splits a source; comments vanish, a text or a character becomes one mark.
+pub(crate) fn tokens(source: &str) -> Vec<Token> {
+    let text: Vec<char> = source.chars().collect();
+    let mut tokens = Vec::new();
+    let (mut at, mut line) = (0, 1);
+    while let Some(&c) = text.get(at) {
+        let next = text.get(at + 1).copied();
+        let end = match c {
+            '/' if next == Some('/') => find(&text, at, |rest| rest[0] == '\n'),
+            '/' if next == Some('*') => block_comment(&text, at),
+            '"' => string(&text, at),
+            '\'' => character(&text, at),
+            'r' | 'b' | 'c' if prefixed(&text, at).is_some() => prefixed(&text, at).unwrap_or(at + 1),
+            c if c.is_alphanumeric() || c == '_' => {
+                let end = find(&text, at, |rest| !(rest[0].is_alphanumeric() || rest[0] == '_'));
+                tokens.push(Token::Name(text[at..end].iter().collect(), line));
+                end
+            }
+            _ => {
+                if !c.is_whitespace() {
+                    tokens.push(Token::Mark(c));
+                }
+                at + 1
+            }
+        };
+        line += text[at..end].iter().filter(|c| **c == '\n').count();
+        at = end;
+    }
+    tokens
+}
+
+fn find(text: &[char], from: usize, end: impl Fn(&[char]) -> bool) -> usize {
+    (from + 1..text.len()).find(|at| end(&text[*at..])).unwrap_or(text.len())
+}
+
+fn block_comment(text: &[char], from: usize) -> usize {
+    let (mut at, mut depth) = (from, 0);
+    while at < text.len() {
+        match (text[at], text.get(at + 1)) {
+            ('/', Some('*')) => (depth, at) = (depth + 1, at + 2),
+            ('*', Some('/')) => (depth, at) = (depth - 1, at + 2),
+            _ => at += 1,
+        }
+        if depth == 0 {
+            return at;
+        }
+    }
+    at
+}
+
+fn string(text: &[char], quote: usize) -> usize {
+    let mut at = quote + 1;
+    while at < text.len() && text[at] != '"' {
+        at += if text[at] == '\\' { 2 } else { 1 };
+    }
+    (at + 1).min(text.len())
+}
+
+/// A character such as `'"'`, or the quote of a lifetime alone.
+fn character(text: &[char], quote: usize) -> usize {
+    match (text.get(quote + 1), text.get(quote + 2)) {
+        (Some('\\'), _) => (find(text, quote + 2, |rest| rest[0] == '\'') + 1).min(text.len()),
+        (Some(_), Some('\'')) => quote + 3,
+        _ => quote + 1,
+    }
+}
+
+/// The end of a text with a prefix (`r#"..."#`, `b"..."`, `b'.'`), or of a raw name (`r#type`).
+fn prefixed(text: &[char], from: usize) -> Option<usize> {
+    let mut at = from;
+    while at < from + 2 && matches!(text.get(at), Some('r' | 'b' | 'c')) {
+        at += 1;
+    }
+    let raw = text[from..at].contains(&'r');
+    let hashes = text[at..].iter().take_while(|c| **c == '#').count();
+    match text.get(at + hashes) {
+        Some('"') if raw => {
+            let close = |rest: &[char]| {
+                rest[0] == '"' && rest[1..].iter().take_while(|c| **c == '#').count() >= hashes
+            };
+            Some((find(text, at + hashes, close) + 1 + hashes).min(text.len()))
+        }
+        Some('"') if hashes == 0 => Some(string(text, at)),
+        Some('\'') if hashes == 0 && text[from] == 'b' && at == from + 1 => Some(character(text, at)),
+        _ => None,
+    }
+}
+
+/// The tokens without items under `#[cfg(test)]` and `#[cfg(doc)]`; modules in files of their own keep a trace,
+/// `#[cfg(test)] mod tests;`, by which [`super::paths::test_modules`] finds them.
+pub(crate) fn product(tokens: Vec<Token>) -> Vec<Token> {
+    let mut kept = Vec::new();
+    let mut at = 0;
+    while at < tokens.len() {
+        let Some(end) = attribute(&tokens, at) else {
+            kept.push(tokens[at].clone());
+            at += 1;
+            continue;
+        };
+        if !is_test(&tokens[at..end]) {
+            kept.extend_from_slice(&tokens[at..end]);
+            at = end;
+            continue;
+        }
+        let mut item = end;
+        while let Some(next) = attribute(&tokens, item) {
+            item = next;
+        }
+        let end = item_end(&tokens, item);
+        if let Some(name) = outlined_module(&tokens[item..end]) {
+            kept.extend([Token::Mark('#'), Token::Name("test_module".into(), 0), name]);
+        }
+        at = end;
+    }
+    kept
+}
+
+/// The end of an attribute that begins here.
+fn attribute(tokens: &[Token], at: usize) -> Option<usize> {
+    (tokens.get(at)?.is("#") && tokens.get(at + 1)?.is("[")).then(|| closing(tokens, at + 1))
+}
+
+/// Whether an attribute keeps what follows out of the product.
+fn is_test(attribute: &[Token]) -> bool {
+    attribute.get(2).is_some_and(|token| token.is("cfg"))
+        && attribute.iter().any(|token| token.is("test") || token.is("doc"))
+        && !attribute.iter().any(|token| token.is("not") || token.is("any"))
+}
+
+/// The end of what an opening bracket begins.
+fn closing(tokens: &[Token], open: usize) -> usize {
+    let mut depth = 0;
+    for (at, token) in tokens.iter().enumerate().skip(open) {
+        match token {
+            Token::Mark('(' | '[' | '{') => depth += 1,
+            Token::Mark(')' | ']' | '}') => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return at + 1;
+        }
+    }
+    tokens.len()
+}
+
+/// The end of an item: its semicolon, or its block.
+fn item_end(tokens: &[Token], from: usize) -> usize {
+    let is_use = tokens[from..].iter().take(8).any(|token| token.is("use"));
+    let mut at = from;
+    while at < tokens.len() {
+        match &tokens[at] {
+            Token::Mark(';') => return at + 1,
+            Token::Mark('{') if !is_use => return closing(tokens, at),
+            Token::Mark('(' | '[' | '{') => at = closing(tokens, at),
+            _ => at += 1,
+        }
+    }
+    at
+}
+
+fn outlined_module(item: &[Token]) -> Option<Token> {
+    let module = item.iter().position(|token| token.is("mod"))?;
+    let ends = item.get(module + 2).is_some_and(|token| token.is(";"));
+    ends.then(|| item[module + 1].clone())
+}
