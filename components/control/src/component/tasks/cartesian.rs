@@ -1,7 +1,7 @@
 //! The Cartesian task of `control.qp`.
 
 use motorium::prelude::*;
-use motorium_robots::{Profile, Twist};
+use motorium_robots::{EndEffectorError, Twist};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -55,18 +55,13 @@ impl Default for CartesianConfig {
 impl CartesianConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
         let model = place.model;
-        let frame = match &self.frame {
-            Some(name) => name.as_str(),
-            None => only_end_effector(place.profile).map_err(|found| {
-                let message = format!("robot `{}` has {found}, and no `frame` is given", model.name());
-                let example = model.frames().last().map_or("", |frame| frame.name.as_str());
-                ConfigError::new(message).advise(format!(
-                    "name the link that is led: tasks = [{{ cartesian = {{ frame = \"{example}\" }} }}, {{ posture = {{}} }}]"
-                ))
-            })?,
-        };
-        let frame =
-            model.frame(frame).map_err(|error| ConfigError::key(place.key("frame"), error.to_string()))?;
+        let frame = model.end_effector(place.profile, self.frame.as_deref()).map_err(|error| match error {
+            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(place.key("frame"), unknown.to_string()),
+            error => ConfigError::new(error.to_string()).advise(format!(
+                "name the link to control: tasks = [{{ cartesian = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
+                error.example().unwrap_or_default()
+            )),
+        })?;
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
         let settings = CartesianSettings {
             gain: place.in_range("gain", self.gain, GAINS)?,
@@ -196,14 +191,5 @@ impl HeldTask for Cartesian {
             "last_orientation_error_rad": latest.and_then(|error| error.orientation),
             "targets_refused": self.refused,
         }))
-    }
-}
-
-fn only_end_effector(profile: Option<&Profile>) -> Result<&str, &'static str> {
-    let mut all = profile.into_iter().flat_map(|profile| profile.end_effectors.values());
-    match (all.next(), all.next()) {
-        (Some(one), None) => Ok(&one.frame),
-        (Some(_), Some(_)) => Err("several end effectors"),
-        (None, _) => Err("no known end effector"),
     }
 }
