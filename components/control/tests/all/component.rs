@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use crate::graph::{graph, registry, run};
-use motorium::graph::{Machine, check};
 use motorium::launcher::Report;
+use motorium::testing::Graph;
 
-const LEGS: &str = "{ offsets = [[0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]], leg = 2.0 }";
+use crate::graph::{Targets, bare_controller, controller, graph, run};
 
 fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
@@ -14,7 +13,7 @@ fn number(value: &serde_json::Value) -> f64 {
 
 #[test]
 fn the_hand_comes_to_its_goals_within_limits() {
-    let report = run(graph("{}", LEGS, "{}"));
+    let report = run(graph("{}", Targets::default(), controller("{}")));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2);
     assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
@@ -23,15 +22,13 @@ fn the_hand_comes_to_its_goals_within_limits() {
     assert_eq!(report.results["plant"]["broken_limits"], 0);
     // an independent look at where the hand is
     let hand = &report.results["plant"]["hand"];
-    let home = number(
-        &run(graph("{}", "{ offsets = [[0.0, 0.0, 0.0]], leg = 2.0 }", "{}")).results["plant"]["hand"][1],
-    );
+    let home = number(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"][1]);
     assert!((number(&hand[1]) - home + 0.2).abs() < 1e-5, "{hand}");
 }
 
 #[test]
 fn a_step_allocates_nothing_but_clarabels_one() {
-    let report = run(graph("{}", LEGS, "{}"));
+    let report = run(graph("{}", Targets::default(), controller("{}")));
     let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
     assert_eq!(controller.allocations, Some(0));
     // the first hundred steps are not counted
@@ -41,13 +38,13 @@ fn a_step_allocates_nothing_but_clarabels_one() {
 #[test]
 fn parameters_change_what_the_configuration_says() {
     let configured = "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = { weight = 0.01 } }] }";
-    let configured = run(graph("{}", LEGS, configured));
-    let set =
-        format!("{}\nparams = {{ cartesian_gain = 5.0, posture_weight = 0.01 }}", graph("{}", LEGS, "{}"));
-    let set = run(set);
+    let configured = run(graph("{}", Targets::default(), controller(configured)));
+    let set = controller("{}").parameter("cartesian_gain", 5.0).parameter("posture_weight", 0.01);
+    let set = run(graph("{}", Targets::default(), set));
     assert_eq!(configured.state_hash, set.state_hash);
-    let softer = format!("{}\nparams = {{ kp_scale = 0.5 }}", graph("{ gravity = -10.5 }", LEGS, "{}"));
-    let stiff = run(graph("{ gravity = -10.5 }", LEGS, "{}"));
+    let softer = controller("{}").parameter("kp_scale", 0.5);
+    let softer = graph("{ gravity = -10.5 }", Targets::default(), softer);
+    let stiff = run(graph("{ gravity = -10.5 }", Targets::default(), controller("{}")));
     assert_ne!(run(softer).state_hash, stiff.state_hash);
 }
 
@@ -55,8 +52,8 @@ fn parameters_change_what_the_configuration_says() {
 fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
     // gravity is stronger than the controller believes
     let plant = "{ gravity = -10.5 }";
-    let measured = run(graph(plant, LEGS, "{ feedback = \"measured\" }"));
-    let setpoint = run(graph(plant, LEGS, "{ feedback = \"setpoint\" }"));
+    let measured = run(graph(plant, Targets::default(), controller("{ feedback = \"measured\" }")));
+    let setpoint = run(graph(plant, Targets::default(), controller("{ feedback = \"setpoint\" }")));
     let error = |report: &Report| number(&report.results["controller"]["position_error_m"]);
     assert!(error(&measured) < 1e-4, "{}", error(&measured));
     assert!(error(&setpoint) > 1e-3, "{}", error(&setpoint));
@@ -64,7 +61,7 @@ fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
 
 #[test]
 fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
-    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", LEGS, "{}"));
+    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller("{}")));
     let result = &report.results["controller"];
     // the controller is triggered by the state: it does not even step
     let steps = report.components.iter().find(|component| component.name == "controller").unwrap().steps;
@@ -79,9 +76,8 @@ fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
 
 #[test]
 fn a_controller_with_a_rate_of_its_own_does_not_act_on_a_stale_state() {
-    let text = graph("{ silent_from = 0.5, silent_to = 0.8 }", LEGS, "{}")
-        .replace("trigger = \"panda/joint_state\"", "rate = \"1 kHz\"");
-    let report = run(text);
+    let controller = controller("{}").rate("1 kHz");
+    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller));
     let result = &report.results["controller"];
     let stale = result["steps_without_fresh_state"].as_u64().unwrap();
     assert!((285..=295).contains(&stale), "{stale} steps");
@@ -90,8 +86,8 @@ fn a_controller_with_a_rate_of_its_own_does_not_act_on_a_stale_state() {
 
 #[test]
 fn a_target_that_falls_silent_stands_still_where_it_was() {
-    let targets = "{ offsets = [[0.0, 0.3, 0.0]], leg = 2.0, silent_from = 0.5 }";
-    let report = run(graph("{}", targets, "{}"));
+    let targets = Targets { offsets: vec![[0.0, 0.3, 0.0]], silent_from: 0.5, ..Targets::default() };
+    let report = run(graph("{}", targets, controller("{}")));
     // half way, at 0.56 m/s: a velocity that were believed for ever would leave an error of 56 mm
     let last = number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"]);
     assert!(last < 1e-4, "{last}");
@@ -100,7 +96,7 @@ fn a_target_that_falls_silent_stands_still_where_it_was() {
 
 #[test]
 fn a_blocked_joint_is_pushed_with_no_more_than_the_lead_allows() {
-    let report = run(graph("{ blocked = 3 }", LEGS, "{ max_lead = 0.03 }"));
+    let report = run(graph("{ blocked = 3 }", Targets::default(), controller("{ max_lead = 0.03 }")));
     assert_eq!(report.results["controller"]["steps_without_solution"], 0);
     let plant = &report.results["plant"];
     assert_eq!(plant["broken_limits"], 0);
@@ -110,12 +106,22 @@ fn a_blocked_joint_is_pushed_with_no_more_than_the_lead_allows() {
 
 #[test]
 fn the_same_graph_publishes_the_same_to_the_last_bit() {
-    let once = run(graph("{}", LEGS, "{}"));
-    let twice = run(graph("{}", LEGS, "{}"));
+    let once = run(graph("{}", Targets::default(), controller("{}")));
+    let twice = run(graph("{}", Targets::default(), controller("{}")));
     assert!(once.state_hash.is_some());
     assert_eq!(once.state_hash, twice.state_hash);
-    let weaker = run(graph("{}", LEGS, "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = {} }] }"));
+    let weaker = controller("{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = {} }] }");
+    let weaker = run(graph("{}", Targets::default(), weaker));
+        "{}",
+        Targets::default(),
+        controller("{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = {} }] }"),
+    ));
     assert_ne!(once.state_hash, weaker.state_hash);
+}
+
+/// A target that stays at its start.
+fn resting() -> Targets {
+    Targets { offsets: vec![[0.0; 3]], ..Targets::default() }
 }
 
 fn place(value: &serde_json::Value) -> [f64; 3] {
@@ -124,17 +130,15 @@ fn place(value: &serde_json::Value) -> [f64; 3] {
 
 /// Where the centre of mass stays if nothing moves the arm.
 fn resting_centre_of_mass() -> [f64; 3] {
-    let targets = "{ offsets = [[0.0, 0.0, 0.0]], leg = 2.0 }";
-    place(&run(graph("{}", targets, "{}")).results["plant"]["centre_of_mass"])
+    place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["centre_of_mass"])
 }
 
 #[test]
 fn the_centre_of_mass_comes_to_its_goals_within_limits() {
     let start = resting_centre_of_mass();
-    let targets =
-        format!("{{ offsets = [[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]], leg = 2.0, start = {start:?} }}");
-    let tasks = "{ tasks = [{ centre_of_mass = { target = \"target\" } }, { posture = {} }] }";
-    let report = run(graph("{}", &targets, tasks));
+    let offsets = vec![[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]];
+    let targets = Targets { offsets, start: Some(start), ..Targets::default() };
+    let report = run(graph("{}", targets, controller(tasks)));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2, "{result}");
     assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
@@ -155,8 +159,8 @@ fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
     // the posture moves the elbow and cannot move the centre of mass
     let posture = "{ posture = { positions = [0.3, -0.6, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.01 } }";
     let unwired = |tasks: &str| {
-        let text = graph("{}", LEGS, &format!("{{ tasks = [{tasks}] }}"));
-        run(text.replace(", target = \"panda/target\"", ""))
+        let controller = bare_controller(&format!("{{ tasks = [{tasks}] }}")).robot("panda");
+        run(graph("{}", resting(), controller))
     };
     let start = resting_centre_of_mass();
     let moved = |report: &Report| {
@@ -173,22 +177,30 @@ fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
 
 #[test]
 fn commands_carry_the_gains_of_the_profile_or_those_configured() {
-    let profile = run(graph("{}", LEGS, "{}"));
+    let profile = run(graph("{}", Targets::default(), controller("{}")));
     let gains = motorium_robots::load("panda", Path::new(".")).unwrap();
     let gains = gains.profile.unwrap().gains(&gains.model).unwrap();
     let published = &profile.results["plant"];
     assert_eq!(published["kp"], serde_json::json!(gains.kp.as_slice()));
     assert_eq!(published["kd"], serde_json::json!(gains.kd.as_slice()));
-    let given = run(graph("{}", LEGS, "{ kp = 700, kd = [50, 51, 52, 53, 54, 55, 56, 57] }"));
+    let given = run(graph(
+        "{}",
+        Targets::default(),
+        controller("{ kp = 700, kd = [50, 51, 52, 53, 54, 55, 56, 57] }"),
+    ));
     assert_eq!(given.results["plant"]["kp"], serde_json::json!(vec![700.0; 8]));
     assert_eq!(given.results["plant"]["kd"][7], 57.0);
 }
 
+/// The message of a graph that is refused.
 #[track_caller]
-fn assert_refused(controller: &str, words: &[&str]) {
-    let text = graph("{}", LEGS, controller);
-    let error = check(Path::new("control-test.toml"), text, &[], &registry(), &Machine::detect());
-    let error = error.expect_err("it must be refused").render(false);
+fn refused(graph: Graph) -> String {
+    graph.check().expect_err("it must be refused").render(false)
+}
+
+#[track_caller]
+fn assert_refused(config: &str, words: &[&str]) {
+    let error = refused(graph("{}", Targets::default(), controller(config)));
     for words in words {
         assert!(error.contains(words), "no `{words}` in\n{error}");
     }
@@ -225,8 +237,6 @@ fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
 
 #[test]
 fn a_controller_without_a_robot_is_refused() {
-    let text = graph("{}", LEGS, "{}").replace("robot = \"panda\"", "");
-    let error = check(Path::new("control-test.toml"), text, &[], &registry(), &Machine::detect());
-    let error = error.expect_err("it must be refused").render(false);
+    let error = refused(graph("{}", Targets::default(), bare_controller("{}")));
     assert!(error.contains("add `robot = \"NAME\"`"), "{error}");
 }

@@ -11,6 +11,4 @@ mod robot;
 mod setpoint;
 mod tasks;
 
-/// Allocations are counted by thread.
-#[global_allocator]
-static ALLOCATOR: motorium::telemetry::CountingAllocator = motorium::telemetry::CountingAllocator;
+motorium::count_allocations!();

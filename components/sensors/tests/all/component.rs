@@ -1,144 +1,57 @@
 //! `sensor.joint_encoder` in a running graph.
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, Direction, RobotReference, StepError};
-use motorium::launcher::{self, Hosting, Options, Report};
-use motorium::state::JointState;
-use motorium::transport::{Input, Output};
-use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
+use motorium::declare::{Direction, RobotReference};
+use motorium::launcher::Report;
+use motorium::prelude::*;
+use motorium::testing::{Graph, Instance, Probe, Source};
+use motorium::worker::{ConfigSource, Kind};
 use motorium_sensors::JointEncoder;
 
-#[derive(serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
-
-/// The true joint state: at tick k the position is k thousandths, until tick 50 or for ever.
-struct Truth {
-    state: Output<JointState>,
-    forever: bool,
+/// An encoder with this `config` table and a probe of its readings, both behind `truth`.
+fn graph(truth: Source, config: &str) -> (Graph, Probe<JointState>) {
+    let config: toml::Table = format!("config = {{ {config} }}").parse().unwrap();
+    let encoder = Instance::of::<JointEncoder>("encoder")
+        .rate("1 kHz")
+        .robot("rod")
+        .subscribe("joint_state", "rod/true_state")
+        .publish("measured", "rod/joint_state")
+        .set("config", config["config"].clone());
+    let readings = Probe::of("rod/joint_state");
+    (Graph::new("encoder").robot("rod", "pendulum").with(truth).with(encoder).with(&readings), readings)
 }
 
-impl Component for Truth {
-    const KIND: &'static str = "test.truth";
-    const SUMMARY: &'static str = "a joint that moves steadily";
-    type Config = Nothing;
-
-    fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.output::<JointState>("joint_state", "the truth");
-        declare.boolean("forever", false, "whether it goes on after tick 50");
-        Ok(())
-    }
-
-    fn configure(_: Nothing, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        Ok(Self { state: setup.output("joint_state")?, forever: setup.parameter::<bool>("forever")?.get() })
-    }
-
-    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if !self.forever && tick.index >= 50 {
-            return Ok(());
-        }
-        let mut state = self.state.loan()?;
-        state.set_count(1);
-        state.position_mut()[0] = tick.index as f64 * 1e-3;
-        state.velocity_mut()[0] = 1.0;
-        state.effort_mut()[0] = 2.0;
-        state.publish()
-    }
+/// The true joint state: at tick k the position is k thousandths, before tick `end`.
+fn truth(end: u64) -> Source {
+    Source::new("truth", "rod/true_state", move |tick| {
+        (tick.index < end).then(|| joint_state(tick.index as f64 * 1e-3))
+    })
 }
 
-/// Writes down every measured state, with the tick at which it first saw it.
-struct Recorder {
-    measured: Input<JointState>,
-    last: u64,
-    seen: Vec<(u64, f64, f64, f64)>,
+fn joint_state(position: f64) -> JointState {
+    let mut state = JointState::default();
+    state.set_count(1);
+    state.position_mut()[0] = position;
+    state.velocity_mut()[0] = 1.0;
+    state.effort_mut()[0] = 2.0;
+    state
 }
 
-impl Component for Recorder {
-    const KIND: &'static str = "test.recorder";
-    const SUMMARY: &'static str = "writes down joint states";
-    type Config = Nothing;
-
-    fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<JointState>("measured", "what is measured");
-        Ok(())
-    }
-
-    fn configure(_: Nothing, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        Ok(Self { measured: setup.input("measured")?, last: 0, seen: Vec::new() })
-    }
-
-    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let Some(state) = self.measured.latest() else { return Ok(()) };
-        if state.stamp().sequence != self.last {
-            self.last = state.stamp().sequence;
-            self.seen.push((tick.index, state.position()[0], state.velocity()[0], state.effort()[0]));
-        }
-        Ok(())
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!(self.seen))
-    }
-}
-
-fn registry() -> Registry {
-    Registry::new(
-        RobotSource { check: |_, _| Ok(Vec::new()) },
-        [Kind::of::<Truth>(), Kind::of::<JointEncoder>(), Kind::of::<Recorder>()],
-    )
-}
-
-fn run(config: &str) -> Report {
-    run_for("100 ms", config)
-}
-
-fn run_for(duration: &str, config: &str) -> Report {
-    let graph = format!(
-        r#"
-name = "encoder"
-clock = "lockstep"
-duration = "{duration}"
-
-[robot.rod]
-urdf = "pendulum"
-
-[component.truth]
-kind = "test.truth"
-rate = "1 kHz"
-publish = {{ joint_state = "rod/true_state" }}
-params = {{ forever = {} }}
-
-[component.encoder]
-kind = "sensor.joint_encoder"
-robot = "rod"
-rate = "1 kHz"
-subscribe = {{ joint_state = "rod/true_state" }}
-publish = {{ measured = "rod/joint_state" }}
-config = {{ {config} }}
-
-[component.recorder]
-kind = "test.recorder"
-rate = "1 kHz"
-subscribe = {{ measured = "rod/joint_state" }}
-"#,
-        duration != "100 ms"
-    );
-    let path = std::path::Path::new("encoder.toml");
-    let machine = motorium::graph::Machine::detect();
-    let checked = motorium::graph::check(path, graph, &[], &registry(), &machine)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    launcher::run(checked.plan, &registry(), &options, &mut |_| {}).unwrap()
-}
-
-fn seen(report: &Report) -> Vec<(u64, f64, f64, f64)> {
-    serde_json::from_value(report.results["recorder"].clone()).unwrap()
+/// A run of 100 ms with a truth of 50 ms: for each reading the tick at which it was seen, position, velocity and
+/// effort.
+fn run(config: &str) -> (Report, Vec<(u64, f64, f64, f64)>) {
+    let (graph, probe) = graph(truth(50), config);
+    let report = graph.run("100 ms").unwrap();
+    let readings = probe.samples().into_iter().map(|sample| {
+        let state = sample.value;
+        (sample.tick.index, state.position()[0], state.velocity()[0], state.effort()[0])
+    });
+    (report, readings.collect())
 }
 
 #[test]
 fn readings_come_late_by_the_latency_and_stop_with_the_truth() {
-    let prompt = seen(&run(""));
-    let late = seen(&run(r#"latency = "7 ms""#));
+    let prompt = run("").1;
+    let late = run(r#"latency = "7 ms""#).1;
     assert_eq!((prompt.len(), late.len()), (50, 50));
     for (prompt, late) in prompt.iter().zip(&late) {
         assert_eq!(late.0, prompt.0 + 7);
@@ -149,21 +62,34 @@ fn readings_come_late_by_the_latency_and_stop_with_the_truth() {
 #[test]
 fn readings_are_quantised_and_noisy_as_configured_and_the_same_in_every_run() {
     let config = "resolution = 0.01, velocity_noise = [0.5], effort_noise = 0.1, seed = 4";
-    let (one, two) = (run(config), run(config));
+    let ((one, readings), (two, _)) = (run(config), run(config));
     assert_eq!(one.state_hash, two.state_hash);
-    let readings = seen(&one);
     assert!(readings.iter().all(|reading| (reading.1 * 100.0 - (reading.1 * 100.0).round()).abs() < 1e-9));
     assert!(readings.iter().any(|reading| (reading.2 - 1.0).abs() > 0.1));
     assert!(readings.iter().all(|reading| reading.3 != 2.0));
     assert_eq!(one.results["encoder"], serde_json::json!({ "readings": 50, "lost": 0 }));
-    assert_ne!(run(&config.replace("seed = 4", "seed = 5")).state_hash, one.state_hash);
+    assert_ne!(run(&config.replace("seed = 4", "seed = 5")).0.state_hash, one.state_hash);
 }
 
 #[test]
 fn a_step_allocates_nothing() {
-    let report = run_for("1 s", r#"resolution = 0.001, position_noise = 0.001, latency = "3 ms""#);
+    let (graph, _) = graph(truth(1000), r#"resolution = 0.001, position_noise = 0.001, latency = "3 ms""#);
+    let report = graph.run("1 s").unwrap();
     let encoder = report.components.iter().find(|component| component.name == "encoder").unwrap();
     assert_eq!((encoder.steps, encoder.allocations, encoder.errors), (1000, Some(0), 0));
+}
+
+/// The position is the time of the step for which it was computed, so the true velocity is 1 rad/s.
+#[test]
+fn a_differentiated_velocity_does_not_jitter_with_the_times_of_publication() {
+    let truth = Source::new("truth", "rod/true_state", |tick| Some(joint_state(tick.time())));
+    let (graph, readings) = graph(truth, r#"velocity = { kind = "differentiated", cutoff_hz = 1e6 }"#);
+    let report = graph.set("clock", "realtime").run("300 ms").unwrap();
+    let readings = readings.values();
+    assert!(readings.len() > 10, "{} readings: {report:?}", readings.len());
+    for reading in &readings[1..] {
+        assert!((reading.velocity()[0] - 1.0).abs() < 1e-6, "{} rad/s", reading.velocity()[0]);
+    }
 }
 
 fn declare(config: serde_json::Value, robot: bool) -> Result<Vec<String>, (Option<String>, String)> {

@@ -1,4 +1,4 @@
-//! What a joint encoder promises.
+//! The model of the joint sensors.
 
 use std::f64::consts::TAU;
 use std::time::Duration;

@@ -4,6 +4,4 @@ mod allocations;
 mod component;
 mod encoder;
 
-/// Allocations are counted by thread.
-#[global_allocator]
-static ALLOCATOR: motorium::telemetry::CountingAllocator = motorium::telemetry::CountingAllocator;
+motorium::count_allocations!();
