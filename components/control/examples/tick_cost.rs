@@ -1,4 +1,4 @@
-//! What one tick of a Panda costs: `cargo run --release -p motorium-control --example tick_cost`.
+//! The time of one tick of a Panda: `cargo run --release -p motorium-control --example tick_cost`.
 //!
 //! The hand runs after a target that jumps between poses, some of them out of reach, so that bounds become active.
 

@@ -37,8 +37,8 @@ pub enum IkError {
     Solve(#[from] SolveError),
 }
 
-/// A differential inverse kinematics: the joint velocity `v` \[rad/s or m/s\] that minimises a weighted sum of task costs
-/// within all limits.
+/// A differential inverse kinematics: the joint velocity `v` \[rad/s or m/s\] that minimises a weighted sum of task
+/// costs within all limits.
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2

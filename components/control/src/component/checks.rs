@@ -32,7 +32,7 @@ pub(super) fn per_joint(key: &str, values: &[f64], model: &Model) -> Result<DVec
     Ok(DVector::from_column_slice(values))
 }
 
-/// Whether `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits and
+/// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits and
 /// underscores.
 pub(super) fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())

@@ -24,9 +24,11 @@ pub struct QpControllerConfig {
     pub tasks: Vec<TaskConfig>,
     /// Limits of the commanded motion.
     pub limits: LimitsConfig,
-    /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: that of the robot's profile.
+    /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: that of the robot's
+    /// profile.
     pub kp: Option<PerJoint>,
-    /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: that of the robot's profile.
+    /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: that of the robot's
+    /// profile.
     pub kd: Option<PerJoint>,
     /// Compensation of the robot's weight by a feed-forward effort. Default true.
     pub gravity_compensation: bool,
@@ -36,8 +38,8 @@ pub struct QpControllerConfig {
     pub gravity: [f64; 3],
     /// Joint positions at which the tasks are evaluated. Default "measured".
     pub feedback: Feedback,
-    /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is pushed with at
-    /// most `kp` times this. Default 0.1.
+    /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is pushed with
+    /// at most `kp` times this. Default 0.1.
     pub max_lead: f64,
     /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1. Default 1e-7.
     pub damping: f64,

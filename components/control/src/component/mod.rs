@@ -23,8 +23,9 @@ use setup::ControllerSetup;
 /// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
 ///
 /// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
-/// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe state
-/// by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that tick.
+/// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
+/// state by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that
+/// tick.
 pub struct QpController {
     joint_state: Input<JointState>,
     joint_command: Output<JointCommand>,
@@ -175,7 +176,7 @@ impl Component for QpController {
 }
 
 impl QpController {
-    /// Takes over the newest joint state. False if there is none to act upon.
+    /// Takes over the newest joint state. False without a fresh one.
     fn read_state(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
         if state.age_ns() > self.state_timeout_ns {

@@ -36,15 +36,15 @@ impl Default for CentreOfMassSettings {
 /// e' = c*' - J_com v
 /// ```
 ///
-/// where `J_com` (3 x nv) is the Jacobian of the centre of mass. Asking for the decay `e' = -k`, `k = gain e`, gives the
-/// cost
+/// where `J_com` (3 x nv) is the Jacobian of the centre of mass. Asking for the decay `e' = -k`, `k = gain e`, gives
+/// the cost
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = J_com,   b = k + c*',   W = weight diag(shares),   mu = damping |W^2 k|
 /// ```
 ///
-/// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a whole where it
-/// would exceed the largest speed, so that the direction is kept. Links fixed to the world do not count.
+/// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a whole where
+/// it would exceed the largest speed, so that the direction is kept. Links fixed to the world do not count.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{CentreOfMassTask, Task}};

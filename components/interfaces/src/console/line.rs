@@ -17,7 +17,7 @@ impl Line {
         Self { time, port: "", groups: Groups { groups: [Group::EMPTY; GROUPS], count: 0 } }
     }
 
-    /// The line as text, with so many digits.
+    /// The line as text, with `digits` after the decimal point.
     pub(super) fn display(&self, digits: usize) -> impl fmt::Display + '_ {
         Display { line: self, digits }
     }

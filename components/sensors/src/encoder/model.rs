@@ -10,9 +10,9 @@ use crate::noise::Noise;
 
 /// The joint sensors of a robot.
 ///
-/// At every [`sample`](Self::sample), for each joint: position `q* = r round((q + n) / r)` with resolution `r` and noise
-/// `n`, so a reading is a whole number of steps; velocity measured with noise, or differentiated from `q*`; effort with
-/// noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
+/// At every [`sample`](Self::sample), for each joint: position `q* = r round((q + n) / r)` with resolution `r` and
+/// noise `n`, so a reading is a whole number of steps; velocity measured with noise, or differentiated from `q*`;
+/// effort with noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
 /// [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct EncoderModel {
@@ -39,7 +39,7 @@ enum Velocity {
 /// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
-    /// When the joints were sampled, ns.
+    /// Time of the sampling, ns.
     pub sampled_at: u64,
     /// Positions, rad or m.
     pub position: &'a [f64],

@@ -32,7 +32,8 @@ pub enum VelocitySource {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderSettings {
-    /// Step of the position reading, rad (or m); 0 for a continuous one, the default. A count of `n` bits is `2 pi / 2^n`.
+    /// Step of the position reading, rad (or m); 0 for a continuous one, the default. A count of `n` bits is `2 pi /
+    /// 2^n`.
     pub resolution: PerJoint,
     /// Standard deviation of the position before it is quantised, rad (or m). Default 0.
     pub position_noise: PerJoint,

@@ -18,7 +18,8 @@ pub struct CartesianConfig {
     pub name: String,
     /// Link whose frame follows the target. Default: that of the robot's only end effector.
     pub frame: Option<String>,
-    /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default "target".
+    /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default
+    /// "target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,

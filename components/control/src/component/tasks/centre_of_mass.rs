@@ -15,8 +15,8 @@ use crate::{GoalError, GoalRecord, RobotState};
 pub struct CentreOfMassConfig {
     /// Name of the task, with which the names of its parameters begin. Default "centre_of_mass".
     pub name: String,
-    /// Name of the input port of its target, of which position and linear velocity count. The input is optional: without
-    /// a target the centre of mass stays where it was at the start. Default "centre_of_mass_target".
+    /// Name of the input port of its target, of which position and linear velocity count. The input is optional:
+    /// without a target the centre of mass stays where it was at the start. Default "centre_of_mass_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,

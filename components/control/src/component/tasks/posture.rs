@@ -34,7 +34,7 @@ impl Default for PostureConfig {
 }
 
 impl PostureConfig {
-    /// The task, and whether its posture is still to be taken from the first joint state.
+    /// The task, and true if its posture is to be taken from the first joint state.
     fn build(&self, place: &TaskPlace<'_>) -> Result<(PostureTask, bool), ConfigError> {
         let TaskPlace { model, profile, .. } = *place;
         let refused =
@@ -89,7 +89,7 @@ impl TaskKind for PostureConfig {
 /// A posture that the joints keep.
 struct Posture {
     task: PostureTask,
-    /// Whether the posture is still to be taken from the first joint state.
+    /// True until the posture is taken from the first joint state.
     from_start: bool,
     gain: Parameter<f64>,
     weight: Parameter<f64>,
