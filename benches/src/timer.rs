@@ -5,33 +5,44 @@ use motorium::plan::SchedulingClass;
 
 use crate::MeasureError;
 
-/// The period, ns: 1 kHz.
-const PERIOD_NS: u64 = 1_000_000;
+/// The period of the wake-ups, ns: 1 kHz.
+pub const PERIOD_NS: u64 = 1_000_000;
+
+/// Measured wake-ups.
+#[derive(Debug, Clone)]
+pub struct WakeUps {
+    /// Time from each deadline to the first reading of the clock after it, ns.
+    pub late_ns: Vec<u64>,
+    /// `SCHED_FIFO` priority they were measured at, read back; 0 for normal time sharing.
+    pub fifo: u8,
+    /// True if the thread ran on the core that was asked for alone, read back.
+    pub pinned: bool,
+}
 
 /// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a thread of its own on one core
-/// at one `SCHED_FIFO` priority. Returns how late it woke, and the priority read back.
+/// at one `SCHED_FIFO` priority (0: normal time sharing).
 ///
 /// # Errors
 /// The thread died.
-pub fn timer(core: usize, fifo: u8, wake_ups: usize) -> Result<(Vec<u64>, u32), MeasureError> {
+pub fn timer(core: usize, fifo: u8, wake_ups: usize) -> Result<WakeUps, MeasureError> {
     let measured = std::thread::scope(|scope| scope.spawn(|| timer_here(core, fifo, wake_ups)).join());
     measured.map_err(|_| MeasureError::system("measuring wake-ups", "the thread died"))
 }
 
-fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> (Vec<u64>, u32) {
+fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> WakeUps {
     let class = if fifo > 0 { SchedulingClass::Fifo(fifo) } else { SchedulingClass::Normal };
     let (applied, _) = apply(&Request { class, cores: vec![core], lock_memory: false });
     prefault_stack();
-    let mut late = vec![0; wake_ups];
+    let mut late_ns = vec![0; wake_ups];
     let mut deadline = monotonic_ns() + PERIOD_NS;
-    for late in &mut late {
+    for late in &mut late_ns {
         sleep_until(deadline);
         let now = monotonic_ns();
         *late = now.saturating_sub(deadline);
         // The releases a long delay has swallowed are not waited for: they would count as on time.
         deadline += (*late / PERIOD_NS + 1) * PERIOD_NS;
     }
-    (late, u32::from(applied.fifo_priority))
+    WakeUps { late_ns, fifo: applied.fifo_priority, pinned: applied.cores == [core] }
 }
 
 /// What one look at the clock costs, ns: part of every sample of a hop.
@@ -59,7 +70,7 @@ pub struct Places {
 impl Places {
     /// Those of this machine.
     pub fn detect() -> Self {
-        let cores = crate::host::cores();
+        let cores = motorium::os::machine::online_cores();
         let realtime = cores.last().copied().unwrap_or(0);
         Self { realtime, other: cores.first().copied().filter(|core| *core != realtime) }
     }

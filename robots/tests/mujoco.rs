@@ -4,17 +4,12 @@ use std::path::{Path, PathBuf};
 
 use approx::assert_relative_eq;
 use motorium_robots::{
-    CollisionModel, CollisionOptions, Dynamics, Kinematics, LoadOptions, MimicMode, Model, load_with,
-    parse_mjcf,
+    CollisionModel, CollisionOptions, LoadOptions, MimicMode, Model, ModelWarning, load_with, parse_mjcf,
 };
-use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
-}
+mod compare;
+mod traps;
 
 fn read(path: &Path) -> Model {
     let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
@@ -22,70 +17,25 @@ fn read(path: &Path) -> Model {
         return load_with(path.to_str().unwrap(), Path::new("."), &options).unwrap().model;
     }
     let robot = parse_mjcf(&std::fs::read_to_string(path).unwrap(), Some(path), &options).unwrap();
-    assert_eq!(robot.warnings, [], "{}", path.display());
+    let defect = |warning: &&ModelWarning| !matches!(warning, ModelWarning::Ignored { .. });
+    assert_eq!(robot.warnings.iter().find(defect), None, "{}", path.display());
     robot.model
 }
 
 /// Largest relative error over all quantities and cases.
 fn compare(model: &Model, robot: &Value) -> f64 {
-    let n = model.nv();
     let floating = model.base().floating;
     let joints: Vec<&str> =
         robot["joints"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     assert_eq!(joints[usize::from(floating)..], *model.joint_names(), "order of the joints");
     let mut worst: f64 = 0.0;
     let mut judge = |what: &str, ours: &[f64], theirs: &[f64]| {
-        let scale = theirs.iter().fold(1e-3_f64, |most, x| most.max(x.abs()));
-        let error = ours.iter().zip(theirs).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / scale;
+        let error = compare::error(ours, theirs);
         assert!(error < 1e-10, "{what}: {error:e}\n{ours:?}\n{theirs:?}");
         worst = worst.max(error);
     };
     for case in robot["cases"].as_array().unwrap() {
-        let (qpos, qvel) = (numbers(&case["qpos"]), numbers(&case["qvel"]));
-        let (q, v) = model.from_mujoco(&qpos, &qvel);
-        let (back, back_v) = model.to_mujoco(&q, &v);
-        judge("qpos there and back", &back, &qpos);
-        judge("qvel there and back", &back_v, &qvel);
-
-        // Their velocities of a free base are T times ours.
-        let mut turn = DMatrix::identity(n, n);
-        let mut drift = DVector::zeros(n);
-        if floating {
-            let rotation = UnitQuaternion::new_normalize(Quaternion::new(q[6], q[3], q[4], q[5]));
-            let rotation: Matrix3<f64> = rotation.to_rotation_matrix().into_inner();
-            turn.view_mut((0, 0), (3, 3)).copy_from(&rotation);
-            let (linear, angular) =
-                (Vector3::from_column_slice(&v[..3]), Vector3::from_column_slice(&v[3..6]));
-            // Classical less spatial acceleration.
-            drift.rows_mut(0, 3).copy_from(&angular.cross(&linear));
-        }
-        let ours = |theirs: &[f64]| turn.tr_mul(&DVector::from_column_slice(theirs));
-        let mut dynamics = Dynamics::new(model);
-        let mut mass = DMatrix::zeros(n, n);
-        dynamics.crba(model, &q, &mut mass);
-        let rows: Vec<f64> = case["M"].as_array().unwrap().iter().flat_map(numbers).collect();
-        let theirs = turn.transpose() * DMatrix::from_row_slice(n, n, &rows) * &turn;
-        judge("M", mass.as_slice(), theirs.as_slice());
-        let mut tau = DVector::zeros(n);
-        for (what, a) in [("bias", vec![0.0; n]), ("inverse", numbers(&case["a"]))] {
-            let a = ours(&a) - &drift;
-            dynamics.rnea(model, &q, &v, a.as_slice(), GRAVITY, tau.as_mut_slice());
-            judge(what, tau.as_slice(), ours(&numbers(&case[what])).as_slice());
-            let mut back = vec![0.0; n];
-            dynamics.forward(model, &q, &v, tau.as_slice(), GRAVITY, &mut back).unwrap();
-            assert_relative_eq!(DVector::from_vec(back), a, epsilon = 1e-8);
-        }
-        let mut kinematics = Kinematics::new(model);
-        kinematics.update(model, &q);
-        for (name, pose) in case["frames"].as_object().unwrap() {
-            // MuJoCo's world is the first link of a URDF that is fixed to it.
-            let Ok(frame) = model.frame(name) else { continue };
-            let pose = numbers(pose);
-            let found = kinematics.pose(model, frame);
-            judge(name, found.translation.vector.as_slice(), &pose[..3]);
-            let turn = Quaternion::new(pose[3], pose[4], pose[5], pose[6]);
-            judge(name, &[found.rotation.angle_to(&UnitQuaternion::new_normalize(turn))], &[0.0]);
-        }
+        compare::case(model, case, &mut judge);
     }
     worst
 }
@@ -156,6 +106,27 @@ fn what_collides_and_what_does_not_is_read() {
     let knee = model.joint(model.joint_index("left_knee").unwrap());
     assert_relative_eq!(knee.limits.lower, -60.0_f64.to_radians(), epsilon = 1e-15);
     assert_eq!((knee.dynamics.damping, knee.drive.armature()), (0.5, 0.02));
+}
+
+#[test]
+fn bodies_whose_geoms_never_collide_in_mujoco_are_excluded() {
+    let excluded = |floor: &str, robot: &str| {
+        let text = format!(
+            "<mujoco><default><geom {robot}/></default><worldbody><geom {floor} type=\"plane\"/><body name=\"a\"><joint/>\
+             <geom size=\"0.1\"/><body name=\"b\"><joint/><geom size=\"0.1\"/></body></body></worldbody></mujoco>"
+        );
+        parse_mjcf(&text, None, &LoadOptions::default()).unwrap().exclusions.disabled
+    };
+    let pair = |one: &str, other: &str| (one.to_owned(), other.to_owned());
+    assert_eq!(excluded("", ""), []);
+    // A floor that touches the robot, which does not touch itself.
+    assert_eq!(excluded("conaffinity=\"0\" contype=\"1\"", "contype=\"0\""), [pair("a", "b")]);
+    assert_eq!(excluded("contype=\"2\" conaffinity=\"2\"", ""), [pair("a", "world"), pair("b", "world")]);
+    // Bit 31 is a bit like any other.
+    assert_eq!(
+        excluded("contype=\"2147483648\" conaffinity=\"0\"", "contype=\"0\" conaffinity=\"2147483648\""),
+        [pair("a", "b")]
+    );
 }
 
 fn refusal(body: &str) -> String {

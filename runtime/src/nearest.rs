@@ -15,7 +15,10 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
                 !part.is_empty()
                     && (whole.ends_with(&format!("/{part}")) || whole.ends_with(&format!(".{part}")))
             };
-            let near = distance <= allowed || part(&candidate, &wanted) || part(&wanted, &candidate);
+            // a slip in the last part, with the parts before it left out
+            let last_part = candidate.rsplit(['/', '.']).next().unwrap_or_default();
+            let slip = !wanted.is_empty() && strsim::damerau_levenshtein(&wanted, last_part) <= allowed;
+            let near = distance <= allowed || slip || part(&candidate, &wanted) || part(&wanted, &candidate);
             near.then_some((distance, name))
         })
         .min()
@@ -49,6 +52,7 @@ mod tests {
         assert_eq!(nearest("rte", known), Some("rate"));
         assert_eq!(nearest("Trigger", known), Some("trigger"));
         assert_eq!(nearest("joint-state", known), Some("panda/joint_state"));
+        assert_eq!(nearest("joint_sate", known), Some("panda/joint_state"));
         assert_eq!(nearest("colour", known), None);
         assert_eq!(nearest("", known), None);
     }

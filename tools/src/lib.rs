@@ -9,6 +9,7 @@ mod out;
 mod overheads;
 mod registry;
 mod report;
+mod runs;
 mod screen;
 mod style;
 
@@ -18,13 +19,18 @@ use crate::out::errln;
 use clap::Parser as _;
 use motorium::program::{Program, run_worker};
 
+/// The description of the command line: every command, option and help text.
+pub fn command() -> clap::Command {
+    <commands::Cli as clap::CommandFactory>::command()
+}
+
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     // This program is also the process of every built-in component, and the guard.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {
-            let registry = registry::registry();
+            let registry = registry::with_benches();
             return run_worker(&folder, &component, |plan| match &plan.program {
                 motorium::plan::Program::Builtin { kind } => registry.find(kind).copied(),
                 motorium::plan::Program::Exec { .. } => None,

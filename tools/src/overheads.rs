@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use motorium::os::machine;
 use motorium::schedule::Overheads;
 use serde::{Deserialize, Serialize};
 
@@ -20,25 +21,13 @@ pub(crate) struct Machine {
 impl Machine {
     /// This one.
     pub(crate) fn this() -> Self {
-        let system = rustix::system::uname();
-        let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
-        let cpus = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = cpus.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+        let kernel = machine::Kernel::detect();
         Self {
-            kernel: format!("{} {}", text(system.release()), text(system.version())),
-            processor: model.map_or_else(|| text(system.machine()), |(_, model)| model.trim().to_string()),
-            cores: online_cores(),
+            kernel: format!("{} {}", kernel.release, kernel.version),
+            processor: machine::processor(),
+            cores: machine::online_cores().len(),
         }
     }
-}
-
-/// Cores of the machine, whichever of them this thread may use.
-fn online_cores() -> usize {
-    let stat = std::fs::read_to_string("/proc/stat").unwrap_or_default();
-    let is_core = |line: &&str| {
-        line.strip_prefix("cpu").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
-    };
-    stat.lines().filter(is_core).count()
 }
 
 /// What the file holds.

@@ -1,26 +1,32 @@
-//! The component kinds this program hosts, and the robots it knows.
+//! The component kinds that this program hosts, and the robots it knows.
 
 use std::path::Path;
 
 use motorium::declare::ConfigError;
 use motorium::worker::{Kind, Registry, RobotSource};
 
-/// Everything built in.
+/// The kinds that a graph may use.
 pub(crate) fn registry() -> Registry {
-    Registry::new(
-        RobotSource { check: check_robot },
-        [
-            Kind::of::<motorium_physics::RapierPhysics>(),
-            Kind::of::<motorium_sensors::JointEncoder>(),
-            Kind::of::<motorium_control::QpController>(),
-            Kind::of::<motorium_policies::CpgPolicy>(),
-            Kind::of::<motorium_policies::DmpPolicy>(),
-            Kind::of::<motorium_policies::ProMpPolicy>(),
-            Kind::of::<motorium_policies::LibraryPolicy>(),
-            Kind::of::<motorium_interfaces::ConsoleLog>(),
-            Kind::of::<motorium_benches::relay::Relay>(),
-        ],
-    )
+    Registry::new(RobotSource { check: check_robot }, kinds())
+}
+
+/// The kinds that a graph may use, and those that only the graphs of benchmarks are made of.
+pub(crate) fn with_benches() -> Registry {
+    let kinds = kinds().into_iter().chain([Kind::of::<motorium_benches::relay::Relay>()]);
+    Registry::new(RobotSource { check: check_robot }, kinds)
+}
+
+fn kinds() -> Vec<Kind> {
+    vec![
+        Kind::of::<motorium_physics::RapierPhysics>(),
+        Kind::of::<motorium_sensors::JointEncoder>(),
+        Kind::of::<motorium_control::QpController>(),
+        Kind::of::<motorium_policies::CpgPolicy>(),
+        Kind::of::<motorium_policies::DmpPolicy>(),
+        Kind::of::<motorium_policies::ProMpPolicy>(),
+        Kind::of::<motorium_policies::LibraryPolicy>(),
+        Kind::of::<motorium_interfaces::ConsoleLog>(),
+    ]
 }
 
 fn check_robot(urdf: &str, base: &Path) -> Result<Vec<String>, ConfigError> {

@@ -12,8 +12,8 @@ use ratatui::text::Text;
 use ratatui::widgets::{Paragraph, Row, Table, Widget as _};
 use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 
-use crate::commands::line;
 use crate::report::microseconds;
+use crate::runs::event_line;
 
 /// The live table: below the lines of the run, redrawn in place.
 pub(crate) struct Screen {
@@ -32,7 +32,7 @@ impl Screen {
     pub(crate) fn show(&mut self, event: &Event<'_>) {
         if let Event::Status(status) = event {
             let _ = self.terminal.draw(|frame| draw(frame, status));
-        } else if let Some(line) = line(event) {
+        } else if let Some(line) = event_line(event) {
             let plain = anstream::adapter::strip_str(&line).to_string();
             let _ = self
                 .terminal
@@ -130,7 +130,7 @@ impl Plain {
                 self.next_ns = (status.elapsed_ns / 1_000_000_000 + 1) * 1_000_000_000;
                 status_line(status)
             }
-            _ => match line(event) {
+            _ => match event_line(event) {
                 Some(line) => line,
                 None => return,
             },

@@ -88,7 +88,7 @@ mod tests {
     fn every_graph_of_relays_can_run() {
         let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
         let machine = Machine::detect();
-        let core = crate::host::cores()[0];
+        let core = motorium::os::machine::online_cores()[0];
         let graphs = [release(4_000, 1, core), chain(2, 1, core), chain(8, 1, core), caterpillar(1, core)];
         for text in graphs.into_iter().chain([fan_out(1, 1, core), fan_out(8, 1, core)]) {
             let checked = graph::check(Path::new("bench.toml"), text.clone(), &[], &registry, &machine);

@@ -65,7 +65,7 @@ impl Loader {
 
 impl core::fmt::Display for Loader {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let with = self.arguments(super::cores().len()).join(" ");
+        let with = self.arguments(motorium::os::machine::online_cores().len()).join(" ");
         match self {
             Self::StressNg { version } => write!(f, "stress-ng {version} {with}"),
             Self::Hackbench => write!(f, "hackbench {with}"),
@@ -92,7 +92,7 @@ impl Load {
             load.0.push(command.spawn()?);
             Ok(())
         };
-        let cores = super::cores().len();
+        let cores = motorium::os::machine::online_cores().len();
         match loader {
             Loader::StressNg { .. } => start(Path::new("stress-ng"), &loader.arguments(cores))?,
             Loader::Hackbench => start(Path::new("hackbench"), &loader.arguments(cores))?,

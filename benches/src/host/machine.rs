@@ -1,8 +1,6 @@
 //! The machine line: what the figures were measured on.
 
-use std::fs::File;
-use std::io::Read as _;
-
+use motorium::os::machine;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,39 +31,21 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Looks at this machine.
+    /// Reads the facts of this machine.
     pub fn detect() -> Self {
-        let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let line = |name: &str| {
-            let found = cpuinfo.lines().find(|line| line.starts_with(name));
-            found.and_then(|line| line.split_once(':')).map(|(_, value)| value.trim().to_string())
-        };
-        let flags = line("flags").or_else(|| line("Features")).unwrap_or_default();
-        let version = read("/proc/sys/kernel/version").unwrap_or_default();
-        let preemption = version.split_whitespace().find(|word| word.starts_with("PREEMPT")).unwrap_or("");
-        let idle = "/sys/devices/system/cpu/cpuidle";
-        let idle = read(&format!("{idle}/current_driver"))
-            .zip(
-                read(&format!("{idle}/current_governor_ro"))
-                    .or_else(|| read(&format!("{idle}/current_governor"))),
-            )
-            .map(|(driver, governor)| format!("{driver}/{governor}"));
+        let kernel = machine::Kernel::detect();
+        let preemption = kernel.preemption().map_or(String::new(), |model| format!(" {model}"));
         Self {
-            kernel: format!("{} {preemption}", read("/proc/sys/kernel/osrelease").unwrap_or_default())
-                .trim()
-                .to_string(),
-            processor: line("model name").unwrap_or_else(|| std::env::consts::ARCH.to_string()),
-            cores: cores().len(),
-            clock_source: read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
-                .unwrap_or_else(|| "unknown".to_string()),
-            is_virtual: flags.split_whitespace().any(|flag| flag == "hypervisor"),
-            governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
-            idle,
-            load: read("/proc/loadavg")
-                .and_then(|text| text.split_whitespace().next()?.parse().ok())
-                .unwrap_or(0.0),
-            idle_exit_us: idle_exit_us(),
-            realtime_us_per_s: throttling(),
+            kernel: format!("{}{preemption}", kernel.release),
+            processor: machine::processor(),
+            cores: machine::online_cores().len(),
+            clock_source: machine::clock_source().unwrap_or_else(|| "unknown".to_string()),
+            is_virtual: machine::is_virtual(),
+            governor: machine::governor(0),
+            idle: machine::idle_driver(),
+            idle_exit_us: machine::idle_exit_limit_us(),
+            load: machine::load().unwrap_or(0.0),
+            realtime_us_per_s: machine::realtime_limit_us_per_s(),
         }
     }
 }
@@ -90,34 +70,6 @@ impl core::fmt::Display for Machine {
         }
         write!(f, ", load {:.2}", self.load)
     }
-}
-
-/// What those who hold `/dev/cpu_dma_latency` open have limited idle states to.
-fn idle_exit_us() -> Option<u64> {
-    let mut bytes = [0; 4];
-    File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
-    // Without a limit the kernel shows 2000 s.
-    u64::try_from(i32::from_ne_bytes(bytes)).ok().filter(|limit| *limit < 1_000_000)
-}
-
-fn read(path: &str) -> Option<String> {
-    Some(std::fs::read_to_string(path).ok()?.trim().to_string()).filter(|text| !text.is_empty())
-}
-
-fn throttling() -> Option<u64> {
-    let number = |name: &str| read(&format!("/proc/sys/kernel/{name}"))?.parse::<i64>().ok();
-    let (runtime, period) = (number("sched_rt_runtime_us")?, number("sched_rt_period_us")?);
-    (runtime >= 0 && runtime < period).then(|| (runtime * 1_000_000 / period) as u64)
-}
-
-/// The cores that are online.
-pub fn cores() -> Vec<usize> {
-    let list = read("/sys/devices/system/cpu/online").unwrap_or_else(|| "0".to_string());
-    let range = |part: &str| {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        Some(first.trim().parse().ok()?..=last.trim().parse().ok()?)
-    };
-    list.split(',').filter_map(range).flatten().collect()
 }
 
 #[cfg(test)]

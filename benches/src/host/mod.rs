@@ -6,5 +6,5 @@ mod share;
 
 pub(crate) use load::{LOAD, run_load};
 pub use load::{Load, Loader};
-pub use machine::{Machine, cores};
+pub use machine::Machine;
 pub use share::{Causes, FloorShare, HostShare, Watch};

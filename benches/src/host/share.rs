@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use motorium::launcher::{CoreReport, CoreWatch, Report};
+use motorium::os::machine::online_cores;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -159,7 +160,7 @@ pub struct Watch {
 impl Watch {
     /// Begins to watch.
     pub fn start() -> Self {
-        Self { cores: CoreWatch::start(super::cores()), since: Instant::now() }
+        Self { cores: CoreWatch::start(online_cores()), since: Instant::now() }
     }
 
     /// What happened since the start.
@@ -211,7 +212,7 @@ mod tests {
     #[test]
     fn a_watch_sees_every_core_of_the_machine() {
         let seen = Watch::start().stop();
-        assert_eq!(seen.cores.iter().map(|core| core.core).collect::<Vec<_>>(), crate::host::cores());
+        assert_eq!(seen.cores.iter().map(|core| core.core).collect::<Vec<_>>(), online_cores());
         assert!(seen.steal_share >= 0.0);
     }
 

@@ -4,7 +4,6 @@ mod catalogue;
 mod compare;
 mod json;
 mod miss;
-mod plot;
 mod targets;
 
 use std::path::PathBuf;
@@ -16,7 +15,6 @@ use serde::{Deserialize, Serialize};
 pub use catalogue::{Case, catalogue};
 pub use compare::{Change, Comparison, Direction, compare};
 pub use json::{ReadError, Skipped, VERSION, Written};
-pub use plot::plot;
 pub use targets::{Target, Verdict, targets};
 
 use crate::host::{Causes, FloorShare, HostShare, Load, Loader, Watch};

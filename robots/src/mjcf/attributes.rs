@@ -1,61 +1,104 @@
 //! Attributes with their default classes, and errors with their place.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 
 use roxmltree::{Document, Node};
 
 use super::error::{MjcfError, MjcfProblem};
-use crate::Position;
+use super::schema::{POSE, Schema, Use, is_off};
 use crate::nearest::nearest;
+use crate::{ModelWarning, Position};
 
-/// Attributes by name, of each kind of element.
-type Class<'a> = HashMap<&'a str, HashMap<&'a str, &'a str>>;
-
-/// The document and its `<default>` classes.
-pub(super) struct Attributes<'a, 'i> {
-    document: &'a Document<'i>,
-    classes: HashMap<String, Class<'a>>,
-}
-
-/// The class of those elements that name none.
+/// The class of elements that name none.
 pub(super) const MAIN: &str = "main";
 
-/// Kinds of elements whose defaults matter here.
-const KINDS: [&str; 3] = ["joint", "geom", "mesh"];
+/// A value and the element that gives it.
+#[derive(Clone, Copy)]
+struct Given<'a, 'i> {
+    value: &'a str,
+    node: Node<'a, 'i>,
+}
+
+/// The values of each attribute, the parent's before the child's: a short list of numbers leaves the rest of the one
+/// before.
+type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
+
+/// The document, its `<default>` classes (values by kind of element) and the warnings so far.
+pub(super) struct Attributes<'a, 'i> {
+    document: &'a Document<'i>,
+    classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
+    warnings: RefCell<Vec<ModelWarning>>,
+}
 
 impl<'a, 'i> Attributes<'a, 'i> {
     pub(super) fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
-        let mut attributes = Self { document, classes: HashMap::from([(MAIN.to_owned(), Class::new())]) };
+        let classes = HashMap::from([(MAIN, HashMap::new())]);
+        let mut attributes = Self { document, classes, warnings: RefCell::default() };
         for section in document.root_element().children().filter(|node| node.has_tag_name("default")) {
             attributes.read_class(section, None)?;
         }
         Ok(attributes)
     }
 
-    /// A class is its parent's, changed.
+    /// Reads a class, which begins as its parent, and the classes in it.
     fn read_class(&mut self, node: Node<'a, 'i>, parent: Option<&str>) -> Result<(), MjcfError> {
         let name = match (node.attribute("class"), parent) {
-            (Some(name), _) => name,
             (None, None) => MAIN,
+            (Some(MAIN), None) => MAIN,
+            (Some(name), None) => {
+                return Err(self.refused(node, "class", name, "the outermost class is main"));
+            }
             (None, Some(_)) => return Err(self.missing(node, "class")),
+            (Some(name), Some(_)) if self.classes.contains_key(name) => {
+                return Err(self.error(node, MjcfProblem::Duplicate { what: "class", name: name.to_owned() }));
+            }
+            (Some(name), Some(_)) => name,
         };
         let mut class = self.classes.get(parent.unwrap_or(MAIN)).cloned().unwrap_or_default();
-        for element in node.children().filter(Node::is_element) {
-            let kind = element.tag_name().name();
-            if KINDS.contains(&kind) {
-                let values = class.entry(kind).or_default();
-                values.extend(element.attributes().map(|attribute| (attribute.name(), attribute.value())));
+        for element in node.children().filter(Node::is_element).filter(|child| !child.has_tag_name("default"))
+        {
+            let tag = element.tag_name().name();
+            let Ok(schema) = Schema::of_default(tag) else {
+                return Err(self.error(element, MjcfProblem::Element(format!("{tag}> of <default"))));
+            };
+            let Some(schema) = schema else { continue };
+            self.refuse_unknown(element, |name| schema.contains(name) && !["name", "class"].contains(&name))?;
+            let values = class.entry(schema.kind).or_default();
+            if self.orientation(element)?.is_some() {
+                values.retain(|name, _| !POSE[1..].contains(name));
+            }
+            for attribute in element.attributes() {
+                let given = Given { value: attribute.value(), node: element };
+                values.entry(attribute.name()).or_default().push(given);
             }
         }
-        self.classes.insert(name.to_owned(), class);
+        self.classes.insert(name, class);
         for child in node.children().filter(|child| child.has_tag_name("default")) {
             self.read_class(child, Some(name))?;
         }
         Ok(())
     }
 
+    /// The attribute of an element itself that turns it.
+    fn orientation(&self, node: Node<'a, 'i>) -> Result<Option<(&'static str, Given<'a, 'i>)>, MjcfError> {
+        let mut ways = POSE[1..].iter().filter_map(|way| Some((*way, node.attribute(*way)?)));
+        let first = ways.next();
+        match ways.next() {
+            Some((way, value)) => Err(self.refused(node, way, value, "one orientation is enough")),
+            None => Ok(first.map(|(way, value)| (way, Given { value, node }))),
+        }
+    }
+
+    fn refuse_unknown(&self, node: Node<'_, '_>, known: impl Fn(&str) -> bool) -> Result<(), MjcfError> {
+        match node.attributes().find(|attribute| !known(attribute.name())) {
+            None => Ok(()),
+            Some(attribute) => Err(self.refused(node, attribute.name(), attribute.value(), "")),
+        }
+    }
+
     /// The class of an element: the one it names, or that of the bodies around it.
-    pub(super) fn class_of(&self, node: Node<'a, 'i>, around: &'a str) -> Result<&'a str, MjcfError> {
+    fn class_of(&self, node: Node<'a, 'i>, around: &'a str) -> Result<&'a str, MjcfError> {
         let class = node.attribute("class").unwrap_or(around);
         self.known_class(node, class).map(|()| class)
     }
@@ -64,35 +107,50 @@ impl<'a, 'i> Attributes<'a, 'i> {
         if self.classes.contains_key(class) {
             return Ok(());
         }
-        let nearest = nearest(class, self.classes.keys().map(String::as_str)).map(str::to_owned);
+        let nearest = nearest(class, self.classes.keys().copied()).map(str::to_owned);
         let element = node.tag_name().name().to_owned();
         Err(self
             .error(node, MjcfProblem::Unknown { element, what: "class", name: class.to_owned(), nearest }))
     }
 
-    /// The value that the element or its class gives.
-    pub(super) fn get(&self, node: Node<'a, 'i>, class: &str, name: &str) -> Option<&'a str> {
-        let default = || self.classes.get(class)?.get(node.tag_name().name())?.get(name).copied();
-        node.attribute(name).or_else(default)
-    }
-
-    /// The value of one of several attributes that exclude each other: the element's own before its class's.
-    pub(super) fn one_of<const N: usize>(
-        &self,
+    /// An element with its defaults, its attributes not yet looked at.
+    pub(super) fn unchecked<'b>(
+        &'b self,
         node: Node<'a, 'i>,
-        class: &str,
-        names: [&'static str; N],
-    ) -> Option<(&'static str, &'a str)> {
-        let own = names.into_iter().find_map(|name| Some((name, node.attribute(name)?)));
-        own.or_else(|| names.into_iter().find_map(|name| Some((name, self.get(node, class, name)?))))
+        around: &'a str,
+        schema: &'static Schema,
+    ) -> Result<Element<'b, 'a, 'i>, MjcfError> {
+        let class = if schema.kind.is_empty() { MAIN } else { self.class_of(node, around)? };
+        let defaults = self.classes.get(class).and_then(|class| class.get(schema.kind));
+        Ok(Element { attributes: self, node, defaults, schema })
     }
 
-    /// Refuses attributes that are not in `known`, of the element itself: those of classes are for others too.
-    pub(super) fn only(&self, node: Node<'_, '_>, known: &[&str]) -> Result<(), MjcfError> {
-        match node.attributes().find(|attribute| !known.contains(&attribute.name())) {
-            None => Ok(()),
-            Some(attribute) => Err(self.refused(node, attribute.name(), attribute.value(), "")),
+    /// An element with its defaults, whose attributes are all among those of `schema` and none of them refused.
+    pub(super) fn element<'b>(
+        &'b self,
+        node: Node<'a, 'i>,
+        around: &'a str,
+        schema: &'static Schema,
+    ) -> Result<Element<'b, 'a, 'i>, MjcfError> {
+        self.unchecked(node, around, schema)?.checked()
+    }
+
+    /// Warns that something is ignored; once for each kind of thing, with a count.
+    pub(super) fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
+        let mut warnings = self.warnings.borrow_mut();
+        for warning in warnings.iter_mut() {
+            if let ModelWarning::Ignored { what: known, count, .. } = warning
+                && *known == what
+            {
+                *count += 1;
+                return;
+            }
         }
+        warnings.push(ModelWarning::Ignored { what, at: self.place(node), count: 1, reason });
+    }
+
+    pub(super) fn warnings(&self) -> Vec<ModelWarning> {
+        self.warnings.take()
     }
 
     pub(super) fn refused(
@@ -111,58 +169,149 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     pub(super) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
+        MjcfError { file: None, at: self.place(node), problem: Box::new(problem) }
+    }
+
+    fn place(&self, node: Node<'_, '_>) -> Position {
         let at = self.document.text_pos_at(node.range().start);
-        MjcfError { file: None, at: Position { line: at.row, column: at.col }, problem: Box::new(problem) }
+        Position { line: at.row, column: at.col }
     }
 
-    /// Exactly `N` numbers.
-    pub(super) fn numbers<const N: usize>(
-        &self,
-        node: Node<'a, 'i>,
-        class: &str,
-        name: &str,
-    ) -> Result<Option<[f64; N]>, MjcfError> {
-        let Some(value) = self.get(node, class, name) else { return Ok(None) };
-        self.parse(node, name, value, N).map(|numbers| Some(std::array::from_fn(|index| numbers[index])))
-    }
-
-    pub(super) fn number(
-        &self,
-        node: Node<'a, 'i>,
-        class: &str,
-        name: &str,
-        default: f64,
-    ) -> Result<f64, MjcfError> {
-        Ok(self.numbers::<1>(node, class, name)?.map_or(default, |[x]| x))
-    }
-
-    /// `count` numbers, or at least one when `count` is zero.
+    /// Numbers separated by spaces, as many as `count` has.
     pub(super) fn parse(
         &self,
         node: Node<'_, '_>,
         name: &str,
         value: &str,
-        count: usize,
+        count: std::ops::RangeInclusive<usize>,
     ) -> Result<Vec<f64>, MjcfError> {
         let numbers: Result<Vec<f64>, _> = value.split_whitespace().map(str::parse).collect();
         match numbers {
-            Ok(numbers)
-                if numbers.iter().all(|x| x.is_finite())
-                    && (numbers.len() == count || count == 0 && !numbers.is_empty()) =>
-            {
+            Ok(numbers) if numbers.iter().all(|x| x.is_finite()) && count.contains(&numbers.len()) => {
                 Ok(numbers)
             }
             _ => {
-                let expected = match count {
-                    0 => "numbers separated by spaces".to_owned(),
-                    1 => "a number".to_owned(),
-                    _ => format!("{count} numbers separated by spaces"),
+                let expected = match (*count.start(), *count.end()) {
+                    (1, 1) => "a number".to_owned(),
+                    (least, most) if least == most => format!("{least} numbers separated by spaces"),
+                    (least, most) => format!("{least} to {most} numbers separated by spaces"),
                 };
                 let (attribute, value) = (name.to_owned(), value.to_owned());
                 Err(self
                     .error(node, MjcfProblem::Number { element: named(node), attribute, value, expected }))
             }
         }
+    }
+}
+
+/// An element of the file with the defaults of its class.
+#[derive(Clone, Copy)]
+pub(super) struct Element<'b, 'a, 'i> {
+    pub(super) attributes: &'b Attributes<'a, 'i>,
+    pub(super) node: Node<'a, 'i>,
+    defaults: Option<&'b Values<'a, 'i>>,
+    schema: &'static Schema,
+}
+
+impl<'a, 'i> Element<'_, 'a, 'i> {
+    pub(super) fn checked(self) -> Result<Self, MjcfError> {
+        self.attributes.refuse_unknown(self.node, |name| self.schema.contains(name))?;
+        for (treatment, name) in self.schema.exceptions() {
+            match (self.given(name).filter(|given| !is_off(given.value)), treatment) {
+                (Some(given), Use::Refused(reason)) => {
+                    return Err(self.attributes.refused(given.node, name, given.value, reason));
+                }
+                (Some(given), Use::Ignored(reason)) => self.ignored(given.node, name, reason),
+                _ => {}
+            }
+        }
+        Ok(self)
+    }
+
+    /// Warns that an attribute, given at `node`, is ignored.
+    fn ignored(&self, node: Node<'_, '_>, name: &str, reason: &'static str) {
+        let element = self.node.tag_name().name();
+        self.attributes.ignored(node, format!("{name} of <{element}>"), reason);
+    }
+
+    /// Warns that an attribute is ignored.
+    pub(super) fn ignore(&self, name: &str, reason: &'static str) {
+        let node = self.given(name).map_or(self.node, |given| given.node);
+        self.ignored(node, name, reason);
+    }
+
+    fn given(&self, name: &str) -> Option<Given<'a, 'i>> {
+        let own = self.node.attribute(name).map(|value| Given { value, node: self.node });
+        own.or_else(|| self.defaults?.get(name)?.last().copied())
+    }
+
+    /// The value that the element or its class gives.
+    pub(super) fn get(&self, name: &str) -> Option<&'a str> {
+        self.given(name).map(|given| given.value)
+    }
+
+    /// The one attribute that turns the element, its value and the element that gives it: its own before its class's.
+    pub(super) fn orientation(&self) -> Result<Option<(&'static str, &'a str, Node<'a, 'i>)>, MjcfError> {
+        let found = match self.attributes.orientation(self.node)? {
+            Some(own) => Some(own),
+            None => POSE[1..].iter().find_map(|way| Some((*way, self.given(way)?))),
+        };
+        Ok(found.map(|(way, given)| (way, given.value, given.node)))
+    }
+
+    pub(super) fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
+        match self.get(name) {
+            None => Ok(default),
+            Some("true") => Ok(true),
+            Some("false") => Ok(false),
+            Some(_) => Err(self.refused(name, "expected true or false")),
+        }
+    }
+
+    /// Exactly `N` numbers.
+    pub(super) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
+        let Some(given) = self.given(name) else { return Ok(None) };
+        let numbers = self.attributes.parse(given.node, name, given.value, N..=N)?;
+        Ok(Some(std::array::from_fn(|index| numbers[index])))
+    }
+
+    pub(super) fn number(&self, name: &str, default: f64) -> Result<f64, MjcfError> {
+        Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
+    }
+
+    /// At most `N` numbers in place of as many of those of the class, of its parent, and of `default`.
+    pub(super) fn first_numbers<const N: usize>(
+        &self,
+        name: &str,
+        default: [f64; N],
+    ) -> Result<[f64; N], MjcfError> {
+        let mut numbers = default;
+        let class = self.defaults.and_then(|defaults| defaults.get(name)).map_or(&[][..], Vec::as_slice);
+        let own = self.node.attribute(name).map(|value| Given { value, node: self.node });
+        for given in class.iter().copied().chain(own) {
+            let first = self.attributes.parse(given.node, name, given.value, 1..=N)?;
+            numbers[..first.len()].copy_from_slice(&first);
+        }
+        Ok(numbers)
+    }
+
+    /// Refuses an attribute that the element or its class gives.
+    pub(super) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
+        let given = self.given(name).unwrap_or(Given { value: "", node: self.node });
+        self.attributes.refused(given.node, name, given.value, reason)
+    }
+
+    pub(super) fn missing(&self, name: &'static str) -> MjcfError {
+        self.attributes.missing(self.node, name)
+    }
+
+    pub(super) fn error(&self, problem: MjcfProblem) -> MjcfError {
+        self.attributes.error(self.node, problem)
+    }
+
+    /// An error in words of its own.
+    pub(super) fn fault(&self, problem: impl Into<String>) -> MjcfError {
+        self.error(MjcfProblem::Other(problem.into()))
     }
 }
 

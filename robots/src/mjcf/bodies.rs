@@ -1,152 +1,80 @@
 //! The tree of bodies.
 
 use std::collections::HashSet;
-use std::path::Path;
 
 use nalgebra::{Isometry3, Translation3, Vector3};
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 
-use super::attributes::{Attributes, MAIN, named};
-use super::compiler::{Compiler, FromGeoms};
+use super::attributes::{Attributes, Element, MAIN, named};
+use super::compiler::FromGeoms;
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
-use super::pose::pose;
-use super::sections::{read_assets, read_exclusions};
-use super::{MjcfRobot, equality};
-use crate::load::{BaseMode, LoadOptions};
-use crate::{Base, Body, Coordinate, Frame, Inertia, Model, ModelWarning, Position, Shape, Srdf};
-
-/// Sections that no quantity here contains.
-const SKIPPED: [&str; 9] =
-    ["option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "actuator", "tendon"];
-pub(super) const POSES: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
-
-pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
-    let document =
-        Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
-            .map_err(|error| {
-                let at = error.pos();
-                let message = error.to_string().replace(&format!(" at {at}"), "");
-                let at = Position { line: at.row, column: at.col };
-                MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
-            })?;
-    let attributes = Attributes::new(&document)?;
-    let root = document.root_element();
-    if !root.has_tag_name("mujoco") {
-        return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
-    }
-    let compiler = Compiler::read(root, &attributes)?;
-    let mut geoms = Geoms { attributes: &attributes, compiler: &compiler, meshes: Default::default() };
-    let mut exclusions = Srdf::default();
-    for section in root.children().filter(Node::is_element) {
-        match section.tag_name().name() {
-            "asset" => read_assets(section, &mut geoms, file)?,
-            "contact" => read_exclusions(section, &attributes, &mut exclusions)?,
-            "compiler" | "default" | "worldbody" | "equality" => {}
-            name if SKIPPED.contains(&name) => {}
-            name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
-        }
-    }
-    let fixed = Base {
-        floating: false,
-        neutral: Isometry3::identity(),
-        inertia: Inertia::zero(),
-        shapes: Vec::new(),
-        world_shapes: Vec::new(),
-    };
-    let world =
-        Frame { name: "world".to_owned(), body: None, in_world: false, placement: Isometry3::identity() };
-    let mut tree = Tree {
-        geoms: &geoms,
-        base: fixed,
-        bodies: Vec::new(),
-        frames: vec![world],
-        references: Vec::new(),
-        warnings: Vec::new(),
-    };
-    let place = Place { carrier: None, world: true, within: Isometry3::identity(), class: MAIN, top: true };
-    for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
-        // What stands in the world weighs nothing.
-        drop(tree.contents(section, &place)?);
-    }
-    if options.base == BaseMode::Floating && !tree.base.floating {
-        let problem = "nothing floats in this file; give the body that should a <freejoint/>".to_owned();
-        return Err(attributes.error(root, MjcfProblem::Other(problem)));
-    }
-    tree.check_names(&attributes, root)?;
-    for section in root.children().filter(|section| section.has_tag_name("equality")) {
-        equality::couple(section, &attributes, &mut tree.bodies, &tree.references, options.mimic)?;
-    }
-    tree.check_exclusions(&attributes, root, &exclusions)?;
-    let name = root.attribute("model").unwrap_or("MuJoCo Model").to_owned();
-    let Tree { mut base, mut bodies, frames, mut warnings, .. } = tree;
-    if let Some(total) = compiler.total_mass {
-        let inertias = || bodies.iter().map(|body| &body.inertia).chain([&base.inertia]);
-        let scale = total / inertias().map(|inertia| inertia.mass).sum::<f64>();
-        for inertia in bodies.iter_mut().map(|body| &mut body.inertia).chain([&mut base.inertia]) {
-            inertia.mass *= scale;
-            inertia.rotational *= scale;
-        }
-    }
-    number_joints(&mut bodies);
-    for body in &bodies {
-        crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
-    }
-    crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
-    Ok(MjcfRobot { model: Model::new(name, base, bodies, frames), warnings, exclusions })
-}
-
-/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body until here.
-fn number_joints(bodies: &mut [Body]) {
-    let mut next = 0;
-    let columns: Vec<usize> = bodies
-        .iter()
-        .map(|body| {
-            let independent = matches!(body.joint.coordinate, Coordinate::Independent(_));
-            next += usize::from(independent);
-            next - usize::from(independent)
-        })
-        .collect();
-    for (body, &column) in bodies.iter_mut().zip(&columns) {
-        match &mut body.joint.coordinate {
-            Coordinate::Independent(index) => *index = column,
-            Coordinate::Mimic { of, .. } => *of = columns[*of],
-        }
-    }
-}
+use super::joints::SpringDamper;
+use super::masks::Masks;
+use super::pose::{between, pose};
+use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
+use crate::{Base, Body, Frame, Inertia, Shape, Srdf};
 
 /// Where elements stand.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+pub(super) struct Place<'a> {
     /// Body they belong to; `None` for the world or a floating base.
-    carrier: Option<usize>,
+    pub(super) carrier: Option<usize>,
     /// It is the world.
-    world: bool,
+    pub(super) world: bool,
     /// The frame of the element around them, in that body's.
-    within: Isometry3<f64>,
+    pub(super) within: Isometry3<f64>,
     /// Their default class.
-    class: &'a str,
+    pub(super) class: &'a str,
     /// In the world itself, not in a body of it: where free joints are.
-    top: bool,
+    pub(super) top: bool,
 }
 
 pub(super) struct Tree<'b, 'a, 'i> {
     pub(super) geoms: &'b Geoms<'b, 'a, 'i>,
-    base: Base,
+    pub(super) base: Base,
     pub(super) bodies: Vec<Body>,
-    frames: Vec<Frame>,
+    pub(super) frames: Vec<Frame>,
     /// Position of each body's joint in the pose of the file.
     pub(super) references: Vec<f64>,
-    warnings: Vec<ModelWarning>,
+    pub(super) spring_dampers: Vec<SpringDamper<'a, 'i>>,
+    pub(super) masks: Masks,
+    /// Mass of bodies that do not move, where `settotalmass` asks for it \[kg\].
+    pub(super) static_mass: f64,
+    /// Sites, which become frames where no body has their name.
+    sites: Vec<(Node<'a, 'i>, Frame)>,
 }
 
 impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
+    pub(super) fn new(geoms: &'b Geoms<'b, 'a, 'i>) -> Self {
+        let base = Base {
+            floating: false,
+            neutral: Isometry3::identity(),
+            inertia: Inertia::zero(),
+            shapes: Vec::new(),
+            world_shapes: Vec::new(),
+        };
+        let placement = Isometry3::identity();
+        let world = Frame { name: "world".to_owned(), body: None, in_world: false, placement };
+        Self {
+            geoms,
+            base,
+            bodies: Vec::new(),
+            frames: vec![world],
+            references: Vec::new(),
+            spring_dampers: Vec::new(),
+            masks: Masks::default(),
+            static_mass: 0.0,
+            sites: Vec::new(),
+        }
+    }
+
     pub(super) fn attributes(&self) -> &'b Attributes<'a, 'i> {
         self.geoms.attributes
     }
 
-    /// What stands in a body, a frame or the world; gives the inertia of its geoms, in the frame of the carrier.
-    fn contents(
+    /// Reads what is in a body, a frame or the world; gives the inertia of its geoms, in the frame of the carrier.
+    pub(super) fn contents(
         &mut self,
         node: Node<'a, 'i>,
         place: &Place<'a>,
@@ -157,8 +85,8 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             match element.tag_name().name() {
                 "body" => self.body(element, place)?,
                 "frame" => {
-                    attributes.only(element, &[&["name", "childclass"], &POSES[..]].concat())?;
-                    let within = place.within * pose(attributes, self.geoms.compiler, element, MAIN)?;
+                    let frame = attributes.element(element, MAIN, &FRAME)?;
+                    let within = place.within * pose(&frame, self.geoms.compiler)?;
                     let class = element.attribute("childclass").unwrap_or(place.class);
                     attributes.known_class(element, class)?;
                     let inside = self.contents(element, &Place { within, class, ..*place })?;
@@ -166,8 +94,9 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                 }
                 "geom" => {
                     let geom = self.geoms.read(element, place.class, place.world)?;
-                    if geom.collides {
+                    if geom.masks != [0, 0] {
                         let link = self.owner(node);
+                        self.masks.add(&link, geom.masks);
                         let placement = place.within * geom.placement;
                         let shape = Shape { link, placement, geometry: geom.geometry };
                         match place.carrier {
@@ -179,10 +108,16 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                     whole = whole.and_then(|whole| Ok(whole.merged(&geom.inertia?.moved(&place.within))));
                 }
                 "site" => {
-                    let class = attributes.class_of(element, place.class)?;
+                    let site = attributes.element(element, place.class, &SITE)?;
+                    let placement = match between(&site)? {
+                        Some((placement, _)) => placement,
+                        None => pose(&site, self.geoms.compiler)?,
+                    };
                     if let Some(name) = element.attribute("name") {
-                        let placement = place.within * pose(attributes, self.geoms.compiler, element, class)?;
-                        self.add_frame(name, place, placement);
+                        let (body, in_world) = (place.carrier, place.world && self.base.floating);
+                        let placement = place.within * placement;
+                        self.sites
+                            .push((element, Frame { name: name.to_owned(), body, in_world, placement }));
                     }
                 }
                 // Read with their body.
@@ -211,44 +146,27 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         body.map_or_else(|| "world".to_owned(), |body| body_name(body))
     }
 
-    fn add_frame(&mut self, name: &str, place: &Place<'a>, placement: Isometry3<f64>) {
-        // A site may have the name of a body.
-        if !self.frames.iter().any(|frame| frame.name == name) {
-            let (body, in_world) = (place.carrier, place.world && self.base.floating);
-            self.frames.push(Frame { name: name.to_owned(), body, in_world, placement });
-        }
-    }
-
     fn body(&mut self, node: Node<'a, 'i>, around: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.attributes();
-        attributes.only(
-            node,
-            &[&["name", "childclass", "mocap", "gravcomp", "user", "sleep"], &POSES[..]].concat(),
-        )?;
-        for (name, reason) in [("mocap", "a body moved from outside is no part of a robot"), ("gravcomp", "")]
-        {
-            if let Some(value) = node.attribute(name).filter(|value| !["false", "0"].contains(value)) {
-                return Err(attributes.refused(node, name, value, reason));
-            }
-        }
+        let body = attributes.element(node, MAIN, &BODY)?;
         let name = body_name(node);
         let class = node.attribute("childclass").unwrap_or(around.class);
         attributes.known_class(node, class)?;
-        let mut placement = around.within * pose(attributes, self.geoms.compiler, node, MAIN)?;
+        let mut placement = around.within * pose(&body, self.geoms.compiler)?;
         let (mut carrier, mut world) = (around.carrier, around.world);
         let joints: Vec<_> = node
             .children()
             .filter(|child| child.has_tag_name("joint") || child.has_tag_name("freejoint"))
             .collect();
-        let kind = |joint: Node<'a, 'i>| -> Result<&str, MjcfError> {
-            if joint.has_tag_name("freejoint") {
-                return Ok("free");
-            }
-            let class = attributes.class_of(joint, class)?;
-            Ok(attributes.get(joint, class, "type").unwrap_or("hinge"))
-        };
-        if let [joint] = joints[..]
-            && kind(joint)? == "free"
+        let joints: Vec<_> = joints
+            .into_iter()
+            .map(|joint| match joint.has_tag_name("freejoint") {
+                true => attributes.element(joint, MAIN, &FREEJOINT),
+                false => attributes.element(joint, class, &JOINT),
+            })
+            .collect::<Result<_, _>>()?;
+        if let [joint] = &joints[..]
+            && (joint.node.has_tag_name("freejoint") || joint.get("type") == Some("free"))
         {
             self.float(node, joint, around, placement)?;
             (carrier, world, placement) = (None, false, Isometry3::identity());
@@ -257,12 +175,11 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                 return Err(self.two_robots(node));
             }
             world = false;
-            for (index, &joint) in joints.iter().enumerate() {
+            for (index, joint) in joints.iter().enumerate() {
                 let last = index + 1 == joints.len();
-                let class = attributes.class_of(joint, class)?;
-                let anchor = Vector3::from(attributes.numbers::<3>(joint, class, "pos")?.unwrap_or_default());
+                let anchor = Vector3::from(joint.numbers::<3>("pos")?.unwrap_or_default());
                 placement *= Translation3::from(anchor);
-                let built = self.joint(joint, kind(joint)?, class, placement)?;
+                let built = self.joint(joint, placement)?;
                 let name = if last { name.clone() } else { format!("{name}/{}", built.name) };
                 let (inertia, shapes) = (Inertia::zero(), Vec::new());
                 self.bodies.push(Body { name, joint: built, parent: carrier, inertia, shapes });
@@ -274,19 +191,30 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         self.frames.push(Frame { name, body: carrier, in_world, placement });
         let inside = Place { carrier, world, within: placement, class, top: false };
         let of_geoms = self.contents(node, &inside)?;
-        let inertial = node.children().find(|child| child.has_tag_name("inertial"));
-        let inertia = match (self.geoms.compiler.from_geoms, inertial) {
-            (FromGeoms::Never | FromGeoms::Missing, Some(inertial)) => {
-                self.inertial(inertial)?.moved(&placement)
-            }
+        let mut inertials = node.children().filter(|child| child.has_tag_name("inertial"));
+        let stated = inertials.next().map(|inertial| self.inertial(inertial)).transpose()?;
+        if let Some(second) = inertials.next() {
+            let problem = "a body has one <inertial>".to_owned();
+            return Err(attributes.error(second, MjcfProblem::Other(problem)));
+        }
+        let stated = stated.map(|inertia| inertia.moved(&placement));
+        let inertia = match (self.geoms.compiler.from_geoms, stated) {
+            (FromGeoms::Never | FromGeoms::Missing, Some(inertia)) => inertia,
             (FromGeoms::Never, None) => Inertia::zero(),
             // What stands still needs none.
-            _ if world => Inertia::zero(),
+            _ if world && self.geoms.compiler.total_mass.is_none() => Inertia::zero(),
+            (FromGeoms::Always, Some(inertia)) => {
+                let of_geoms = of_geoms?;
+                if of_geoms.mass > 0.0 { of_geoms } else { inertia }
+            }
             _ => of_geoms?,
         };
         let whole = match carrier {
             Some(carrier) => &mut self.bodies[carrier].inertia,
-            None if world => return Ok(()),
+            None if world => {
+                self.static_mass += inertia.mass;
+                return Ok(());
+            }
             None => &mut self.base.inertia,
         };
         *whole = whole.merged(&inertia);
@@ -303,25 +231,31 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     fn float(
         &mut self,
         node: Node<'a, 'i>,
-        joint: Node<'a, 'i>,
+        joint: &Element<'_, 'a, 'i>,
         around: &Place<'a>,
         placement: Isometry3<f64>,
     ) -> Result<(), MjcfError> {
+        self.check_free(node, joint)?;
         if self.base.floating || !self.bodies.is_empty() {
             return Err(self.two_robots(node));
         }
         if !around.top {
-            let problem = MjcfProblem::Other("a free joint belongs to a body of the world".to_owned());
-            return Err(self.attributes().error(joint, problem));
+            return Err(joint.fault("a free joint belongs to a body of the world"));
         }
-        self.frames.iter_mut().for_each(|frame| frame.in_world = true);
+        let sites = self.sites.iter_mut().map(|(_, frame)| frame);
+        self.frames.iter_mut().chain(sites).for_each(|frame| frame.in_world = true);
         self.base.world_shapes = std::mem::take(&mut self.base.shapes);
         self.base.inertia = Inertia::zero();
         (self.base.floating, self.base.neutral) = (true, placement);
         Ok(())
     }
 
-    fn check_names(&self, attributes: &Attributes<'a, 'i>, root: Node<'a, 'i>) -> Result<(), MjcfError> {
+    /// Two bodies, two joints or two sites of one name are an error; a site with the name of a body is left out.
+    pub(super) fn check_names(
+        &mut self,
+        attributes: &Attributes<'a, 'i>,
+        root: Node<'a, 'i>,
+    ) -> Result<(), MjcfError> {
         let duplicate = |what, names: Vec<&str>| {
             let mut seen = HashSet::new();
             match names.into_iter().find(|name| !seen.insert(*name)) {
@@ -334,10 +268,20 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             }
         };
         duplicate("body", self.frames.iter().map(|frame| &*frame.name).collect())?;
-        duplicate("joint", self.bodies.iter().map(|body| &*body.joint.name).collect())
+        duplicate("site", self.sites.iter().map(|(_, frame)| &*frame.name).collect())?;
+        duplicate("joint", self.bodies.iter().map(|body| &*body.joint.name).collect())?;
+        let bodies = self.frames.len();
+        for (node, frame) in self.sites.drain(..) {
+            if self.frames[..bodies].iter().any(|body| body.name == frame.name) {
+                attributes.ignored(node, format!("site \"{}\"", frame.name), "a body has this name");
+            } else {
+                self.frames.push(frame);
+            }
+        }
+        Ok(())
     }
 
-    fn check_exclusions(
+    pub(super) fn check_exclusions(
         &self,
         attributes: &Attributes<'a, 'i>,
         root: Node<'a, 'i>,

@@ -1,5 +1,6 @@
-//! `<compiler>`: how the numbers of the file are meant.
+//! `<compiler>`: units, conventions and rules for the rest of the file.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use roxmltree::Node;
@@ -23,8 +24,14 @@ pub(super) struct Compiler {
     pub(super) sequence: [char; 3],
     pub(super) auto_limits: bool,
     pub(super) from_geoms: FromGeoms,
+    /// Groups of the geoms that give their body its inertia.
+    pub(super) groups: RangeInclusive<f64>,
+    /// Base frames of free bodies without children move to their centre of mass.
+    pub(super) align_free: bool,
     pub(super) mesh_folder: PathBuf,
-    /// What all bodies weigh together, if it is said \[kg\].
+    /// Mesh files are named without their folder.
+    pub(super) strip_path: bool,
+    /// Mass of all bodies together, static ones included, if the file sets it \[kg\].
     pub(super) total_mass: Option<f64>,
 }
 
@@ -35,10 +42,20 @@ impl Compiler {
             sequence: ['x', 'y', 'z'],
             auto_limits: true,
             from_geoms: FromGeoms::Missing,
+            groups: 0.0..=5.0,
+            align_free: false,
             mesh_folder: PathBuf::new(),
+            strip_path: false,
             total_mass: None,
         };
+        let mut mesh_folder = None;
         for node in root.children().filter(|node| node.has_tag_name("compiler")) {
+            if let Some(inside) =
+                node.children().find(|child| child.is_element() && !child.has_tag_name("lengthrange"))
+            {
+                let problem = MjcfProblem::Element(format!("{}> of <compiler", inside.tag_name().name()));
+                return Err(attributes.error(inside, problem));
+            }
             for attribute in node.attributes() {
                 let (name, value) = (attribute.name(), attribute.value());
                 let refused = |reason| Err(attributes.refused(node, name, value, reason));
@@ -49,7 +66,10 @@ impl Compiler {
                     ("inertiafromgeom", "true") => compiler.from_geoms = FromGeoms::Always,
                     ("inertiafromgeom", "false") => compiler.from_geoms = FromGeoms::Never,
                     ("inertiafromgeom", "auto") => compiler.from_geoms = FromGeoms::Missing,
-                    ("meshdir" | "assetdir", _) => compiler.mesh_folder = PathBuf::from(value),
+                    ("assetdir", _) => compiler.mesh_folder = PathBuf::from(value),
+                    ("meshdir", _) => mesh_folder = Some(PathBuf::from(value)),
+                    ("strippath", "true" | "false") => compiler.strip_path = value == "true",
+                    ("alignfree", "true" | "false") => compiler.align_free = value == "true",
                     ("eulerseq", _) => {
                         let letters: Vec<char> = value.chars().collect();
                         match <[char; 3]>::try_from(letters) {
@@ -65,29 +85,33 @@ impl Compiler {
                     ("coordinate", "local") => {}
                     ("coordinate", _) => return refused("local coordinates alone are read"),
                     ("settotalmass", _) => {
-                        let total = attributes.parse(node, name, value, 1)?[0];
+                        let total = attributes.parse(node, name, value, 1..=1)?[0];
                         compiler.total_mass = (total > 0.0).then_some(total);
                     }
                     ("boundmass" | "boundinertia", _) => {
-                        if attributes.parse(node, name, value, 1)?[0] > 0.0 {
+                        if attributes.parse(node, name, value, 1..=1)?[0] > 0.0 {
                             return refused("it changes inertias; write the changed ones out");
                         }
                     }
                     ("balanceinertia", "true") => {
                         return refused("it changes inertias; write the changed ones out");
                     }
-                    ("inertiagrouprange", _) => return refused("give the bodies an <inertial>"),
-                    ("strippath", "true") => return refused("write the paths as they are"),
+                    ("inertiagrouprange", _) => {
+                        let range = attributes.parse(node, name, value, 2..=2)?;
+                        compiler.groups = range[0]..=range[1];
+                    }
+                    // Of meshes' inertia, which is refused; of looks, speed and what MuJoCo writes.
                     (
-                        "balanceinertia" | "strippath" | "fitaabb" | "texturedir" | "discardvisual"
-                        | "usethread" | "fusestatic" | "alignfree" | "exactmeshinertia" | "convexhull"
-                        | "saveinertial",
+                        "balanceinertia" | "fitaabb" | "texturedir" | "discardvisual" | "usethread"
+                        | "fusestatic" | "exactmeshinertia" | "convexhull" | "saveinertial" | "savecompiled"
+                        | "savecanonical" | "conflict" | "passthrough",
                         _,
                     ) => {}
                     _ => return refused(""),
                 }
             }
         }
+        compiler.mesh_folder = mesh_folder.unwrap_or(compiler.mesh_folder);
         Ok(compiler)
     }
 }

@@ -2,8 +2,9 @@
 
 use roxmltree::Node;
 
-use super::attributes::{Attributes, named};
+use super::attributes::{Attributes, MAIN, named};
 use super::error::{MjcfError, MjcfProblem};
+use super::schema::EQUALITY;
 use crate::nearest::nearest;
 use crate::{Body, Coordinate, MimicMode};
 
@@ -15,32 +16,21 @@ pub(super) fn couple<'a, 'i>(
     references: &[f64],
     mimic: MimicMode,
 ) -> Result<(), MjcfError> {
-    for rule in section.children().filter(Node::is_element) {
-        if rule.attribute("active") == Some("false") {
+    for node in section.children().filter(Node::is_element) {
+        let rule = attributes.unchecked(node, MAIN, &EQUALITY)?;
+        if !rule.flag("active", true)? {
             continue;
         }
-        let name = rule.tag_name().name();
+        let name = node.tag_name().name();
         if name != "joint" {
-            return Err(attributes.error(rule, MjcfProblem::Element(format!("{name}> of <equality"))));
+            return Err(rule.error(MjcfProblem::Element(format!("{name}> of <equality"))));
         }
-        let find = |attribute: &'static str| {
-            let wanted = rule.attribute(attribute).ok_or_else(|| attributes.missing(rule, attribute))?;
-            bodies.iter().position(|body| body.joint.name == wanted).ok_or_else(|| {
-                let nearest = nearest(wanted, bodies.iter().map(|body| &*body.joint.name)).map(str::to_owned);
-                let (element, name) = (named(rule), wanted.to_owned());
-                attributes.error(rule, MjcfProblem::Unknown { element, what: "joint", name, nearest })
-            })
-        };
-        let (follower, master) = (find("joint1")?, find("joint2")?);
-        let value = rule.attribute("polycoef").unwrap_or("0 1 0 0 0");
-        let polynomial = attributes.parse(rule, "polycoef", value, 0)?;
-        if polynomial.iter().skip(2).any(|factor| *factor != 0.0) {
-            return Err(attributes.refused(
-                rule,
-                "polycoef",
-                value,
-                "couplings of first order alone are read",
-            ));
+        let rule = rule.checked()?;
+        let follower = joint_named(bodies, attributes, node, "joint1")?;
+        let master = joint_named(bodies, attributes, node, "joint2")?;
+        let polynomial = rule.first_numbers("polycoef", [0.0, 1.0, 0.0, 0.0, 0.0])?;
+        if polynomial[2..] != [0.0; 3] {
+            return Err(rule.refused("polycoef", "couplings of first order alone are read"));
         }
         if mimic == MimicMode::Independent {
             continue;
@@ -50,13 +40,27 @@ pub(super) fn couple<'a, 'i>(
             .iter()
             .any(|body| matches!(body.joint.coordinate, Coordinate::Mimic { of, .. } if of == follower));
         if follower == master || !straight(follower) || !straight(master) || followed {
-            let problem = "chains of couplings are not read; couple every joint with the same one".to_owned();
-            return Err(attributes.error(rule, MjcfProblem::Other(problem)));
+            return Err(rule.fault("chains of couplings are not read; couple every joint with the same one"));
         }
         // Both count from the pose of the file.
-        let multiplier = polynomial.get(1).copied().unwrap_or(0.0);
+        let multiplier = polynomial[1];
         let offset = references[follower] + polynomial[0] - multiplier * references[master];
         bodies[follower].joint.coordinate = Coordinate::Mimic { of: master, multiplier, offset };
     }
     Ok(())
+}
+
+/// The body whose joint an attribute names.
+pub(super) fn joint_named(
+    bodies: &[Body],
+    attributes: &Attributes<'_, '_>,
+    node: Node<'_, '_>,
+    attribute: &'static str,
+) -> Result<usize, MjcfError> {
+    let wanted = node.attribute(attribute).ok_or_else(|| attributes.missing(node, attribute))?;
+    bodies.iter().position(|body| body.joint.name == wanted).ok_or_else(|| {
+        let nearest = nearest(wanted, bodies.iter().map(|body| &*body.joint.name)).map(str::to_owned);
+        let (element, name) = (named(node), wanted.to_owned());
+        attributes.error(node, MjcfProblem::Unknown { element, what: "joint", name, nearest })
+    })
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with an MJCF file.
+//! Errors of MJCF files.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -38,7 +38,8 @@ pub enum MjcfProblem {
     Root(String),
     /// An element that is not among those read.
     #[error(
-        "<{0}> is not among the MJCF read here; let MuJoCo write the file out (mj_saveLastXML) or use a URDF of the robot"
+        "<{0}> is not among the MJCF read here; let MuJoCo write the file out (mj_saveLastXML) \
+         or use a URDF of the robot"
     )]
     Element(String),
     /// An attribute that is not among those read.

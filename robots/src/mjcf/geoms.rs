@@ -4,49 +4,16 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-use nalgebra::{Isometry3, Matrix3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use roxmltree::Node;
 
-use super::attributes::{Attributes, named};
+use super::attributes::{Attributes, Element, named};
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
-use super::pose::{along, pose};
+use super::pose::{between, pose};
+use super::schema::GEOM;
 use crate::nearest::nearest;
 use crate::{Geometry, Inertia};
-
-/// Attributes read, and those that no quantity here contains.
-const KNOWN: &[&str] = &[
-    "name",
-    "class",
-    "type",
-    "pos",
-    "quat",
-    "axisangle",
-    "xyaxes",
-    "zaxis",
-    "euler",
-    "size",
-    "fromto",
-    "mass",
-    "density",
-    "contype",
-    "conaffinity",
-    "mesh",
-    "group",
-    "condim",
-    "priority",
-    "friction",
-    "solmix",
-    "solref",
-    "solimp",
-    "margin",
-    "gap",
-    "rgba",
-    "material",
-    "user",
-    "fluidshape",
-    "fluidcoef",
-];
 
 /// Sides and thickness of the box that stands for an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
@@ -61,13 +28,13 @@ pub(super) struct MeshAsset {
     pub(super) scale: Vector3<f64>,
 }
 
-/// What one `<geom>` says.
+/// A `<geom>`.
 pub(super) struct Geom {
     pub(super) placement: Isometry3<f64>,
     pub(super) geometry: Geometry,
-    /// It can collide with something.
-    pub(super) collides: bool,
-    /// In the frame that the geom is placed in; an error where it cannot be said, for when it is needed.
+    /// `contype` and `conaffinity`.
+    pub(super) masks: [i32; 2],
+    /// In the frame that the geom is placed in; an error where it is not known, for when it is needed.
     pub(super) inertia: Result<Inertia, MjcfError>,
 }
 
@@ -78,48 +45,37 @@ pub(super) struct Geoms<'b, 'a, 'i> {
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
-    /// Reads a geom; `in_world` when what carries it does not move.
+    /// Reads a geom; `in_world` when its body does not move.
     pub(super) fn read(
         &self,
         node: Node<'a, 'i>,
         around: &'a str,
         in_world: bool,
     ) -> Result<Geom, MjcfError> {
-        let attributes = self.attributes;
-        attributes.only(node, KNOWN)?;
-        let class = attributes.class_of(node, around)?;
-        let kind = attributes.get(node, class, "type").unwrap_or("sphere");
-        let mut placement = pose(attributes, self.compiler, node, class)?;
-        let mut size = match attributes.get(node, class, "size") {
-            Some(value) => attributes.parse(node, "size", value, 0)?,
-            None => Vec::new(),
-        };
-        if let Some([ax, ay, az, bx, by, bz]) = attributes.numbers::<6>(node, class, "fromto")? {
-            if !["capsule", "cylinder"].contains(&kind) {
-                let value = attributes.get(node, class, "fromto").unwrap_or("");
-                return Err(attributes.refused(
-                    node,
-                    "fromto",
-                    value,
-                    "only capsules and cylinders are read with it",
-                ));
-            }
-            let (from, to) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
-            let axis = Unit::try_new(from - to, 1e-14).ok_or_else(|| {
-                attributes.error(node, MjcfProblem::Other("fromto has two equal ends".to_owned()))
-            })?;
-            placement = Isometry3::from_parts(((from + to) * 0.5).into(), along(&axis));
-            size.truncate(1);
-            size.push(0.5 * (from - to).norm());
+        let geom = self.attributes.element(node, around, &GEOM)?;
+        if let Some(inside) = node.children().find(Node::is_element) {
+            let problem = MjcfProblem::Element(format!("{}> of <geom", inside.tag_name().name()));
+            return Err(self.attributes.error(inside, problem));
         }
-        let mesh = attributes.get(node, class, "mesh");
-        if mesh.is_some() && kind != "mesh" {
-            return Err(attributes.refused(
-                node,
-                "mesh",
-                mesh.unwrap_or(""),
-                "primitives fitted to meshes are not read",
-            ));
+        let kind = geom.get("type").unwrap_or("sphere");
+        let mut size = geom.first_numbers("size", [0.0; 3])?;
+        let mut placement = match between(&geom)? {
+            Some((placement, half)) => {
+                match kind {
+                    "capsule" | "cylinder" => size[1] = half,
+                    "box" => size = [size[0], size[0], half],
+                    _ => {
+                        return Err(
+                            geom.refused("fromto", "only capsules, cylinders and boxes are read with it")
+                        );
+                    }
+                }
+                placement
+            }
+            None => pose(&geom, self.compiler)?,
+        };
+        if geom.get("mesh").is_some() && kind != "mesh" {
+            return Err(geom.refused("mesh", "primitives fitted to meshes are not read"));
         }
         let wanted = match kind {
             "sphere" => 1,
@@ -127,70 +83,82 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             "box" => 3,
             _ => 0,
         };
-        if size.len() < wanted || size[..wanted].iter().any(|x| *x <= 0.0) {
-            let (attribute, value) =
-                ("size".to_owned(), attributes.get(node, class, "size").unwrap_or("").to_owned());
+        if size[..wanted].iter().any(|x| *x <= 0.0) {
+            let (attribute, value) = ("size".to_owned(), geom.get("size").unwrap_or("").to_owned());
             let expected = format!("{wanted} numbers above 0 for a {kind}");
-            let problem = MjcfProblem::Number { element: named(node), attribute, value, expected };
-            return Err(attributes.error(node, problem));
+            return Err(geom.error(MjcfProblem::Number { element: named(node), attribute, value, expected }));
         }
         let geometry = match kind {
             "sphere" => Geometry::Sphere { radius: size[0] },
             "capsule" => Geometry::Capsule { radius: size[0], length: 2.0 * size[1] },
             "cylinder" => Geometry::Cylinder { radius: size[0], length: 2.0 * size[1] },
-            "box" => Geometry::Box { size: Vector3::new(size[0], size[1], size[2]) * 2.0 },
-            "mesh" => self.mesh(node, mesh)?,
+            "box" => Geometry::Box { size: Vector3::from(size) * 2.0 },
+            "mesh" => self.mesh(&geom)?,
             "plane" if in_world => {
-                let side = |index: usize| size.get(index).map_or(0.0, |half| 2.0 * half);
-                let [x, y] = [side(0), side(1)].map(|side| if side > 0.0 { side } else { PLANE[0] });
+                let [x, y] = [size[0], size[1]].map(|half| if half > 0.0 { 2.0 * half } else { PLANE[0] });
                 placement *= Translation3::new(0.0, 0.0, -0.5 * PLANE[1]);
                 Geometry::Box { size: Vector3::new(x, y, PLANE[1]) }
             }
-            "plane" => {
-                return Err(attributes.refused(node, "type", kind, "planes are read in the world alone"));
-            }
-            _ => {
-                return Err(attributes.refused(
-                    node,
-                    "type",
-                    kind,
-                    "write a sphere, capsule, cylinder, box or mesh",
-                ));
-            }
+            "plane" => return Err(geom.refused("type", "planes are read in the world alone")),
+            _ => return Err(geom.refused("type", "write a sphere, capsule, cylinder, box or mesh")),
         };
-        let number = |name, default| attributes.number(node, class, name, default);
-        let collides = number("contype", 1.0)? != 0.0 || number("conaffinity", 1.0)? != 0.0;
-        let density = number("density", WATER)?;
-        let mass = attributes.numbers::<1>(node, class, "mass")?.map(|[mass]| mass);
-        let inertia = match solid(&geometry) {
-            _ if kind == "plane" || mass == Some(0.0) || mass.is_none() && density == 0.0 => {
-                Ok(Inertia::zero())
+        let bits = |name| geom.number(name, 1.0).map(|bits| bits as i64 as i32);
+        let masks = [bits("contype")?, bits("conaffinity")?];
+        let group = geom.number("group", 0.0)?;
+        let inertia = match self.compiler.groups.contains(&group) {
+            true => self.inertia(&geom, kind, &geometry, &placement)?,
+            false => Ok(Inertia::zero()),
+        };
+        Ok(Geom { placement, geometry, masks, inertia })
+    }
+
+    /// Inertia of a geom; the inner error is one for when the inertia is needed.
+    fn inertia(
+        &self,
+        geom: &Element<'_, 'a, 'i>,
+        kind: &str,
+        geometry: &Geometry,
+        placement: &Isometry3<f64>,
+    ) -> Result<Result<Inertia, MjcfError>, MjcfError> {
+        let density = geom.number("density", WATER)?;
+        let mass = geom.numbers::<1>("mass")?.map(|[mass]| mass);
+        for (name, value) in [("density", Some(density)), ("mass", mass)] {
+            if value.is_some_and(|value| value < 0.0) {
+                return Err(geom.refused(name, "it cannot be negative"));
             }
+        }
+        let shell = geom.flag("shellinertia", false)?;
+        if kind == "plane" || mass.unwrap_or(density) == 0.0 {
+            return Ok(Ok(Inertia::zero()));
+        }
+        if shell {
+            let reason = "shells are not read; give the body an <inertial>";
+            return Ok(Err(geom.refused("shellinertia", reason)));
+        }
+        Ok(match solid(geometry) {
             Some((volume, per_mass)) => {
                 let mass = mass.unwrap_or(density * volume);
                 let rotational = Matrix3::from_diagonal(&(per_mass * mass));
-                Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(&placement))
+                Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(placement))
             }
             None => {
-                let reason = "the inertia of a mesh is not computed here; give the body an <inertial>, or the geom mass=\"0\"";
-                Err(attributes.refused(node, "type", kind, reason))
+                let reason =
+                    "meshes have no inertia here; give the body an <inertial>, or the geom mass=\"0\"";
+                Err(geom.refused("type", reason))
             }
-        };
-        Ok(Geom { placement, geometry, collides, inertia })
+        })
     }
 
-    fn mesh(&self, node: Node<'a, 'i>, name: Option<&str>) -> Result<Geometry, MjcfError> {
-        let name = name.ok_or_else(|| self.attributes.missing(node, "mesh"))?;
+    fn mesh(&self, geom: &Element<'_, 'a, 'i>) -> Result<Geometry, MjcfError> {
+        let name = geom.get("mesh").ok_or_else(|| geom.missing("mesh"))?;
         match self.meshes.get(name) {
             Some(MeshAsset { uri, path, scale }) => {
                 Ok(Geometry::Mesh { uri: uri.clone(), path: path.clone(), scale: *scale })
             }
             None => {
                 let nearest = nearest(name, self.meshes.keys().copied()).map(str::to_owned);
-                let (element, name) = (named(node), name.to_owned());
-                Err(self
-                    .attributes
-                    .error(node, MjcfProblem::Unknown { element, what: "mesh", name, nearest }))
+                let (element, name) = (named(geom.node), name.to_owned());
+                Err(geom.error(MjcfProblem::Unknown { element, what: "mesh", name, nearest }))
             }
         }
     }

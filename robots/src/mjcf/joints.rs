@@ -3,129 +3,177 @@
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 use roxmltree::Node;
 
-use super::attributes::MAIN;
-use super::bodies::{POSES, Tree};
-use super::error::{MjcfError, MjcfProblem};
+use super::attributes::{Element, MAIN};
+use super::bodies::Tree;
+use super::error::MjcfError;
 use super::pose::pose;
+use super::schema::{INERTIAL, is_off};
 use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits};
 
-const JOINT: &[&str] = &[
-    "name",
-    "class",
-    "type",
-    "pos",
-    "axis",
-    "range",
-    "limited",
-    "damping",
-    "frictionloss",
-    "armature",
-    "ref",
-    "springref",
-    "stiffness",
-    "springdamper",
-    "group",
-    "solreflimit",
-    "solimplimit",
-    "solreffriction",
-    "solimpfriction",
-    "margin",
-    "user",
-    "actuatorfrcrange",
-    "actuatorfrclimited",
-    "actuatorgravcomp",
-    "align",
-];
+/// A joint whose damping follows from a time constant.
+pub(super) struct SpringDamper<'a, 'i> {
+    /// The body it moves.
+    pub(super) body: usize,
+    /// \[s\]
+    pub(super) time_constant: f64,
+    pub(super) node: Node<'a, 'i>,
+}
+
+const SPRINGS: &str = "joints have no springs here";
 
 impl<'a, 'i> Tree<'_, 'a, 'i> {
+    /// Reads a hinge or a slide whose anchor stands at `placement` in the frame of the parent body.
     pub(super) fn joint(
         &mut self,
-        node: Node<'a, 'i>,
-        kind: &str,
-        class: &str,
+        joint: &Element<'_, 'a, 'i>,
         placement: Isometry3<f64>,
     ) -> Result<Joint, MjcfError> {
-        let attributes = self.attributes();
-        attributes.only(node, JOINT)?;
-        let slide = match kind {
+        let slide = match joint.get("type").unwrap_or("hinge") {
             "slide" => true,
             "hinge" => false,
-            _ => return Err(attributes.refused(node, "type", kind, "write hinges and slides")),
+            _ => return Err(joint.refused("type", "write hinges and slides")),
         };
         let unit = if slide { 1.0 } else { self.geoms.compiler.angle };
-        let axis = Vector3::from(attributes.numbers::<3>(node, class, "axis")?.unwrap_or([0.0, 0.0, 1.0]));
-        let axis = Unit::try_new(axis, 1e-14)
-            .ok_or_else(|| attributes.error(node, MjcfProblem::Other("the axis is zero".to_owned())))?;
-        let range = attributes.numbers::<2>(node, class, "range")?;
-        let limited = self.limited(node, class, "limited", range.is_some())?;
+        let axis = Vector3::from(joint.numbers::<3>("axis")?.unwrap_or([0.0, 0.0, 1.0]));
+        let axis = Unit::try_new(axis, 1e-14).ok_or_else(|| joint.fault("the axis is zero"))?;
+        let range = self.range(joint, "limited", "range")?;
         let mut limits = Limits::NONE;
-        if limited {
-            let [lower, upper] = range.ok_or_else(|| attributes.missing(node, "range"))?;
+        if let Some([lower, upper]) = range {
             (limits.lower, limits.upper) = (lower * unit, upper * unit);
         }
-        let force = attributes.numbers::<2>(node, class, "actuatorfrcrange")?;
-        if self.limited(node, class, "actuatorfrclimited", force.is_some())?
-            && let Some([low, high]) = force
-        {
-            limits.effort = low.abs().max(high.abs());
+        if let Some([low, high]) = self.range(joint, "actuatorfrclimited", "actuatorfrcrange")? {
+            limits.effort = high.min(-low);
+            if limits.effort <= 0.0 {
+                return Err(joint.refused("actuatorfrcrange", "efforts are limited equally both ways here"));
+            }
+            if high != -low {
+                let reason = "efforts are limited equally both ways here: the smaller limit is taken";
+                joint.ignore("actuatorfrcrange", reason);
+            }
         }
-        let number = |name| attributes.number(node, class, name, 0.0);
-        let reference = number("ref")? * unit;
-        let name = match node.attribute("name") {
+        let reference = joint.number("ref", 0.0)? * unit;
+        let [damping, quadratic, cubic] = joint.first_numbers("damping", [0.0; 3])?;
+        if quadratic != 0.0 || cubic != 0.0 {
+            return Err(joint.refused("damping", "damping is proportional to velocity here"));
+        }
+        if joint.first_numbers("stiffness", [0.0; 3])? != [0.0; 3] {
+            joint.ignore("stiffness", SPRINGS);
+        }
+        let [time_constant, ratio] = joint.numbers::<2>("springdamper")?.unwrap_or_default();
+        if [time_constant, ratio] != [0.0; 2] {
+            if time_constant <= 0.0 || ratio <= 0.0 {
+                return Err(joint.refused("springdamper", "expected two numbers above 0"));
+            }
+            let (body, node) = (self.bodies.len(), joint.node);
+            self.spring_dampers.push(SpringDamper { body, time_constant, node });
+            joint.ignore("springdamper", SPRINGS);
+        }
+        let name = match joint.node.attribute("name") {
             Some(name) => name.to_owned(),
             None => format!("joint{}", self.bodies.len()),
         };
-        let kind = match (slide, limited) {
+        let kind = match (slide, range) {
             (true, _) => JointKind::Prismatic,
-            (false, true) => JointKind::Revolute,
-            (false, false) => JointKind::Continuous,
+            (false, Some(_)) => JointKind::Revolute,
+            (false, None) => JointKind::Continuous,
         };
-        let mut joint = Joint {
+        let friction = joint.number("frictionloss", 0.0)?;
+        let mut built = Joint {
             name,
             kind,
             axis,
             placement,
             limits,
-            dynamics: JointDynamics { damping: number("damping")?, friction: number("frictionloss")? },
-            drive: Drive { reduction: 1.0, rotor_inertia: number("armature")? },
+            dynamics: JointDynamics { damping, friction },
+            drive: Drive { reduction: 1.0, rotor_inertia: joint.number("armature", 0.0)? },
             safety: None,
             coordinate: Coordinate::Independent(0),
         };
         // The file shows the body where its joint stands at `ref`.
-        joint.placement = joint.pose(-reference);
+        built.placement = built.pose(-reference);
         self.references.push(reference);
-        Ok(joint)
+        Ok(built)
     }
 
-    fn limited(&self, node: Node<'a, 'i>, class: &str, name: &str, given: bool) -> Result<bool, MjcfError> {
-        let attributes = self.attributes();
-        match attributes.get(node, class, name).unwrap_or("auto") {
-            "true" => Ok(true),
-            "false" => Ok(false),
-            "auto" => Ok(given && self.geoms.compiler.auto_limits),
-            value => Err(attributes.refused(node, name, value, "expected true, false or auto")),
+    /// A range that is in force: MuJoCo's rule for `limited`, `range` and the compiler's `autolimits`.
+    fn range(
+        &self,
+        joint: &Element<'_, 'a, 'i>,
+        limited: &'static str,
+        range: &'static str,
+    ) -> Result<Option<[f64; 2]>, MjcfError> {
+        let given = joint.numbers::<2>(range)?;
+        let [low, high] = given.unwrap_or_default();
+        match joint.get(limited).unwrap_or("auto") {
+            "false" => Ok(None),
+            "true" if given.is_none() => Err(joint.missing(range)),
+            "true" if low >= high => {
+                Err(joint.refused(range, "expected the lower limit before the upper one"))
+            }
+            "true" => Ok(given),
+            "auto" if [low, high] != [0.0; 2] && !self.geoms.compiler.auto_limits => {
+                Err(joint
+                    .refused(range, "without autolimits it needs an attribute that says whether it holds"))
+            }
+            "auto" => Ok(given.filter(|_| low < high)),
+            _ => Err(joint.refused(limited, "expected true, false or auto")),
+        }
+    }
+
+    /// Refuses what a floating base cannot have. Limits, axis and anchor of a free joint have no effect in MuJoCo.
+    pub(super) fn check_free(
+        &self,
+        body: Node<'a, 'i>,
+        joint: &Element<'_, 'a, 'i>,
+    ) -> Result<(), MjcfError> {
+        for name in ["armature", "damping", "frictionloss", "springdamper"] {
+            if joint.get(name).is_some_and(|value| !is_off(value)) {
+                return Err(joint.refused(name, "a free base has none; write a <freejoint/>"));
+            }
+        }
+        if joint.get("stiffness").is_some_and(|value| !is_off(value)) {
+            joint.ignore("stiffness", SPRINGS);
+        }
+        let reason = "the base frame would move to the centre of mass; place it there in the file";
+        let alone = !body.descendants().skip(1).any(|inside| inside.has_tag_name("body"));
+        match joint.get("align").unwrap_or("auto") {
+            "true" if alone => Err(joint.refused("align", reason)),
+            "auto" if alone && self.geoms.compiler.align_free => {
+                let compilers = body.document().root_element().children();
+                let compiler = compilers.rev().find(|node| node.attribute("alignfree") == Some("true"));
+                Err(self.attributes().refused(compiler.unwrap_or(body), "alignfree", "true", reason))
+            }
+            "true" | "false" | "auto" => Ok(()),
+            _ => Err(joint.refused("align", "expected true, false or auto")),
         }
     }
 
     pub(super) fn inertial(&self, node: Node<'a, 'i>) -> Result<Inertia, MjcfError> {
-        let attributes = self.attributes();
-        attributes.only(node, &[&["mass", "diaginertia", "fullinertia"], &POSES[..]].concat())?;
-        let pose = pose(attributes, self.geoms.compiler, node, MAIN)?;
-        let [mass] =
-            attributes.numbers::<1>(node, MAIN, "mass")?.ok_or_else(|| attributes.missing(node, "mass"))?;
-        let rotational = match attributes.numbers::<6>(node, MAIN, "fullinertia")? {
-            Some([xx, yy, zz, xy, xz, yz]) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-            None => {
-                let diagonal = attributes.numbers::<3>(node, MAIN, "diaginertia")?;
-                let diagonal = diagonal.ok_or_else(|| attributes.missing(node, "diaginertia"))?;
-                Matrix3::from_diagonal(&Vector3::from(diagonal))
+        let inertial = self.attributes().element(node, MAIN, &INERTIAL)?;
+        let pose = pose(&inertial, self.geoms.compiler)?;
+        for name in ["pos", "mass"] {
+            inertial.get(name).ok_or_else(|| inertial.missing(name))?;
+        }
+        let mass = inertial.number("mass", 0.0)?;
+        let diagonal = inertial.numbers::<3>("diaginertia")?;
+        let rotational = match (inertial.numbers::<6>("fullinertia")?, diagonal) {
+            (Some(_), Some(_)) => {
+                return Err(inertial.refused("diaginertia", "beside fullinertia it has no meaning"));
             }
+            (Some([xx, yy, zz, xy, xz, yz]), None) => {
+                if let Some((way, ..)) = inertial.orientation()? {
+                    return Err(inertial.refused(way, "fullinertia stands in the axes of the body"));
+                }
+                Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+            }
+            (None, Some(diagonal)) => Matrix3::from_diagonal(&Vector3::from(diagonal)),
+            (None, None) => return Err(inertial.missing("diaginertia")),
         };
         let least = SymmetricEigen::new(rotational).eigenvalues.min();
         if mass < 0.0 || least < 0.0 {
             let problem =
                 format!("mass {mass} kg and a least moment of {least} kg m2: neither can be negative");
-            return Err(attributes.error(node, MjcfProblem::Other(problem)));
+            return Err(inertial.fault(problem));
         }
         Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(&pose))
     }

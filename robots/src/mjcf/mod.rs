@@ -1,22 +1,23 @@
-//! MuJoCo's format, a well-defined part of it, into a [`Model`].
+//! A reader of MuJoCo's format, MJCF, into a [`Model`].
 //!
-//! Read: `<compiler>` (angle, eulerseq, autolimits, inertiafromgeom, settotalmass, meshdir, assetdir), `<default>` classes of joints,
-//! geoms and meshes, `<asset><mesh file>`, the tree of `<body>` and `<frame>` with `<inertial>`, `<joint>` (hinge, slide,
-//! free), `<freejoint>`, `<geom>` (sphere, capsule, cylinder, box, mesh, and planes of the world), `<site>` as a frame,
-//! `<contact><exclude>`, and `<equality><joint>` of first order as a mimic joint.
+//! A file is read as MuJoCo reads it, or refused with line and column. The tables of `schema` say what becomes of every
+//! attribute: it is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`] (springs, actuators,
+//! tendons), or is refused where its value has an effect. `docs/src/mjcf.md` lists all of it.
 //!
-//! Skipped, since no quantity here contains it: options, actuators, sensors, tendons, keyframes, cameras, lights, looks,
-//! springs, `<contact><pair>`. Everything else is refused with its line and column rather than read wrongly: MuJoCo itself
-//! writes a file without includes, replicas and attachments (`mj_saveLastXML`).
+//! Not read: includes, replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
+mod actuators;
 mod attributes;
 mod bodies;
+mod build;
 mod compiler;
 mod equality;
 mod error;
 mod geoms;
 mod joints;
+mod masks;
 mod pose;
+mod schema;
 mod sections;
 
 use std::path::Path;
@@ -30,21 +31,23 @@ use crate::{LoadOptions, Model, ModelWarning, Srdf};
 pub struct MjcfRobot {
     /// The robot. Joints stand in MuJoCo's order.
     pub model: Model,
-    /// Defects that did not keep it from loading.
+    /// Defects that did not keep it from loading, and what is ignored.
     pub warnings: Vec<ModelWarning>,
-    /// The pairs of bodies that `<contact><exclude>` names, as rules for a [`CollisionModel`](crate::CollisionModel).
+    /// The pairs of bodies that `<contact><exclude>` names or that `contype` and `conaffinity` rule out, as rules for a
+    /// [`CollisionModel`](crate::CollisionModel).
     pub exclusions: Srdf,
 }
 
 /// Parses MJCF `text`. `file` is where it came from: for messages, and to find meshes beside it.
 ///
 /// A body has the frame and the name it has in MuJoCo; a body with several joints becomes a chain of massless bodies
-/// `NAME/JOINT`, the last of which is the body. Geoms that collide with nothing (`contype` and `conaffinity` zero) are no
-/// collision shapes, but weigh what they weigh. The base floats when the one body that moves in the world has a free joint.
+/// `NAME/JOINT`, the last of which is the body. Geoms that collide with nothing (`contype` and `conaffinity` zero) are
+/// no collision shapes, but count in the inertia. The base floats when the one body that moves in the world has a free
+/// joint.
 ///
 /// # Errors
 ///
 /// [`MjcfError`], with the place in the text.
 pub fn parse_mjcf(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
-    bodies::build(text, file, options).map_err(|error| MjcfError { file: file.map(Path::to_owned), ..error })
+    build::build(text, file, options).map_err(|error| MjcfError { file: file.map(Path::to_owned), ..error })
 }

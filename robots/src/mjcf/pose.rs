@@ -1,33 +1,20 @@
 //! Positions and the five ways to write an orientation.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
-use roxmltree::Node;
 
-use super::attributes::Attributes;
+use super::attributes::Element;
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
 use crate::lie::so3;
 
-/// Pose of an element in what it stands in.
-pub(super) fn pose<'a, 'i>(
-    attributes: &Attributes<'a, 'i>,
-    compiler: &Compiler,
-    node: Node<'a, 'i>,
-    class: &str,
-) -> Result<Isometry3<f64>, MjcfError> {
-    let position = attributes.numbers::<3>(node, class, "pos")?.unwrap_or_default();
-    let rotation = rotation(attributes, compiler, node, class)?;
-    Ok(Isometry3::from_parts(Translation3::from(position), rotation))
+/// Pose of an element in the frame around it.
+pub(super) fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
+    let position = element.numbers::<3>("pos")?.unwrap_or_default();
+    Ok(Isometry3::from_parts(Translation3::from(position), rotation(element, compiler)?))
 }
 
-fn rotation<'a, 'i>(
-    attributes: &Attributes<'a, 'i>,
-    compiler: &Compiler,
-    node: Node<'a, 'i>,
-    class: &str,
-) -> Result<UnitQuaternion<f64>, MjcfError> {
-    let ways = ["quat", "axisangle", "xyaxes", "zaxis", "euler"];
-    let Some((way, value)) = attributes.one_of(node, class, ways) else {
+fn rotation(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<UnitQuaternion<f64>, MjcfError> {
+    let Some((way, value, node)) = element.orientation()? else {
         return Ok(UnitQuaternion::identity());
     };
     let count = match way {
@@ -35,10 +22,10 @@ fn rotation<'a, 'i>(
         "xyaxes" => 6,
         _ => 3,
     };
-    let n = attributes.parse(node, way, value, count)?;
+    let n = element.attributes.parse(node, way, value, count..=count)?;
     let zero = || {
         let problem = format!("{way}=\"{value}\" has no direction");
-        attributes.error(node, MjcfProblem::Other(problem))
+        element.attributes.error(node, MjcfProblem::Other(problem))
     };
     let direction = |x: &[f64]| Unit::try_new(Vector3::new(x[0], x[1], x[2]), 1e-14).ok_or_else(zero);
     Ok(match way {
@@ -73,10 +60,26 @@ fn rotation<'a, 'i>(
     })
 }
 
-/// The least rotation from z to `axis`; to -z, or within 1e-10 of it, the half turn about x that MuJoCo takes.
-pub(super) fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
-    if axis.x.hypot(axis.y) < 1e-10 && axis.z < 0.0 {
-        return UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+/// Middle, orientation and half the length of something drawn between two points; `None` without `fromto`.
+///
+/// Its z axis points from the second point to the first, as MuJoCo has it.
+pub(super) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3<f64>, f64)>, MjcfError> {
+    let Some([ax, ay, az, bx, by, bz]) = element.numbers::<6>("fromto")? else { return Ok(None) };
+    if element.numbers::<3>("pos")?.is_some_and(|position| position != [0.0; 3]) {
+        return Err(element.refused("fromto", "pos says another place"));
     }
-    so3::least_rotation(&Vector3::z_axis(), axis)
+    let (from, to) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
+    let axis = Unit::try_new(from - to, 1e-14).ok_or_else(|| element.fault("fromto has two equal ends"))?;
+    let placement = Isometry3::from_parts(((from + to) * 0.5).into(), along(&axis));
+    Ok(Some((placement, 0.5 * (from - to).norm())))
+}
+
+/// The least rotation from z to `axis`. Within 1e-7 rad of z it is none, within 1e-7 rad of -z the half turn about x,
+/// as in MuJoCo.
+fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
+    match (axis.x.hypot(axis.y) <= 1e-7, axis.z > 0.0) {
+        (true, true) => UnitQuaternion::identity(),
+        (true, false) => UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0)),
+        (false, _) => so3::least_rotation(&Vector3::z_axis(), axis),
+    }
 }

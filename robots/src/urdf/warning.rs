@@ -1,5 +1,7 @@
 //! Defects that real robots' files have and that do not keep them from loading.
 
+use crate::Position;
+
 /// A defect of a loaded model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelWarning {
@@ -91,6 +93,18 @@ pub enum ModelWarning {
         /// Actuators it names.
         actuators: usize,
     },
+    /// Something that changes the motion of an MJCF robot in MuJoCo and that no model contains.
+    #[error("{what} ignored (line {}, column {}{}): {reason}", .at.line, .at.column, in_all(*.count))]
+    Ignored {
+        /// An attribute and its element, or an element and its section.
+        what: String,
+        /// Where the file has it first.
+        at: Position,
+        /// How often the file has it.
+        count: usize,
+        /// Why it is ignored.
+        reason: &'static str,
+    },
     /// A mesh file that is nowhere.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.tried))]
     MissingMesh {
@@ -101,6 +115,10 @@ pub enum ModelWarning {
         /// Folders searched.
         tried: Vec<std::path::PathBuf>,
     },
+}
+
+fn in_all(count: usize) -> String {
+    if count == 1 { String::new() } else { format!(", {count} in all") }
 }
 
 fn searched(tried: &[std::path::PathBuf]) -> String {

@@ -5,13 +5,13 @@
     /tmp/mujoco/bin/python robots/tests/mujoco/generate.py       # writes vectors.json beside this script
     /tmp/mujoco/bin/python robots/tests/mujoco/generate.py OUT.json FILE.xml ...   # the same of other files
 
-Units SI, radians; gravity (0, 0, -9.81). qpos, qvel and the joint-space vectors are MuJoCo's own: the quaternion w x y z, the
-linear velocity of a free body in world axes, its angular velocity in its own. MuJoCo's acceleration of a free body is the
-derivative of those six numbers, so it is the classical one in world axes. All joints of a URDF are independent: MuJoCo
-turns mimic joints into soft constraints, which are off here.
+Units SI, radians; gravity (0, 0, -9.81). qpos, qvel and the joint-space vectors are MuJoCo's own: the quaternion
+w x y z, the linear velocity of a free body in world axes, its angular velocity in its own. MuJoCo's acceleration of a
+free body is the derivative of those six numbers, so it is the classical one in world axes. All joints of a URDF are
+independent: MuJoCo turns mimic joints into soft constraints, which are off here.
 
 Forces that motorium leaves to who simulates are taken out of the file: damping, friction, springs, limits and contacts.
-Armature stays: both count it. `M` is qM made full; `bias` is qfrc_bias; `inverse` is M a + bias. Positions of bodies and
+Armature stays: both count it. `M` is qM in full; `bias` is qfrc_bias; `inverse` is M a + bias. Positions of bodies and
 sites come with their orientation as a quaternion w x y z.
 """
 

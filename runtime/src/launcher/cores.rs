@@ -10,6 +10,8 @@ use std::time::Instant;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::os::machine::CoreTimes;
+
 /// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
 const TICK_MS: f64 = 10.0;
 
@@ -80,15 +82,12 @@ impl CoreWatch {
         self.cores
             .iter()
             .map(|core| {
-                let time = |counts: &Counts, of: &dyn Fn(&Ticks) -> u64| {
-                    counts.ticks.get(core).map_or(0, of) as f64 * TICK_MS
-                };
-                let passed = |of: &dyn Fn(&Ticks) -> u64| time(&after, of) - time(&self.before, of);
+                let times = after.times(*core) - self.before.times(*core);
                 CoreReport {
                     core: *core,
                     seconds,
-                    steal_ms: passed(&|ticks| ticks.steal),
-                    interrupt_ms: passed(&|ticks| ticks.interrupts),
+                    steal_ms: times.stolen as f64 * TICK_MS,
+                    interrupt_ms: times.interrupts as f64 * TICK_MS,
                     interrupts: came(&self.before.interrupts, &after.interrupts, *core),
                     softirqs: came(&self.before.softirqs, &after.softirqs, *core),
                 }
@@ -100,16 +99,9 @@ impl CoreWatch {
 /// The counts of one kind by name and core.
 type ByName = BTreeMap<String, BTreeMap<usize, u64>>;
 
-/// Ticks of one core.
-#[derive(Debug, Default, Clone, Copy)]
-struct Ticks {
-    interrupts: u64,
-    steal: u64,
-}
-
 #[derive(Debug, Default)]
 struct Counts {
-    ticks: BTreeMap<usize, Ticks>,
+    times: Vec<CoreTimes>,
     interrupts: ByName,
     softirqs: ByName,
 }
@@ -118,10 +110,16 @@ impl Counts {
     fn now() -> Self {
         let read = |name: &str| std::fs::read_to_string(format!("/proc/{name}")).unwrap_or_default();
         Self {
-            ticks: ticks(&read("stat")),
+            times: CoreTimes::read(),
             interrupts: table(&read("interrupts")),
             softirqs: table(&read("softirqs")),
         }
+    }
+}
+
+impl Counts {
+    fn times(&self, core: usize) -> CoreTimes {
+        self.times.iter().find(|times| times.core == core).copied().unwrap_or_default()
     }
 }
 
@@ -135,17 +133,6 @@ fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
             (came > 0).then(|| (name.clone(), came))
         })
         .collect()
-}
-
-/// Time in interrupts (the sixth and seventh number) and stolen time (the eighth), by core.
-fn ticks(stat: &str) -> BTreeMap<usize, Ticks> {
-    let line = |line: &str| {
-        let mut words = line.split_whitespace();
-        let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
-        let numbers: Vec<u64> = words.map_while(|word| word.parse().ok()).collect();
-        Some((core, Ticks { interrupts: numbers.get(5)? + numbers.get(6)?, steal: *numbers.get(7)? }))
-    };
-    stat.lines().filter_map(line).collect()
 }
 
 /// A table of the kernel: cores in the first line, then a label and a number for each core. What has a number as its
@@ -204,15 +191,6 @@ mod tests {
         let interrupts = counts.map(|(name, count)| (name.to_string(), count)).into();
         let seen = CoreReport { interrupts, ..CoreReport::default() };
         assert_eq!((seen.interrupts_in_all(), seen.from_devices()), (1_027, 7));
-    }
-
-    #[test]
-    fn stolen_time_is_that_of_each_core() {
-        let stat = "cpu  10 20 30 40 50 60 70 88 90 100\ncpu0 5 10 15 20 25 30 35 44 45 50\n\
-                    cpu1 5 10 15 20 25 1 2 11 45 50\nintr 1\n";
-        let found = ticks(stat);
-        assert_eq!((found[&0].steal, found[&1].steal, found[&1].interrupts), (44, 11, 3));
-        assert_eq!(found.len(), 2);
     }
 
     #[test]

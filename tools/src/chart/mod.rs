@@ -1,6 +1,12 @@
-//! Charts as SVG: lines with error bars, and paths in tiles.
+//! Charts as SVG: lines with error bars, paths in tiles, and latencies against percentiles.
+
+mod latency;
 
 use std::fmt::Write as _;
+
+use crate::draw::escape;
+
+pub(crate) use latency::plot;
 
 /// One line of a chart.
 #[derive(Clone, Debug)]
@@ -70,10 +76,6 @@ impl Axis {
         let last = (self.high / step).floor() as i64;
         (first..=last).map(|k| k as f64 * step).collect()
     }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 fn number(value: f64) -> String {

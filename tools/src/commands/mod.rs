@@ -14,15 +14,11 @@ mod primitive;
 mod reproduce;
 mod robot;
 mod run;
-mod runs;
 mod schema;
 mod top;
 mod topic;
 
 use std::process::ExitCode;
-
-pub(crate) use run::line;
-pub(crate) use runs::LivingRun;
 
 use clap::{Parser, Subcommand};
 

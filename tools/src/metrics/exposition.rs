@@ -11,7 +11,7 @@ use prometheus_client::registry::Registry;
 
 use super::families::{Families, Family, Labels, seconds};
 use super::{ComponentSample, Sample};
-use crate::commands::LivingRun;
+use crate::runs::LivingRun;
 
 /// What the text is: OpenMetrics 1.0, which Prometheus reads from version 2.5 on.
 pub(super) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";

@@ -3,7 +3,6 @@
 //! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is taken.
 
 mod address;
-mod cores;
 mod exposition;
 mod families;
 mod request;

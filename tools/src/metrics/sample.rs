@@ -2,13 +2,13 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use motorium::os::machine::CoreTimes;
 use motorium::os::monotonic_ns;
 use motorium::region::{Command, ComponentBlock, Misses, Phase, Stalls};
 use motorium::telemetry::Snapshot;
 
-use super::cores::CoreTimes;
 use super::thread::Usage;
-use crate::commands::LivingRun;
+use crate::runs::LivingRun;
 
 /// All that is known of a running graph at one moment. Everything counts from the beginning of the run.
 #[derive(Debug, Clone)]
@@ -138,7 +138,7 @@ pub(crate) mod fixture {
     use motorium::region::Region;
     use motorium::run_folder::RunFolder;
 
-    use crate::commands::LivingRun;
+    use crate::runs::LivingRun;
 
     /// The region of the Panda's graph, empty, in a folder of the test's own.
     pub(crate) fn silent_run(folder: &Path) -> LivingRun {

@@ -10,7 +10,7 @@ use motorium::run_folder::{RunFolder, runs_folder};
 use super::Address;
 use super::exposition::{CONTENT_TYPE, Exposition};
 use super::request::{self, LONGEST, Request, Status};
-use crate::commands::LivingRun;
+use crate::runs::LivingRun;
 
 /// A client that takes longer to ask, or stands still for longer while it is answered, is left alone.
 const PATIENCE: Duration = Duration::from_secs(2);

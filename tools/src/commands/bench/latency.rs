@@ -10,13 +10,12 @@ use anyhow::Context as _;
 use motorium::os::IdleLimit;
 use motorium_benches::MeasureError;
 use motorium_benches::host::{Loader, Machine};
-use motorium_benches::latency::{
-    Bench, Case, Measurement, Skipped, VERSION, Written, catalogue, plot, targets,
-};
+use motorium_benches::latency::{Bench, Case, Measurement, Skipped, VERSION, Written, catalogue, targets};
 use motorium_benches::timer::Places;
 
 use super::{peers, ratchet, table};
-use crate::out::{errln, out, outln};
+use crate::chart::plot;
+use crate::out::{err, errln, out};
 use crate::{exit, registry, style};
 
 /// `SCHED_FIFO` priority of what is measured: that of the fastest component of a graph.
@@ -27,12 +26,15 @@ const FIFO: u8 = 80;
 /// Measures in one run how fast this machine can hand over at all (a cache line, a futex, a timer), how fast motorium
 /// does, and says which targets are met. Nothing is trimmed: the maximum is the longest there was.
 ///
-/// Example: motorium bench latency --json bench.json --svg bench.svg
+/// Example: motorium bench latency --json --output bench.json --svg bench.svg
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latency {
-    /// Write the raw histograms, the machine and the table of targets to this file
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    /// Print the raw histograms, the machine and the table of targets as JSON; the tables then go to standard error
+    #[arg(long)]
+    json: bool,
+    /// Write the JSON to this file and leave the tables on standard output
+    #[arg(long, short, value_name = "FILE", requires = "json")]
+    output: Option<PathBuf>,
     /// Draw latency against percentile into this file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -55,7 +57,7 @@ pub(crate) struct Latency {
     #[arg(long)]
     peers: bool,
     /// Fail (exit code 6) when hops or releases are plainly slower than they were, by ratios to the floors of this run
-    #[arg(long, conflicts_with_all = ["only", "peers", "json", "svg", "samples", "seconds", "load", "quick"])]
+    #[arg(long, conflicts_with_all = ["only", "peers", "json", "output", "svg", "samples", "seconds", "load", "quick"])]
     ratchet: bool,
 }
 
@@ -67,7 +69,7 @@ impl Latency {
     }
 
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let registry = registry::registry();
+        let registry = registry::with_benches();
         let bench = Bench {
             program: std::env::current_exe().context("finding this program's own file")?,
             registry: &registry,
@@ -97,13 +99,14 @@ impl Latency {
             };
             file.as_ref().map(open).transpose()
         };
-        let (json, svg) = (open(&self.json)?, open(&self.svg)?);
+        let (output, svg) = (open(&self.output)?, open(&self.svg)?);
+        let text = Text { errors: self.json && output.is_none() };
         let machine = Machine::detect();
-        outln!("{} {machine}", style::strong("machine:"));
+        text.line(format_args!("{} {machine}", style::strong("machine:")));
         if cases.iter().any(|case| case.loaded) {
-            outln!("{} {}, at normal priority", style::strong("load:"), bench.loader);
+            text.line(format_args!("{} {}, at normal priority", style::strong("load:"), bench.loader));
         }
-        outln!();
+        text.line(format_args!(""));
         let mut written = Written {
             version: VERSION,
             motorium: env!("CARGO_PKG_VERSION").to_string(),
@@ -117,7 +120,7 @@ impl Latency {
             skipped: Vec::new(),
             targets: Vec::new(),
         };
-        outln!("{}", table::header());
+        text.line(format_args!("{}", table::header()));
         let core = bench.places.realtime;
         for turns in cases.chunk_by(|one, next| one.group.is_some() && one.group == next.group) {
             let measured = match turns {
@@ -126,7 +129,7 @@ impl Latency {
             };
             for (case, measured) in turns.iter().zip(measured) {
                 match measured {
-                    Ok(measurement) => keep(&mut written.measurements, measurement, core),
+                    Ok(measurement) => keep(&mut written.measurements, measurement, core, text),
                     Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
                     Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
                 }
@@ -134,21 +137,25 @@ impl Latency {
         }
         if self.peers {
             peers::measure(core, |seen| match seen {
-                Ok(measurement) => keep(&mut written.measurements, measurement, core),
+                Ok(measurement) => keep(&mut written.measurements, measurement, core, text),
                 Err(missing) => written.skipped.push(skipped(&missing.name, &missing.reason)),
             });
         }
         written.seconds = began.elapsed().as_secs_f64();
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
-        out!("{}", table::closing(&written));
-        if let Some(file) = json {
-            fill(file, &serde_json::to_string(&written)?).context("writing the JSON file")?;
+        text.print(format_args!("{}", table::closing(&written)));
+        if self.json {
+            let json = format!("{}\n", serde_json::to_string(&written)?);
+            match output {
+                Some(file) => fill(file, &json).context("writing the JSON file")?,
+                None => out!("{json}"),
+            }
         }
         if let Some(file) = svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
-            let text = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
-            fill(file, &text).context("writing the picture")?;
+            let picture = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
+            fill(file, &picture).context("writing the picture")?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
@@ -189,9 +196,25 @@ fn fill(mut file: File, text: &str) -> std::io::Result<()> {
     file.write_all(text.as_bytes())
 }
 
-fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize) {
+/// The stream of the tables: standard output, or standard error while that is taken by JSON.
+#[derive(Clone, Copy)]
+struct Text {
+    errors: bool,
+}
+
+impl Text {
+    fn print(self, text: std::fmt::Arguments<'_>) {
+        if self.errors { err!("{text}") } else { out!("{text}") }
+    }
+
+    fn line(self, text: std::fmt::Arguments<'_>) {
+        self.print(format_args!("{text}\n"));
+    }
+}
+
+fn keep(measurements: &mut Vec<Measurement>, mut measurement: Measurement, core: usize, text: Text) {
     measurement.compare_with_floor(measurements);
-    outln!("{}", table::row(&measurement, core));
+    text.line(format_args!("{}", table::row(&measurement, core)));
     measurements.push(measurement);
 }
 

@@ -8,7 +8,9 @@ mod table;
 
 use std::process::ExitCode;
 
-/// Measures motorium on this machine
+/// Measure motorium on this machine, and compare two such measurements.
+///
+/// Example: motorium bench latency --quick
 #[derive(Debug, clap::Args)]
 pub(crate) struct Bench {
     #[command(subcommand)]

@@ -16,9 +16,10 @@ use motorium::units::TimeSpan;
 use serde::Serialize;
 
 use self::budgets::{Cover, Proposal};
+use super::check;
 use super::loading::GraphArgs;
-use super::{check, line};
 use crate::out::{err, errln, out, outln};
+use crate::runs::event_line;
 use crate::{exit, overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
@@ -76,13 +77,13 @@ impl Calibrate {
         self.tell("measuring how this machine wakes threads and hands over ...");
         // As while the graph runs; where it is denied then, it is denied now.
         let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
-        let floor = machine::measure(&program, &registry, Duration::from_secs(2))?;
+        let floor = machine::measure(&program, &registry::with_benches(), Duration::from_secs(2))?;
         drop(idle_limit);
         self.tell(&format!("running the graph for {duration} ..."));
         let options = Options { hosting: Hosting::Processes, program };
         let quiet = self.json;
         let report = launcher::run(checked.plan.clone(), &registry, &options, &mut |event| {
-            if let (false, Some(line)) = (quiet, line(&event)) {
+            if let (false, Some(line)) = (quiet, event_line(&event)) {
                 errln!("{line}");
             }
         })?;

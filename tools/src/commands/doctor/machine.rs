@@ -6,29 +6,23 @@ use std::path::Path;
 use std::time::Duration;
 
 use motorium::os::IdleLimit;
+use motorium::os::machine::{governor, is_virtual, isolated_cores, online_cores, tickless_cores};
 
 use super::finding::Finding;
 use super::read;
 
 pub(super) fn check() -> Vec<Finding> {
-    let governors: Vec<String> = online()
-        .iter()
-        .filter_map(|core| read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor")))
-        .collect();
+    let governors: Vec<String> = online_cores().into_iter().filter_map(governor).collect();
     vec![
         judge_virtual(
-            &read("/proc/cpuinfo").unwrap_or_default(),
+            is_virtual(),
             &[read("/sys/class/dmi/id/sys_vendor"), read("/sys/class/dmi/id/product_name")]
                 .map(Option::unwrap_or_default),
             ["/.dockerenv", "/run/.containerenv", "/run/systemd/container"]
                 .iter()
                 .any(|file| Path::new(file).exists()),
         ),
-        judge_cores(
-            &online(),
-            &cores(&read("/sys/devices/system/cpu/isolated").unwrap_or_default()),
-            &cores(&read("/sys/devices/system/cpu/nohz_full").unwrap_or_default()),
-        ),
+        judge_cores(&online_cores(), &isolated_cores(), &tickless_cores()),
         judge_siblings(read("/sys/devices/system/cpu/smt/active").as_deref()),
         judge_governors(&governors),
         judge_idle(
@@ -39,24 +33,8 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-/// Cores that are switched on.
-pub(super) fn online() -> Vec<usize> {
-    cores(&read("/sys/devices/system/cpu/online").unwrap_or_default())
-}
-
-/// Reads a list of cores as the kernel writes it: `0-3,8`.
-fn cores(list: &str) -> Vec<usize> {
-    let range = |part: &str| {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        Some(first.trim().parse().ok()?..=last.trim().parse().ok()?)
-    };
-    list.split(',').filter_map(range).flatten().collect()
-}
-
-fn judge_virtual(cpuinfo: &str, product: &[String; 2], container: bool) -> Finding {
+fn judge_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Finding {
     let name = "machine";
-    let flags = cpuinfo.lines().find(|line| line.starts_with("flags") || line.starts_with("Features"));
-    let hypervisor = flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"));
     let inside = if container { ", in a container" } else { "" };
     if hypervisor {
         let product = product.join(" ");
@@ -181,22 +159,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_of_cores_are_read_as_the_kernel_writes_them() {
-        assert_eq!(cores("0-3,8"), [0, 1, 2, 3, 8]);
-        assert_eq!(cores("1"), [1]);
-        assert_eq!(cores(""), [0; 0]);
-        assert_eq!(cores("(null)"), [0; 0]);
-    }
-
-    #[test]
-    fn a_hypervisor_is_seen_in_the_processor_flags_and_named_if_it_says_its_name() {
-        let flags = "processor : 0\nflags\t\t: fpu tsc hypervisor avx2\n";
-        let named = judge_virtual(flags, &["QEMU".into(), "Standard PC".into()], false);
+    fn a_hypervisor_is_a_warning_and_named_if_it_says_its_name() {
+        let named = judge_virtual(true, &["QEMU".into(), "Standard PC".into()], false);
         assert_eq!(named.verdict, Verdict::Warn);
         assert!(named.found.starts_with("virtual (QEMU Standard PC):"), "{}", named.found);
-        let container = judge_virtual(flags, &[String::new(), String::new()], true);
+        let container = judge_virtual(true, &[String::new(), String::new()], true);
         assert!(container.found.starts_with("virtual, in a container:"), "{}", container.found);
-        let real = judge_virtual("flags : fpu tsc avx2\n", &["Dell".into(), "XPS".into()], false);
+        let real = judge_virtual(false, &["Dell".into(), "XPS".into()], false);
         assert_eq!(real, Finding::pass("machine", "not virtual"));
     }
 

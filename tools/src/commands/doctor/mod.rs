@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use iceoryx2_bb_elementary::package_version::PackageVersion;
+use motorium::os::machine::read;
 use motorium::units::TimeSpan;
 use serde::Serialize;
 
@@ -101,11 +102,6 @@ fn conclusion(findings: &[Finding]) -> String {
             format!("{}: {failures} of the above failed, {warnings} could be better", style::error("not fit"))
         }
     }
-}
-
-/// A file of the kernel, without the blanks around; `None` if it is not there or may not be read.
-fn read(path: &str) -> Option<String> {
-    Some(std::fs::read_to_string(path).ok()?.trim().to_string())
 }
 
 /// How late this machine wakes a real-time thread, ns, measured for a while.

@@ -1,17 +1,12 @@
 //! What this user may do: real-time priorities, locked memory. Tried, not guessed.
 
-use std::time::Duration;
-
+use motorium::os::machine::online_cores;
 use motorium::os::{Applied, Denied, Request, apply};
 use motorium::plan::SchedulingClass;
 use rustix::process::{Resource, getrlimit};
-use thread_priority::ThreadPriority;
-use thread_priority::unix::{
-    DeadlineFlags, RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy,
-};
 
 use super::finding::Finding;
-use super::{machine, read};
+use super::read;
 
 /// The priority that is tried: above all that graphs choose by themselves.
 pub(super) const PRIORITY: u8 = 80;
@@ -19,8 +14,6 @@ pub(super) const PRIORITY: u8 = 80;
 const IPC_LOCK: u32 = 14;
 /// Number of `CAP_SYS_NICE`: any scheduling.
 const SYS_NICE: u32 = 23;
-/// Number of `SCHED_DEADLINE`.
-const DEADLINE: u32 = 6;
 
 const LIMITS: &str = "printf '* - rtprio 98\\n* - memlock unlimited\\n' | sudo tee /etc/security/limits.d/90-motorium.conf   \
                       (then log in again; `*` may be a user or a @group)";
@@ -49,7 +42,7 @@ fn aside<T: Send>(run: impl FnOnce() -> T + Send) -> Option<T> {
 /// Asks for `SCHED_FIFO` on the cores of this process and reads it back.
 fn try_fifo() -> Result<u8, String> {
     let request =
-        Request { class: SchedulingClass::Fifo(PRIORITY), cores: machine::online(), lock_memory: false };
+        Request { class: SchedulingClass::Fifo(PRIORITY), cores: online_cores(), lock_memory: false };
     let (applied, denied): (Applied, Vec<Denied>) =
         aside(|| apply(&request)).ok_or("the thread that tried it failed")?;
     match denied.into_iter().find(|denied| matches!(denied, Denied::Priority(..))) {
@@ -78,30 +71,14 @@ fn judge_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
 
 /// Asks for 10 us in every second under `SCHED_DEADLINE` and reads it back.
 fn try_deadline() -> Result<(), String> {
-    let ask = || {
-        let second = Duration::from_secs(1);
-        let priority = ThreadPriority::Deadline {
-            runtime: Duration::from_micros(10),
-            deadline: second,
-            period: second,
-            flags: DeadlineFlags::RESET_ON_FORK,
-        };
-        let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Deadline);
-        // 0 is the calling thread.
-        set_thread_priority_and_policy(0, priority, policy)
-            .map_err(|_| std::io::Error::last_os_error().to_string())?;
-        match read("/proc/thread-self/stat").as_deref().and_then(scheduling_policy) {
-            Some(DEADLINE) => Ok(()),
-            other => Err(format!("read back policy {other:?}")),
-        }
-    };
-    aside(ask).unwrap_or_else(|| Err("the thread that tried it failed".to_string()))
-}
-
-/// The scheduling policy out of `/proc/thread-self/stat`: its field 41, as `proc(5)` counts them.
-fn scheduling_policy(stat: &str) -> Option<u32> {
-    // the second field, the name, may contain blanks and brackets
-    stat.rsplit_once(')')?.1.split_whitespace().nth(41 - 3)?.parse().ok()
+    let class = SchedulingClass::Deadline { runtime_ns: 10_000, period_ns: 1_000_000_000 };
+    let request = Request { class, cores: online_cores(), lock_memory: false };
+    let (applied, denied) = aside(|| apply(&request)).ok_or("the thread that tried it failed")?;
+    match denied.into_iter().find(|denied| matches!(denied, Denied::Deadline { .. })) {
+        Some(Denied::Deadline { reason, .. }) => Err(reason),
+        _ if applied.deadline => Ok(()),
+        _ => Err("read back another class".to_string()),
+    }
 }
 
 fn judge_deadline(tried: &Result<(), String>) -> Finding {
@@ -118,7 +95,7 @@ fn judge_deadline(tried: &Result<(), String>) -> Finding {
 
 /// Locks the memory of this process, reads it back, and unlocks it again.
 fn try_locking() -> Result<(), String> {
-    let request = Request { class: SchedulingClass::Normal, cores: machine::online(), lock_memory: true };
+    let request = Request { class: SchedulingClass::Normal, cores: online_cores(), lock_memory: true };
     let (applied, denied) = aside(|| apply(&request)).ok_or("the thread that tried it failed")?;
     let _ = rustix::mm::munlockall();
     match denied.into_iter().find(|denied| matches!(denied, Denied::Memory(_))) {
@@ -190,14 +167,6 @@ mod tests {
     }
 
     #[test]
-    fn the_policy_is_field_41_whatever_the_name_of_the_program() {
-        let numbers: Vec<String> = (4..=52).map(|field| (100 + field).to_string()).collect();
-        let stat = format!("7 (a ) (b) S {}", numbers.join(" "));
-        assert_eq!(scheduling_policy(&stat), Some(141));
-        assert_eq!(scheduling_policy("7 (x) S 1 2"), None);
-    }
-
-    #[test]
     fn low_limits_are_a_warning_unless_a_capability_passes_over_them() {
         let limits = Limits { priority: Some(0), memory: Some(8 << 20), files: Some(20_000) };
         let user = judge_limits(&limits, 0);
@@ -222,6 +191,12 @@ mod tests {
         let group = judge_fifo(&denied, true);
         assert!(group.found.contains("control group") && group.fix.unwrap().contains("cpu.rt_runtime_us"));
         assert_eq!(judge_fifo(&Ok(80), false).verdict, Verdict::Pass);
+    }
+
+    /// The scheduling policy out of `/proc/thread-self/stat`: its field 41, as `proc(5)` counts them.
+    fn scheduling_policy(stat: &str) -> Option<u32> {
+        // the second field, the name, may contain blanks and brackets
+        stat.rsplit_once(')')?.1.split_whitespace().nth(41 - 3)?.parse().ok()
     }
 
     #[test]

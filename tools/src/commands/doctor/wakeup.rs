@@ -2,18 +2,17 @@
 
 use std::time::Duration;
 
-use motorium::os::{IdleLimit, Request, apply, monotonic_ns, prefault_stack, sleep_until};
-use motorium::plan::SchedulingClass;
+use motorium::os::IdleLimit;
+use motorium::os::machine::online_cores;
 use motorium::run_folder::RunFolder;
 use motorium::telemetry::{Histogram, Percentiles};
+use motorium_benches::timer::{PERIOD_NS, timer};
 use serde::Serialize;
 
 use super::finding::Finding;
-use super::{machine, privileges};
+use super::privileges;
 use crate::report::microseconds;
 
-/// The period that is measured at, ns: 1 kHz.
-const PERIOD_NS: u64 = 1_000_000;
 /// A wake-up may be late by this share of the period.
 const SHARE: f64 = 0.1;
 
@@ -28,37 +27,23 @@ pub(super) struct Measured {
     pub(super) core: Option<usize>,
 }
 
-/// Sleeps to absolute deadlines a millisecond apart, at real-time priority if that is granted, on the core that
-/// graphs choose for real-time components, with idle states limited as they do where that is granted. Beside a running graph it gives way to all of its components.
+/// Measures for this time on the core that graphs choose for real-time components, at real-time priority if that is
+/// granted and with idle states limited as graphs limit them. Beside a running graph it gives way to all components.
 pub(super) fn measure(time: Duration) -> Option<Measured> {
     let beside = RunFolder::list().iter().any(RunFolder::is_alive);
     let priority = if beside { 1 } else { privileges::PRIORITY };
-    std::thread::scope(|scope| scope.spawn(|| measure_here(time, priority)).join().ok())
-}
-
-fn measure_here(time: Duration, priority: u8) -> Measured {
-    let core = machine::online().last().copied();
-    let class = SchedulingClass::Fifo(priority);
+    let core = *online_cores().last()?;
+    let count = (time.as_nanos() / u128::from(PERIOD_NS)).max(1);
     let _idle_limit = IdleLimit::hold(Duration::ZERO);
-    let (applied, _) = apply(&Request { class, cores: core.into_iter().collect(), lock_memory: false });
-    prefault_stack();
+    let measured = timer(core, priority, usize::try_from(count).ok()?).ok()?;
     let late = Histogram::default();
-    let periods = (time.as_nanos() / u128::from(PERIOD_NS)).max(1);
-    let mut deadline = monotonic_ns() + PERIOD_NS;
-    for _ in 0..periods {
-        sleep_until(deadline);
-        let now = monotonic_ns();
-        late.record(now.saturating_sub(deadline));
-        // After a delay of several periods the missed ones are not waited for: they would count as on time.
-        let passed = now.saturating_sub(deadline) / PERIOD_NS + 1;
-        deadline += passed * PERIOD_NS;
-    }
-    Measured {
+    measured.late_ns.iter().for_each(|ns| late.record(*ns));
+    Some(Measured {
         lateness_ns: late.percentiles(),
         count: late.count(),
-        fifo_priority: applied.fifo_priority,
-        core: core.filter(|core| applied.cores == [*core]),
-    }
+        fifo_priority: measured.fifo,
+        core: measured.pinned.then_some(core),
+    })
 }
 
 pub(super) fn judge(measured: &Measured) -> Finding {

@@ -6,9 +6,9 @@ use anyhow::Context as _;
 use motorium::launcher::{EdgeReport, LatencyReport, Report, Status};
 use motorium::plan::Plan;
 
-use super::super::runs::RunArg;
 use crate::draw::Measured;
 use crate::report::microseconds;
+use crate::runs::RunArg;
 
 /// What was measured, and the plan of the run if it is a living one.
 pub(super) struct Source {

@@ -8,6 +8,8 @@ use motorium_library::{Keep, MotionLibrary};
 use super::source::{MetricName, Shape, Source};
 
 /// Learn a library from recordings.
+///
+/// Example: motorium library build letters.jsonl --output letters.library --error 0.02
 #[derive(Debug, clap::Args)]
 pub(super) struct Build {
     #[command(flatten)]

@@ -15,6 +15,8 @@ use crate::out::outln;
 /// Learn from one part of recordings, and measure errors and recognition on the rest.
 ///
 /// For each number of weights: eigenforces in both metrics, Fourier functions, and kernels.
+///
+/// Example: motorium library evaluate letters.jsonl --terms 4,8,16 --plot errors.svg
 #[derive(Debug, clap::Args)]
 pub(super) struct Evaluate {
     #[command(flatten)]

@@ -11,6 +11,8 @@ use crate::chart::{Chart, Series, Tile, tiles};
 use crate::out::{out, outln};
 
 /// Generate a movement: of the library, of given weights, or between two.
+///
+/// Example: motorium library generate letters.library --movement a --with d --blend 0.3 --plot between.svg
 #[derive(Debug, clap::Args)]
 pub(super) struct Generate {
     /// The library

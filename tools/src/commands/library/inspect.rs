@@ -8,6 +8,8 @@ use motorium_library::file;
 use crate::chart::{Chart, Series};
 
 /// Show what a library holds.
+///
+/// Example: motorium library inspect letters.library
 #[derive(Debug, clap::Args)]
 pub(super) struct Inspect {
     /// The library

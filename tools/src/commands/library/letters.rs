@@ -11,6 +11,8 @@ use crate::chart::{Tile, tiles};
 use crate::out::outln;
 
 /// Write letters of our own strokes, with seeded variation, as recordings.
+///
+/// Example: motorium library letters --output letters.jsonl
 #[derive(Debug, clap::Args)]
 pub(super) struct Letters {
     /// The .jsonl file to write

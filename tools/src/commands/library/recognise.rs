@@ -9,6 +9,8 @@ use super::source::Source;
 use crate::out::outln;
 
 /// Say which movement of a library each recording is like, and how new it is.
+///
+/// Example: motorium library recognise letters.library letters.jsonl --terms 8
 #[derive(Debug, clap::Args)]
 pub(super) struct Recognise {
     /// The library

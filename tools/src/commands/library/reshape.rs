@@ -58,6 +58,8 @@ impl Split {
 ///
 /// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of different ones into one
 /// of the whole body, its parts correlated if all were learned from the same movements.
+///
+/// Example: motorium library merge left.library right.library --independent --output body.library
 #[derive(Debug, clap::Args)]
 pub(super) struct Merge {
     /// The libraries
@@ -94,6 +96,8 @@ impl Merge {
 }
 
 /// Take further recordings into a library, one by one, without those it was learned from.
+///
+/// Example: motorium library update letters.library more.jsonl --output letters.library
 #[derive(Debug, clap::Args)]
 pub(super) struct Update {
     /// The library

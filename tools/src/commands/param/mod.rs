@@ -6,11 +6,12 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::declare::ParameterValue;
+use motorium::nearest::suggest;
 use motorium::transport::ParameterTable;
 use serde::Serialize;
 
-use super::runs::{LivingRun, RunArg, suggest};
 use crate::out::{errln, outln};
+use crate::runs::{LivingRun, RunArg};
 use crate::{exit, style};
 use render::Row;
 

@@ -12,6 +12,8 @@ use crate::out::outln;
 /// The motion library of Delhaisse's thesis (2019), chapter 3: what figures 3.9 to 3.12 and 3.14 to 3.19 show.
 ///
 /// Writes each as CSV and SVG (bars: standard errors), and says of each claim whether it holds on these data.
+///
+/// Example: motorium reproduce chapter3 --data recordings/ --out out/
 #[derive(Debug, clap::Args)]
 pub(super) struct Chapter3 {
     /// The folder with uci-char-trajectories/train.jsonl and cmu-mocap/*.csv

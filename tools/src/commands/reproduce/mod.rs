@@ -10,6 +10,8 @@ mod sheet;
 use std::process::ExitCode;
 
 /// Compute published figures anew, and say where their claims hold.
+///
+/// Example: motorium reproduce chapter3 --out out/
 #[derive(Debug, clap::Args)]
 pub(crate) struct Reproduce {
     #[command(subcommand)]

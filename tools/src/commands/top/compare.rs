@@ -6,8 +6,8 @@ use motorium::telemetry::Snapshot;
 use super::data::{
     ComponentSpan, ComponentTop, CoreTop, EdgeSpan, EdgeTop, LatencySpan, LatencyTop, State, TOP_VERSION, Top,
 };
-use crate::commands::LivingRun;
 use crate::metrics::{ComponentSample, Sample};
+use crate::runs::LivingRun;
 
 impl Top {
     /// A run as `now` shows it, and what happened since `before`.

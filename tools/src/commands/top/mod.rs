@@ -19,9 +19,9 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
 
-use super::runs::{LivingRun, pick};
 use crate::metrics::{Address, Sample, Server};
 use crate::out::{errln, out, outln};
+use crate::runs::{LivingRun, pick};
 use data::Span;
 pub(super) use data::Top as Data;
 use order::Order;

@@ -17,8 +17,8 @@ use super::layout::{Cell, Tone};
 use super::order::Order;
 use super::view::View;
 use super::{End, LONGEST, SHORTEST};
-use crate::commands::LivingRun;
 use crate::metrics::Sample;
+use crate::runs::LivingRun;
 
 /// After this long there is something to see.
 const FIRST: Duration = Duration::from_millis(300);

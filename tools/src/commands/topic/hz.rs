@@ -11,9 +11,9 @@ use serde::Serialize;
 use super::find;
 use super::pace::{Pace, percentiles};
 use super::watch::{End, Watch, poll_for};
-use crate::commands::runs::RunArg;
 use crate::out::{errln, out, outln};
 use crate::report::microseconds;
+use crate::runs::RunArg;
 use crate::{exit, style};
 
 /// Measure the rate of a topic and how evenly it comes.
@@ -51,7 +51,7 @@ impl Hz {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
         let (_, topic) = find(&run.plan, &self.topic)?;
-        let watch = Watch::open(&run, topic)?;
+        let mut watch = Watch::open(&run, topic)?;
         let poll = poll_for(run.plan.components[topic.writer].period_ns());
         let (mut pace, mut intervals) = (Pace::default(), Vec::new());
         let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), |samples| {

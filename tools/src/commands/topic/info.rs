@@ -11,9 +11,9 @@ use serde::Serialize;
 
 use super::list::{Row, rows};
 use super::{find, names, readable};
-use crate::commands::runs::RunArg;
 use crate::out::{out, outln};
 use crate::report::table;
+use crate::runs::RunArg;
 use crate::style;
 
 /// One topic in detail, with the layout of its samples.

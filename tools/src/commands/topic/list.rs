@@ -10,9 +10,9 @@ use serde::Serialize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::{names, pattern, readable};
-use crate::commands::runs::{LivingRun, RunArg};
 use crate::out::outln;
 use crate::report::table;
+use crate::runs::{LivingRun, RunArg};
 
 /// All topics: type, writer, readers, rate, age.
 ///

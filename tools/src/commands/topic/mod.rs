@@ -11,9 +11,8 @@ mod watch;
 use std::process::ExitCode;
 
 use motorium::declare::TopicPattern;
+use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};
-
-use super::runs::suggest;
 
 /// Look at the topics of a running graph.
 ///

@@ -1,0 +1,146 @@
+//! A file into a model: its sections in the order they depend on each other.
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, Isometry3};
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::attributes::{Attributes, MAIN};
+use super::bodies::{Place, Tree};
+use super::compiler::Compiler;
+use super::error::{MjcfError, MjcfProblem};
+use super::geoms::Geoms;
+use super::joints::SpringDamper;
+use super::sections::{check_options, read_assets, read_exclusions};
+use super::{MjcfRobot, actuators, equality};
+use crate::load::{BaseMode, LoadOptions};
+use crate::{Base, Body, Coordinate, Dynamics, Frame, Inertia, Model, Position, Srdf};
+
+/// Sections without effect on a model.
+const SKIPPED: [&str; 6] = ["size", "visual", "statistic", "custom", "sensor", "keyframe"];
+
+pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
+    let document =
+        Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
+            .map_err(|error| {
+                let at = error.pos();
+                let message = error.to_string().replace(&format!(" at {at}"), "");
+                let at = Position { line: at.row, column: at.col };
+                MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
+            })?;
+    let attributes = Attributes::new(&document)?;
+    let root = document.root_element();
+    if !root.has_tag_name("mujoco") {
+        return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
+    }
+    if let Some(include) = root.descendants().find(|node| node.has_tag_name("include")) {
+        return Err(attributes.error(include, MjcfProblem::Element("include".to_owned())));
+    }
+    let compiler = Compiler::read(root, &attributes)?;
+    let mut geoms = Geoms { attributes: &attributes, compiler: &compiler, meshes: Default::default() };
+    let mut exclusions = Srdf::default();
+    for section in root.children().filter(Node::is_element) {
+        match section.tag_name().name() {
+            "asset" => read_assets(section, &mut geoms, file)?,
+            "contact" => read_exclusions(section, &attributes, &mut exclusions)?,
+            "option" => check_options(section, &attributes)?,
+            "tendon" => actuators::check_tendons(section, &attributes)?,
+            "compiler" | "default" | "worldbody" | "equality" | "actuator" => {}
+            name if SKIPPED.contains(&name) => {}
+            name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
+        }
+    }
+    let sections = |name: &'static str| root.children().filter(move |section| section.has_tag_name(name));
+    let mut tree = Tree::new(&geoms);
+    let place = Place { carrier: None, world: true, within: Isometry3::identity(), class: MAIN, top: true };
+    for section in sections("worldbody") {
+        // What stands in the world weighs nothing.
+        drop(tree.contents(section, &place)?);
+    }
+    if options.base == BaseMode::Floating && !tree.base.floating {
+        let problem = "nothing floats in this file; give the body that should a <freejoint/>".to_owned();
+        return Err(attributes.error(root, MjcfProblem::Other(problem)));
+    }
+    tree.check_names(&attributes, root)?;
+    if let Some(total) = compiler.total_mass {
+        tree.scale_to(total);
+    }
+    for section in sections("actuator") {
+        actuators::read_actuators(section, &attributes, &mut tree.bodies)?;
+    }
+    tree.check_exclusions(&attributes, root, &exclusions)?;
+    tree.masks.exclude(&attributes, root, &mut exclusions);
+    let name = root.attribute("model").unwrap_or("MuJoCo Model").to_owned();
+    let Tree { base, mut bodies, frames, references, spring_dampers, .. } = tree;
+    damp(&name, &base, &mut bodies, &references, &spring_dampers)
+        .map_err(|node| attributes.refused(node, "springdamper", "", "the mass matrix is singular"))?;
+    for section in sections("equality") {
+        equality::couple(section, &attributes, &mut bodies, &references, options.mimic)?;
+    }
+    number_joints(&mut bodies);
+    let mut warnings = attributes.warnings();
+    for body in &bodies {
+        crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
+    }
+    crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
+    Ok(MjcfRobot { model: Model::new(name, base, bodies, frames), warnings, exclusions })
+}
+
+/// Gives joints with a `springdamper` the damping for its time constant, from the inertia that each feels in the pose
+/// of the file, all joints free. An error is the joint's element: the mass matrix is singular.
+fn damp<'a, 'i>(
+    name: &str,
+    base: &Base,
+    bodies: &mut [Body],
+    references: &[f64],
+    spring_dampers: &[SpringDamper<'a, 'i>],
+) -> Result<(), Node<'a, 'i>> {
+    let Some(first) = spring_dampers.first() else { return Ok(()) };
+    let mut independent = bodies.to_vec();
+    number_joints(&mut independent);
+    let frames: Vec<Frame> = Vec::new();
+    let model = Model::new(name.to_owned(), base.clone(), independent, frames);
+    let mut q = model.neutral();
+    let own = q.len() - references.len();
+    q[own..].copy_from_slice(references);
+    let mut inverse = DMatrix::zeros(model.nv(), model.nv());
+    Dynamics::new(&model).inverse_mass(&model, &q, &mut inverse).map_err(|_| first.node)?;
+    let own = model.nv() - references.len();
+    for spring in spring_dampers {
+        let inertia = 1.0 / inverse[(own + spring.body, own + spring.body)];
+        bodies[spring.body].joint.dynamics.damping = 2.0 * inertia / spring.time_constant;
+    }
+    Ok(())
+}
+
+/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body until here.
+fn number_joints(bodies: &mut [Body]) {
+    let mut next = 0;
+    let columns: Vec<usize> = bodies
+        .iter()
+        .map(|body| {
+            let independent = matches!(body.joint.coordinate, Coordinate::Independent(_));
+            next += usize::from(independent);
+            next - usize::from(independent)
+        })
+        .collect();
+    for (body, &column) in bodies.iter_mut().zip(&columns) {
+        match &mut body.joint.coordinate {
+            Coordinate::Independent(index) => *index = column,
+            Coordinate::Mimic { of, .. } => *of = columns[*of],
+        }
+    }
+}
+
+impl Tree<'_, '_, '_> {
+    /// Scales all inertias so that the bodies, static ones included, have the mass `total` together.
+    fn scale_to(&mut self, total: f64) {
+        let inertias = || self.bodies.iter().map(|body| &body.inertia).chain([&self.base.inertia]);
+        let scale = total / (self.static_mass + inertias().map(|inertia| inertia.mass).sum::<f64>());
+        let base = [&mut self.base.inertia];
+        for inertia in self.bodies.iter_mut().map(|body| &mut body.inertia).chain(base) {
+            *inertia =
+                Inertia { mass: inertia.mass * scale, rotational: inertia.rotational * scale, ..*inertia };
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! The attributes of each element, and what becomes of them.
+//!
+//! An attribute that no table names is refused wherever it stands, in an element or in a `<default>` class. A refused
+//! attribute is refused where its value has an effect: `shellinertia="false"` is accepted.
+
+/// Treatment of an attribute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Use {
+    /// It is read.
+    Read,
+    /// No quantity of a model depends on it: names, looks, solver and contact parameters, user data.
+    NoEffect,
+    /// It changes the motion in MuJoCo by something no model contains: a warning says so, with this reason.
+    Ignored(&'static str),
+    /// It changes what is read: refused, with this reason.
+    Refused(&'static str),
+}
+
+/// Attributes of an element, grouped by their treatment.
+pub(super) struct Schema {
+    /// The element of `<default>` that gives its defaults, if any.
+    pub(super) kind: &'static str,
+    groups: &'static [(Use, &'static [&'static str])],
+}
+
+impl Schema {
+    pub(super) fn contains(&self, attribute: &str) -> bool {
+        self.groups.iter().any(|(_, names)| names.contains(&attribute))
+    }
+
+    /// Attributes that are ignored or refused where they have an effect.
+    pub(super) fn exceptions(&self) -> impl Iterator<Item = (Use, &'static str)> {
+        let groups =
+            self.groups.iter().filter(|(treatment, _)| !matches!(treatment, Use::Read | Use::NoEffect));
+        groups.flat_map(|(treatment, names)| names.iter().map(|name| (*treatment, *name)))
+    }
+
+    /// The table of an element of `<default>`; `Err` for one that is none.
+    pub(super) fn of_default(element: &str) -> Result<Option<&'static Self>, ()> {
+        Ok(Some(match element {
+            "joint" => &JOINT,
+            "geom" => &GEOM,
+            "site" => &SITE,
+            "mesh" => &MESH,
+            "equality" => &EQUALITY,
+            "tendon" => &TENDON,
+            _ if ACTUATORS.contains(&element) => &ACTUATOR,
+            // No quantity depends on them.
+            "camera" | "light" | "material" | "texture" | "pair" => return Ok(None),
+            _ => return Err(()),
+        }))
+    }
+}
+
+/// Whether a value switches an attribute off: zeros, or a word that says so.
+pub(super) fn is_off(value: &str) -> bool {
+    let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
+    value.split_whitespace().all(off)
+}
+
+/// Attributes that place an element; those after the first turn it.
+pub(super) const POSE: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
+
+/// Elements of `<actuator>`.
+pub(super) const ACTUATORS: [&str; 12] = [
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+];
+
+const CONTACT: &str = "contacts have no such forces here";
+
+pub(super) const BODY: Schema = Schema {
+    kind: "",
+    groups: &[
+        (Use::Read, &POSE),
+        (Use::Read, &["name", "childclass"]),
+        (Use::NoEffect, &["user", "sleep", "simple", "fuse"]),
+        (Use::Refused("a body moved from outside is no part of a robot"), &["mocap"]),
+        (Use::Refused("no force here acts against gravity; compensate it in the controller"), &["gravcomp"]),
+    ],
+};
+
+pub(super) const FRAME: Schema =
+    Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["name", "childclass"])] };
+
+pub(super) const INERTIAL: Schema =
+    Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["mass", "diaginertia", "fullinertia"])] };
+
+pub(super) const FREEJOINT: Schema =
+    Schema { kind: "", groups: &[(Use::Read, &["name", "align"]), (Use::NoEffect, &["group"])] };
+
+pub(super) const JOINT: Schema = Schema {
+    kind: "joint",
+    groups: &[
+        (Use::Read, &["name", "class", "type", "pos", "axis", "ref", "range", "limited", "align"]),
+        (Use::Read, &["actuatorfrcrange", "actuatorfrclimited"]),
+        (Use::Read, &["damping", "frictionloss", "armature", "stiffness", "springdamper"]),
+        // Of springs, which are ignored, of soft limits, and of a gravity compensation that is refused.
+        (Use::NoEffect, &["springref", "springyield", "margin", "actuatorgravcomp"]),
+        (Use::NoEffect, &["solreflimit", "solimplimit", "solreffriction", "solimpfriction", "group", "user"]),
+    ],
+};
+
+pub(super) const GEOM: Schema = Schema {
+    kind: "geom",
+    groups: &[
+        (Use::Read, &POSE),
+        (Use::Read, &["name", "class", "type", "size", "fromto", "mesh", "contype", "conaffinity"]),
+        (Use::Read, &["mass", "density", "shellinertia", "group"]),
+        // Parameters of contacts: each simulator here has its own.
+        (Use::NoEffect, &["condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap"]),
+        (Use::NoEffect, &["rgba", "material", "castshadow", "user", "fluidcoef"]),
+        // Of primitives fitted to meshes and of height fields, which are refused.
+        (Use::NoEffect, &["fitscale", "hfield"]),
+        (Use::Ignored(CONTACT), &["adhesion", "surfacevel"]),
+        (Use::Ignored("no fluid acts on a robot here"), &["fluidshape"]),
+    ],
+};
+
+pub(super) const SITE: Schema = Schema {
+    kind: "site",
+    groups: &[
+        (Use::Read, &POSE),
+        (Use::Read, &["name", "class", "fromto"]),
+        (Use::NoEffect, &["type", "size", "mesh", "group", "material", "rgba", "user"]),
+    ],
+};
+
+pub(super) const MESH: Schema = Schema {
+    kind: "mesh",
+    groups: &[
+        (Use::Read, &["name", "class", "file", "scale"]),
+        // The inertia of a mesh is refused where it is needed.
+        (Use::NoEffect, &["inertia", "smoothnormal", "maxhullvert", "content_type", "material"]),
+        (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
+        (
+            Use::Refused("write the mesh to a file"),
+            &["vertex", "normal", "texcoord", "face", "builtin", "params"],
+        ),
+    ],
+};
+
+pub(super) const EQUALITY: Schema = Schema {
+    kind: "equality",
+    groups: &[
+        (Use::Read, &["name", "class", "active", "joint1", "joint2", "polycoef"]),
+        (Use::NoEffect, &["solref", "solimp"]),
+    ],
+};
+
+pub(super) const TENDON: Schema = Schema {
+    kind: "tendon",
+    groups: &[
+        (
+            Use::NoEffect,
+            &["name", "class", "group", "limited", "actuatorfrclimited", "margin", "springlength"],
+        ),
+        (Use::NoEffect, &["springyield", "solreflimit", "solimplimit", "solreffriction", "solimpfriction"]),
+        (Use::NoEffect, &["material", "rgba", "width", "user"]),
+        (
+            Use::Ignored("tendons are not part of a model"),
+            &["stiffness", "damping", "frictionloss", "range", "actuatorfrcrange"],
+        ),
+        (Use::Refused("it couples the joints in the mass matrix; give them an armature each"), &["armature"]),
+    ],
+};
+
+pub(super) const ACTUATOR: Schema = Schema {
+    kind: "actuator",
+    groups: &[
+        (Use::Read, &["name", "class", "joint", "jointinparent", "gear", "armature", "damping"]),
+        (Use::NoEffect, &["tendon", "site", "refsite", "body", "cranksite", "slidersite", "cranklength"]),
+        (Use::NoEffect, &["group", "user", "ctrllimited", "ctrlrange", "forcelimited", "forcerange"]),
+        (Use::NoEffect, &["actlimited", "actrange", "actdim", "actearly", "inheritrange", "lengthrange"]),
+        (Use::NoEffect, &["dyntype", "dynprm", "gaintype", "gainprm", "biastype", "biasprm", "input"]),
+        (
+            Use::NoEffect,
+            &["kp", "kv", "ki", "imax", "slewmax", "posrange", "velrange", "ffrange", "dampratio"],
+        ),
+        (Use::NoEffect, &["timeconst", "delay", "nsample", "interp", "area", "diameter", "bias", "gain"]),
+        (Use::NoEffect, &["range", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax", "tausmooth"]),
+        (Use::NoEffect, &["motorconst", "resistance", "inductance", "nominal", "saturation", "cogging"]),
+        (Use::NoEffect, &["lugre", "thermal", "controller"]),
+    ],
+};
+
+pub(super) const EXCLUDE: Schema = Schema { kind: "", groups: &[(Use::Read, &["name", "body1", "body2"])] };
+
+pub(super) const OPTION: Schema = Schema {
+    kind: "",
+    groups: &[
+        (Use::Read, &["gravity"]),
+        (Use::NoEffect, &["timestep", "integrator", "impratio", "cone", "jacobian", "solver", "iterations"]),
+        (
+            Use::NoEffect,
+            &["tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations", "noslip_tolerance"],
+        ),
+        (Use::NoEffect, &["ccd_iterations", "ccd_tolerance", "mpr_iterations", "mpr_tolerance", "collision"]),
+        (
+            Use::NoEffect,
+            &["sdf_iterations", "sdf_initpoints", "sleep_tolerance", "apirate", "magnetic", "wind"],
+        ),
+        (Use::NoEffect, &["o_margin", "o_solref", "o_solimp", "o_friction", "actuatorgroupdisable"]),
+        (Use::Ignored("no fluid acts on a robot here"), &["density", "viscosity"]),
+    ],
+};

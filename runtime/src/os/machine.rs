@@ -1,0 +1,258 @@
+//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor, kernel, and how
+//! each core spends its time. All functions open files: none belongs into the step of a component.
+
+use core::ops::Sub;
+use std::fs::File;
+use std::io::Read as _;
+
+/// The text of a file of the kernel without white space around it; `None` if it is empty or cannot be read.
+pub fn read(path: &str) -> Option<String> {
+    Some(std::fs::read_to_string(path).ok()?.trim().to_string()).filter(|text| !text.is_empty())
+}
+
+/// Parses a list of cores as the kernel writes it, such as `0-3,6`. `None` if it is not one.
+pub fn parse_cores(list: &str) -> Option<Vec<usize>> {
+    let mut cores = Vec::new();
+    for part in list.trim().split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        cores.extend(first.parse::<usize>().ok()?..=last.parse().ok()?);
+    }
+    Some(cores)
+}
+
+fn cores(list: &str) -> Vec<usize> {
+    read(&format!("/sys/devices/system/cpu/{list}")).and_then(|list| parse_cores(&list)).unwrap_or_default()
+}
+
+/// The cores that are switched on, ascending, at least one; those isolated from the scheduler are among them.
+pub fn online_cores() -> Vec<usize> {
+    let online = cores("online");
+    if online.is_empty() {
+        return (0..std::thread::available_parallelism().map_or(1, |cores| cores.get())).collect();
+    }
+    online
+}
+
+/// The cores that the scheduler gives work only when told to (`isolcpus`).
+pub fn isolated_cores() -> Vec<usize> {
+    cores("isolated")
+}
+
+/// The cores without a periodic tick while a single thread runs on them (`nohz_full`).
+pub fn tickless_cores() -> Vec<usize> {
+    cores("nohz_full")
+}
+
+/// The kernel.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Kernel {
+    /// Its release, such as `6.18.0`.
+    pub release: String,
+    /// Its build, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
+    pub version: String,
+}
+
+impl Kernel {
+    /// The one that runs.
+    pub fn detect() -> Self {
+        let read = |name: &str| read(&format!("/proc/sys/kernel/{name}")).unwrap_or_default();
+        Self { release: read("osrelease"), version: read("version") }
+    }
+
+    /// Its preemption model, such as `PREEMPT_RT`, where the build names one.
+    pub fn preemption(&self) -> Option<&str> {
+        self.version.split_whitespace().find(|word| word.starts_with("PREEMPT"))
+    }
+}
+
+/// The value of the first line of `/proc/cpuinfo` that begins with this name.
+fn processor_value(cpuinfo: &str, name: &str) -> Option<String> {
+    let line = cpuinfo.lines().find(|line| line.starts_with(name))?;
+    Some(line.split_once(':')?.1.trim().to_string())
+}
+
+/// The model of the processor; its architecture where the kernel names no model.
+pub fn processor() -> String {
+    let cpuinfo = read("/proc/cpuinfo").unwrap_or_default();
+    processor_value(&cpuinfo, "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
+}
+
+/// True on a virtual machine, as the flags of the processor say: its host may take the cores away at any time.
+pub fn is_virtual() -> bool {
+    has_hypervisor(&read("/proc/cpuinfo").unwrap_or_default())
+}
+
+fn has_hypervisor(cpuinfo: &str) -> bool {
+    let flags = processor_value(cpuinfo, "flags").or_else(|| processor_value(cpuinfo, "Features"));
+    flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"))
+}
+
+/// The governor that sets the frequency of a core; `None` where the system does not scale frequencies.
+pub fn governor(core: usize) -> Option<String> {
+    read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"))
+}
+
+/// Driver and governor of idle states, as `driver/governor`; `None` where they cannot be read.
+pub fn idle_driver() -> Option<String> {
+    let folder = "/sys/devices/system/cpu/cpuidle";
+    let governor = read(&format!("{folder}/current_governor_ro"))
+        .or_else(|| read(&format!("{folder}/current_governor")))?;
+    Some(format!("{}/{governor}", read(&format!("{folder}/current_driver"))?))
+}
+
+/// The longest time that a core may take to leave an idle state, us, as those limit it who hold `/dev/cpu_dma_latency`
+/// open. `None` where nobody does, or where this user may not read it.
+pub fn idle_exit_limit_us() -> Option<u64> {
+    let mut bytes = [0; 4];
+    File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
+    // Without a limit the kernel shows 2000 s.
+    u64::try_from(i32::from_ne_bytes(bytes)).ok().filter(|limit| *limit < 1_000_000)
+}
+
+/// The clock that the kernel reads the time from, such as `tsc`.
+pub fn clock_source() -> Option<String> {
+    read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+}
+
+/// The time that real-time threads may use, us per s of each core; `None` without a limit.
+pub fn realtime_limit_us_per_s() -> Option<u64> {
+    let number = |name: &str| read(&format!("/proc/sys/kernel/{name}"))?.parse::<i64>().ok();
+    let (runtime, period) = (number("sched_rt_runtime_us")?, number("sched_rt_period_us")?);
+    (runtime >= 0 && runtime < period).then(|| (runtime * 1_000_000 / period) as u64)
+}
+
+/// Load average over one minute.
+pub fn load() -> Option<f64> {
+    read("/proc/loadavg")?.split_whitespace().next()?.parse().ok()
+}
+
+/// Time that one core has spent since the machine started, in ticks of `USER_HZ` (10 ms).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CoreTimes {
+    /// The core.
+    pub core: usize,
+    /// Programs, real-time and nice ones included.
+    pub user: u64,
+    /// The kernel on behalf of programs.
+    pub system: u64,
+    /// Interrupts and soft interrupts; 0 where the kernel does not account for them.
+    pub interrupts: u64,
+    /// Idle, waiting for storage included.
+    pub idle: u64,
+    /// Taken away by the host of a virtual machine.
+    pub stolen: u64,
+}
+
+impl CoreTimes {
+    /// The times of all cores in the order of their numbers; none if the kernel does not say.
+    pub fn read() -> Vec<Self> {
+        Self::parse(&std::fs::read_to_string("/proc/stat").unwrap_or_default())
+    }
+
+    /// Parses the lines `cpuN user nice system idle iowait irq softirq steal ...` of `/proc/stat`, see proc_stat(5).
+    fn parse(text: &str) -> Vec<Self> {
+        let line = |line: &str| {
+            let mut words = line.split_ascii_whitespace();
+            let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
+            // The time of guests is in `user` already.
+            let mut next = || words.next().and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
+            let [user, nice, system, idle, waiting, hard, soft, stolen] = core::array::from_fn(|_| next());
+            Some(Self {
+                core,
+                user: user + nice,
+                system,
+                interrupts: hard + soft,
+                idle: idle + waiting,
+                stolen,
+            })
+        };
+        text.lines().filter_map(line).collect()
+    }
+
+    /// The sum of all times.
+    pub fn total(self) -> u64 {
+        self.user + self.system + self.interrupts + self.idle + self.stolen
+    }
+
+    /// A part as a share of the sum; 0 if the sum is 0.
+    pub fn share(self, part: u64) -> f64 {
+        part as f64 / self.total().max(1) as f64
+    }
+}
+
+impl Sub for CoreTimes {
+    type Output = Self;
+
+    /// The times between two readings, none below zero: the kernel corrects idle time downwards at times.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            core: self.core,
+            user: self.user.saturating_sub(earlier.user),
+            system: self.system.saturating_sub(earlier.system),
+            interrupts: self.interrupts.saturating_sub(earlier.interrupts),
+            idle: self.idle.saturating_sub(earlier.idle),
+            stolen: self.stolen.saturating_sub(earlier.stolen),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_cores_are_parsed_and_nonsense_is_refused() {
+        assert_eq!(parse_cores("0-3,6\n"), Some(vec![0, 1, 2, 3, 6]));
+        assert_eq!(parse_cores("0\n"), Some(vec![0]));
+        for nonsense in ["", "a-b", "(null)", "0-"] {
+            assert_eq!(parse_cores(nonsense), None, "{nonsense}");
+        }
+    }
+
+    #[test]
+    fn a_hypervisor_shows_in_the_flags_of_the_processor() {
+        assert!(has_hypervisor("processor : 0\nflags\t\t: fpu tsc hypervisor avx2\n"));
+        assert!(!has_hypervisor("flags : fpu tsc avx2\n") && !has_hypervisor(""));
+    }
+
+    #[test]
+    fn the_preemption_model_is_found_in_the_build_of_the_kernel() {
+        let kernel = |version: &str| Kernel { release: "6.18.0".into(), version: version.into() };
+        assert_eq!(kernel("#1 SMP PREEMPT_RT Tue Nov 4").preemption(), Some("PREEMPT_RT"));
+        assert_eq!(kernel("#1 SMP Tue Nov 4").preemption(), None);
+    }
+
+    const STAT: &str = "cpu  30 4 60 800 10 1 9 6 0 0\ncpu0 10 1 20 400 5 0 4 2 7 0\ncpu1 20 3 40 400 5 1 5 4 0 0\nintr 5 6\nctxt 1\n";
+
+    #[test]
+    fn the_times_of_each_core_stand_in_its_line() {
+        let cores = CoreTimes::parse(STAT);
+        let first = CoreTimes { core: 0, user: 11, system: 20, interrupts: 4, idle: 405, stolen: 2 };
+        let second = CoreTimes { core: 1, user: 23, system: 40, interrupts: 6, idle: 405, stolen: 4 };
+        assert_eq!(cores, [first, second]);
+        assert_eq!(second.total(), 478);
+        assert!((second.share(second.stolen) - 4.0 / 478.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn columns_that_an_old_kernel_lacks_count_as_zero() {
+        let expected = CoreTimes { core: 3, user: 3, system: 3, idle: 4, ..CoreTimes::default() };
+        assert_eq!(CoreTimes::parse("cpu3 1 2 3 4\n"), [expected]);
+        assert_eq!(CoreTimes::parse(""), []);
+    }
+
+    #[test]
+    fn idle_time_that_the_kernel_takes_back_is_no_negative_time() {
+        let idle = |idle| CoreTimes { idle, ..CoreTimes::default() };
+        assert_eq!((idle(10) - idle(12)).idle, 0);
+        assert_eq!((idle(10) - idle(12)).share(0), 0.0);
+    }
+
+    #[test]
+    fn this_machine_has_a_kernel_a_processor_and_cores_that_did_something() {
+        assert!(!Kernel::detect().release.is_empty() && !processor().is_empty());
+        let (online, times) = (online_cores(), CoreTimes::read());
+        assert!(!online.is_empty() && times.iter().all(|core| core.total() > 0), "{times:?}");
+        assert_eq!(times.iter().map(|core| core.core).collect::<Vec<_>>(), online);
+    }
+}

@@ -1,0 +1,280 @@
+//! What becomes of a robot when something dies or goes wrong: real processes, real signals.
+
+use std::io::Read as _;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run, signal};
+use motorium::launcher::Exit;
+
+const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
+
+#[test]
+fn each_component_killed_in_turn_is_restarted_and_the_robot_still_reaches_its_goals() {
+    let _machine = machine();
+    let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
+    let mut arguments = vec!["--for", "12 s"];
+    restart.iter().for_each(|setting| arguments.extend(["--set", setting]));
+    let run = Run::start(&panda_reach(), &arguments);
+    let id = run.folder.id().to_string();
+    for component in COMPONENTS {
+        std::thread::sleep(Duration::from_millis(500));
+        let pid = run.pid_of(component);
+        kill(pid);
+        await_end(pid);
+        let killed = Instant::now();
+        while run.pid_of(component) == pid {
+            assert!(killed.elapsed() < Duration::from_secs(10), "`{component}` is not restarted");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+    let ended = run.finish();
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    assert!(ended.report().components.iter().all(|c| c.restarts == 1), "{:?}", ended.report().components);
+    let error = &ended.report().results["controller"]["position_error_m"];
+    assert!(error.as_f64().is_some_and(|error| error < 1e-3), "position error {error}");
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn each_component_killed_without_a_restart_policy_brings_the_robot_to_its_safe_state() {
+    let _machine = machine();
+    for component in COMPONENTS {
+        let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+        let id = run.folder.id().to_string();
+        kill(run.pid_of(component));
+        let ended = run.finish();
+        assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+        let Exit::SafeStop { reason } = &ended.report().exit else { panic!("{:?}", ended.report().exit) };
+        assert!(reason.contains(component) && reason.contains("SIGKILL"), "{reason}");
+        if component != "physics" {
+            assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
+        }
+        assert_eq!(leftovers(&id), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn when_the_launcher_is_killed_the_guard_sees_the_robot_to_safety_and_cleans_up() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    let workers: Vec<u32> = COMPONENTS.iter().map(|component| run.pid_of(component)).collect();
+    let guard = run.guard();
+    kill(run.launcher());
+    await_end(guard);
+    workers.into_iter().for_each(await_end);
+    let ended = run.finish();
+    assert!(ended.stderr.contains("`physics` in its safe state (hold)"), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+/// Longest time that a core may take to leave its idle state, us; `None` if this user may not ask for one.
+fn idle_exit_us() -> Option<i32> {
+    let mut limits = std::fs::File::options().read(true).write(true).open("/dev/cpu_dma_latency").ok()?;
+    let mut bytes = [0; 4];
+    limits.read_exact(&mut bytes).ok()?;
+    Some(i32::from_ne_bytes(bytes))
+}
+
+#[test]
+fn the_cores_stay_awake_while_a_graph_runs_and_idle_again_when_its_launcher_is_killed() {
+    let _machine = machine();
+    let Some(before) = idle_exit_us() else {
+        return eprintln!("skipped: this user may not limit idle states");
+    };
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "realtime.idle_exit=7 us"]);
+    assert_eq!(idle_exit_us(), Some(before.min(7)));
+    let guard = run.guard();
+    kill(run.launcher());
+    await_end(guard);
+    assert_eq!(idle_exit_us(), Some(before));
+    run.finish();
+    let run = Run::start(&panda_reach(), &["--for", "1 s", "--set", "realtime.idle_exit=1 s"]);
+    assert_eq!(idle_exit_us(), Some(before));
+    assert_eq!(run.finish().report().idle_exit_ns, None);
+}
+
+#[test]
+fn a_killed_guard_is_replaced_and_the_run_goes_on() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "3 s"]);
+    let first = run.guard();
+    kill(first);
+    let killed = Instant::now();
+    while run.guard() == first {
+        assert!(killed.elapsed() < Duration::from_secs(5), "no new guard");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let ended = run.finish();
+    assert_eq!(ended.report().exit, Exit::Finished);
+}
+
+#[test]
+fn with_launcher_and_guard_both_dead_the_components_end_by_themselves_and_doctor_cleans_up() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    let workers: Vec<u32> = COMPONENTS.iter().map(|component| run.pid_of(component)).collect();
+    let (guard, launcher) = (run.guard(), run.launcher());
+    // A launcher that is awake would replace its guard at once.
+    signal(launcher, rustix::process::Signal::STOP);
+    kill(guard);
+    kill(launcher);
+    workers.into_iter().for_each(await_end);
+    drop(run);
+    assert_ne!(leftovers(&id), Vec::<String>::new());
+    let output = Command::new(MOTORIUM).args(["doctor", "--clean", "--json"]).output().expect("it starts");
+    assert!(!output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+/// The Panda with a user's own component between encoder and policy that goes wrong.
+fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("faulty.toml");
+    let text = std::fs::read_to_string(panda_reach()).expect("the graph can be read");
+    let added = format!(
+        "\n[component.faulty]\nexec = \"{FAULTY}\"\ntrigger = \"panda/joint_state\"\n{settings}\nsubscribe = {{ input = \
+         \"panda/joint_state\" }}\npublish = {{ output = \"panda/passed_on\" }}\nconfig = {fault}\n"
+    );
+    std::fs::write(&path, text + &added).expect("the graph can be written");
+    (folder, path)
+}
+
+#[test]
+fn a_panic_an_error_a_nan_and_an_exit_are_told_with_the_components_name_and_tick() {
+    let _machine = machine();
+    for (fault, words) in [
+        ("panic", "ordered to panic"),
+        ("error", "ordered to fail"),
+        ("nan", "output `output`: `position`[0] is NaN"),
+        ("exit", "exit code 7"),
+    ] {
+        let (_folder, graph) = faulty(&format!("{{ fault = \"{fault}\", at = 200 }}"), "");
+        let ended = run(&graph, &["--for", "20 s"]);
+        assert_eq!(ended.code, Some(4), "{fault}: {}", ended.stderr);
+        let Exit::SafeStop { reason } = &ended.report().exit else { panic!("{:?}", ended.report().exit) };
+        assert!(
+            reason.contains("`faulty` failed at tick 200") && reason.contains(words),
+            "{fault}: {reason}"
+        );
+    }
+}
+
+#[test]
+fn an_error_that_the_graph_tolerates_is_counted_and_the_graph_goes_on() {
+    let _machine = machine();
+    for fault in ["error", "nan"] {
+        let config = format!("{{ fault = \"{fault}\", at = 200 }}");
+        let (_folder, graph) = faulty(&config, "on_error = \"hold\"");
+        let ended = run(&graph, &["--for", "1 s"]);
+        assert_eq!(ended.report().exit, Exit::Finished, "{fault}: {}", ended.stderr);
+        let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+        assert!(faulty.errors > 100, "{fault}: {faulty:?}");
+    }
+}
+
+#[test]
+fn a_component_that_may_fail_is_left_behind_and_the_graph_goes_on() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", "on_failure = \"ignore\"");
+    let ended = run(&graph, &["--for", "2 s"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the graph goes on without it"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_component_that_fails_once_is_restarted_and_one_that_fails_always_exhausts_its_restarts() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\", at_most = 3 }";
+    let (_folder, graph) = faulty("{ fault = \"panic\", at = 200, once = true }", restart);
+    let ended = run(&graph, &["--for", "2 s"]);
+    assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
+    let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", restart);
+    let ended = run(&graph, &["--for", "30 s"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    assert_eq!(faulty.restarts, 3);
+}
+
+#[test]
+fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
+    let _machine = machine();
+    for (fault, words) in [("configure", "configured to fail"), ("configure_panic", "configured to panic")] {
+        let (_folder, graph) = faulty(&format!("{{ fault = \"{fault}\" }}"), "");
+        let ended = run(&graph, &[]);
+        assert_eq!(ended.code, Some(1));
+        let told = ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
+        assert!(told, "{fault}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoured() {
+    let _machine = machine();
+    let (_folder, graph) =
+        faulty("{ fault = \"stall\", at = 200 }", "on_overrun = \"safe_stop\"\npriority = 1");
+    let ended = run(&graph, &["--for", "20 s"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    assert!(faulty.misses.long_step >= 1, "{faulty:?}");
+}
+
+#[test]
+fn what_is_published_too_late_is_withheld_where_the_graph_says_so() {
+    let _machine = machine();
+    for (policy, withheld) in [("hold", true), ("skip", false)] {
+        let settings = format!("on_overrun = \"{policy}\"\npriority = 1");
+        let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", &settings);
+        let ended = run(&graph, &["--for", "1 s"]);
+        let report = ended.report();
+        assert_eq!(report.exit, Exit::Finished, "{policy}: {}", ended.stderr);
+        let faulty = report.components.iter().find(|c| c.name == "faulty").expect("it is reported");
+        let misses = &faulty.misses;
+        let late = misses.long_step + misses.late_wake + misses.stolen;
+        assert!(late > 10, "{policy}: {faulty:?}");
+        // each step that stalls ends 19 ms after its deadline, and only what it publishes then is withheld
+        let refused = if withheld { late..=faulty.steps - 200 } else { 0..=0 };
+        assert!(refused.contains(&faulty.refused), "{policy}: {faulty:?}");
+        // publications that came meanwhile are one wake-up
+        assert!(misses.skipped > 5 * late, "{policy}: {faulty:?}");
+    }
+}
+
+#[test]
+fn a_step_that_works_too_long_is_told_from_one_that_others_kept_waiting() {
+    let _machine = machine();
+    // on the shared core, so that only the faulty component is late
+    let settings = "core = 0\nbudget = \"100 us\"";
+    let (_folder, graph) = faulty("{ fault = \"work\", at = 200 }", settings);
+    let ended = run(&graph, &["--for", "1 s"]);
+    let report = ended.report();
+    assert_eq!(report.exit, Exit::Finished, "{}", ended.stderr);
+    let faulty = report.components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    let misses = faulty.misses;
+    assert!(misses.long_step > 50, "{misses:?}");
+    assert!(misses.long_step > 4 * (misses.late_wake + misses.stolen), "{misses:?}");
+    assert!(misses.over_budget >= misses.long_step, "{misses:?}");
+    assert!(faulty.cpu_ns.max >= 4_000_000, "{:?}", faulty.cpu_ns);
+}
+
+#[test]
+fn overruns_are_tolerated_up_to_their_number_and_then_stop_the_graph() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "overruns_tolerated = 3\npriority = 1");
+    let ended = run(&graph, &["--for", "20 s"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    assert!(faulty.misses.long_step >= 4, "{faulty:?}");
+}
+
+#[test]
+fn allocations_in_a_step_are_counted() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"allocate\", at = 0 }", "");
+    let ended = run(&graph, &["--for", "1 s", "--clock", "lockstep"]);
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    assert_eq!(faulty.allocations, Some(faulty.steps - 100), "{faulty:?}");
+}

@@ -1,0 +1,214 @@
+//! A crate made by `motorium new`, its graph checked and run, and looked at while it runs.
+
+use std::path::{Path, PathBuf};
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use crate::program::{complaint, json, machine, motorium, printed};
+use serde_json::Value;
+
+/// The component that `motorium new` writes.
+const NEW_COMPONENT: &str = env!("CARGO_BIN_EXE_new-component");
+
+/// A crate as `motorium new` makes it, but for its program: the same component, built with these tests.
+fn made(parent: &Path, name: &str) -> PathBuf {
+    let parent = parent.to_str().expect("a path of text");
+    let made = json(&["new", name, "--path", parent, "--json"]);
+    let folder = PathBuf::from(made["folder"].as_str().expect("a folder"));
+    let graph = folder.join("graph.toml");
+    let text = std::fs::read_to_string(&graph).expect("a graph");
+    let exec = format!("\"target/release/{name}\"");
+    assert!(text.contains(&exec), "{text}");
+    std::fs::write(&graph, text.replace(&exec, &format!("{NEW_COMPONENT:?}"))).expect("written");
+    graph
+}
+
+/// A running graph, ended when the test is over, whichever way.
+struct Running(Child);
+
+impl Running {
+    fn start(graph: &Path, name: &str) -> Self {
+        let graph = graph.to_str().expect("a path of text");
+        let child = motorium(&["run", graph, "--for", "120s", "--json"]).spawn().expect("the program starts");
+        let running = Self(child);
+        let deadline = Instant::now() + Duration::from_secs(60);
+        loop {
+            let output = crate::program::run(&["topic", "list", "--run", name, "--for", "50ms", "--json"]);
+            let rows: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+            if rows.as_array().is_some_and(|rows| rows.iter().all(|row| row["published"].as_u64() > Some(1)))
+            {
+                return running;
+            }
+            let errors = String::from_utf8_lossy(&output.stderr);
+            assert!(Instant::now() < deadline, "the graph does not come to life: {rows} {errors}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn interrupt(mut self) -> bool {
+        let pid = rustix::process::Pid::from_child(&self.0);
+        rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("it is there");
+        self.0.wait().expect("it ends").success()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let pid = rustix::process::Pid::from_child(&self.0);
+        let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_running_graph_shows_its_topics_and_takes_parameters() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let name = format!("looked-at-{}", std::process::id());
+    let run = name.as_str();
+    let graph = made(folder.path(), run);
+    let running = Running::start(&graph, run);
+
+    lists_topics(run);
+    echoes_samples(run);
+    measures_rates(run);
+    shows_layouts(run);
+    sets_parameters(run);
+    is_drawn_as_it_runs(run);
+
+    assert!(running.interrupt(), "an interrupted run ends in good order");
+    let text = complaint(&["topic", "list", "--run", run]);
+    assert!(text.contains(&format!("no run is called `{run}`")), "{text}");
+}
+
+fn lists_topics(run: &str) {
+    let rows = json(&["topic", "list", "--run", run, "--json"]);
+    let rows = rows.as_array().expect("rows");
+    assert_eq!(rows.len(), 2);
+    let state = rows.iter().find(|row| row["name"] == "panda/joint_state").expect("the state");
+    assert_eq!(state["type"], "motorium.JointState");
+    assert_eq!(state["pattern"], "state");
+    assert_eq!(state["writer"], "physics");
+    assert_eq!(state["readers"], serde_json::json!(["controller"]));
+    // The grid of 1 kHz is never overtaken; how much of it a busy machine holds is another matter.
+    let rate = state["rate_hz"].as_f64().expect("a rate");
+    assert!(rate > 0.0 && rate < 1500.0, "{rate}");
+    assert!(state["age_ns"].is_u64());
+    let table = printed(&["topic", "list", "--run", run]);
+    assert!(table.contains("panda/joint_command") && !table.contains('\x1b'), "{table}");
+}
+
+fn echoes_samples(run: &str) {
+    let text = printed(&[
+        "topic",
+        "echo",
+        "panda/joint_state",
+        "--run",
+        run,
+        "--count",
+        "3",
+        "--rate",
+        "50",
+        "--json",
+    ]);
+    let samples: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!(samples.len(), 3);
+    for pair in samples.windows(2) {
+        assert!(pair[0]["sequence"].as_u64() < pair[1]["sequence"].as_u64());
+        assert!(pair[0]["publish_time_ns"].as_u64() < pair[1]["publish_time_ns"].as_u64());
+    }
+    let value = &samples[0]["value"];
+    assert_eq!(samples[0]["origin"], "physics");
+    assert_eq!(value["count"], 8);
+    for field in ["position", "velocity", "effort"] {
+        let numbers = value[field].as_array().expect(field);
+        assert!(numbers.len() == 8 && numbers.iter().all(Value::is_f64), "{field}: {numbers:?}");
+    }
+    // The arm rests in its ready pose but for the base.
+    let elbow = value["position"][3].as_f64().expect("a number");
+    assert!((elbow + 2.356).abs() < 0.05, "{elbow}");
+    assert!(value.get("reserved").is_none());
+
+    let every = printed(&["topic", "echo", "panda/joint_command", "--run", run, "--every", "--count", "5"]);
+    assert_eq!(every.lines().filter(|line| line.trim_start().starts_with("kp")).count(), 5, "{every}");
+
+    let wrong = complaint(&["topic", "echo", "panda/joint_sate", "--run", run]);
+    assert!(wrong.contains("did you mean `panda/joint_state`?"), "{wrong}");
+}
+
+fn measures_rates(run: &str) {
+    let measured = json(&["topic", "hz", "panda/joint_command", "--run", run, "--for", "300ms", "--json"]);
+    assert!(measured["received"].as_u64() > Some(1), "{measured}");
+    let rate = measured["rate_hz"].as_f64().expect("a rate");
+    assert!(rate > 0.0 && rate < 1500.0, "{measured}");
+    let interval = &measured["interval_ns"];
+    assert!(interval["p50"].as_u64() <= interval["max"].as_u64(), "{measured}");
+}
+
+fn shows_layouts(run: &str) {
+    let detail = json(&["topic", "info", "panda/joint_command", "--run", run, "--json"]);
+    assert_eq!(detail["layout"]["type_name"], "motorium.JointCommand");
+    let names: Vec<_> =
+        detail["layout"]["fields"].as_array().expect("fields").iter().map(|field| &field["name"]).collect();
+    assert_eq!(names, ["count", "reserved", "position", "velocity", "effort", "kp", "kd"]);
+    assert_eq!(detail["triggers"], serde_json::json!([]), "physics reads it at its own times");
+    assert_eq!(detail["readers"], serde_json::json!(["physics"]));
+}
+
+fn is_drawn_as_it_runs(run: &str) {
+    let picture = printed(&["graph", "--measured", run]);
+    let physics = picture.lines().find(|line| line.contains("<b>physics</b>")).expect("a component");
+    assert!(physics.ends_with(" Hz\"]"), "its rate comes last: {physics}");
+    assert!(picture.contains("panda/joint_state<br/>JointState<br/>read after p50 "), "{picture}");
+    let unknown = complaint(&["graph", "--measured", "nobody"]);
+    assert!(unknown.contains("no run is called `nobody`"), "{unknown}");
+}
+
+fn sets_parameters(run: &str) {
+    let rows = json(&["param", "list", "--run", run, "--json"]);
+    assert_eq!(rows[0]["name"], "controller.frequency");
+    assert_eq!(rows[0]["unit"], "Hz");
+    assert_eq!(printed(&["param", "get", "controller.frequency", "--run", run]), "0.5\n");
+    let change = json(&["param", "set", "controller.frequency", "1", "--run", run, "--json"]);
+    assert_eq!((&change["old"], &change["new"]), (&Value::from(0.5), &Value::from(1.0)));
+    assert_eq!(printed(&["param", "get", "controller.frequency", "--run", run]), "1\n");
+    let refused = complaint(&["param", "set", "controller.frequency", "99", "--run", run]);
+    assert!(refused.contains("expected from 0.05 to 2") && refused.contains("it stays 1 Hz"), "{refused}");
+    let unknown = complaint(&["param", "get", "controller.frequencey", "--run", run]);
+    assert!(unknown.contains("did you mean `controller.frequency`?"), "{unknown}");
+}
+
+#[test]
+fn a_made_crate_has_a_graph_that_is_valid_as_soon_as_its_program_is_built() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = made(folder.path(), "my-controller");
+    let graph = graph.to_str().expect("a path of text");
+    let checked = json(&["check", graph, "--json"]);
+    assert_eq!(checked["valid"], true, "{checked}");
+    assert_eq!(checked["diagnostics"], serde_json::json!([]), "and nothing to warn of");
+
+    let report = json(&["run", graph, "--clock", "lockstep", "--for", "2s", "--json"]);
+    let error = report["results"]["controller"]["largest_error_rad"].as_f64().expect("a result");
+    assert!(error > 1e-6 && error < 0.02, "the arm moves and follows: {error}");
+
+    let kept = folder.path().join("report.json");
+    let kept = kept.to_str().expect("a path of text");
+    std::fs::write(kept, report.to_string()).expect("written");
+    let picture = printed(&["graph", graph, "--measured", kept, "--format", "svg"]);
+    assert!(picture.contains(">read after p50 ") && picture.contains(" Hz<"), "{picture}");
+    let other = complaint(&["graph", "--measured", graph]);
+    assert!(other.contains("is no report of a run"), "{other}");
+}
+
+#[test]
+fn a_made_crate_is_never_overwritten() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let parent = folder.path().to_str().expect("a path of text");
+    printed(&["new", "mine", "--path", parent]);
+    let graph = folder.path().join("mine/graph.toml");
+    std::fs::write(&graph, "precious").expect("written");
+    let text = complaint(&["new", "mine", "--path", parent]);
+    assert!(text.contains("exists already"), "{text}");
+    assert_eq!(std::fs::read_to_string(graph).expect("still there"), "precious");
+    assert!(complaint(&["new", "My Arm", "--path", parent]).contains("try `my-arm`"));
+}

@@ -1,0 +1,15 @@
+//! Whole graphs: real processes, real signals, real faults. One program, so that the tests share their helpers and are
+//! linked once; every test that starts processes takes the machine for itself.
+
+mod exposition;
+mod faults;
+mod gaits;
+mod looking_on;
+#[path = "../../tools/tests/command/program.rs"]
+mod program;
+mod runs;
+mod support;
+mod top;
+
+/// The `motorium` command under test.
+const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");

@@ -1,0 +1,225 @@
+//! Whole graphs, run as a user runs them.
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use crate::support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
+use motorium::launcher::{Exit, Report};
+use rustix::process::Signal;
+
+fn assert_goals_reached(report: &Report) {
+    let result = &report.results["controller"];
+    let position = result["position_error_m"].as_f64().expect("the controller reports its position error");
+    let orientation = result["orientation_error_rad"].as_f64().expect("and its orientation error");
+    assert!(result["goals_reached"].as_u64().expect("and how many goals it came to") >= 2, "{result}");
+    assert!(position < 1e-3, "position error {position} m");
+    assert!(orientation < 0.5_f64.to_radians(), "orientation error {orientation} rad");
+}
+
+#[test]
+fn the_panda_reaches_its_goals_in_real_time_through_processes_of_their_own() {
+    let _machine = machine();
+    let ended = run(&panda_reach(), &[]);
+    let report = ended.report();
+    assert_eq!((ended.code, &report.exit), (Some(0), &Exit::Finished));
+    assert_goals_reached(report);
+    let mut pids: Vec<u32> = report.components.iter().map(|component| component.pid).collect();
+    pids.sort_unstable();
+    pids.dedup();
+    assert!(pids.len() >= 4 && pids.len() == report.components.len(), "{pids:?}");
+    for latency in &report.latencies {
+        assert!(latency.count > 1_000, "{latency:?}");
+    }
+}
+
+#[test]
+fn in_steady_state_no_built_in_component_allocates_or_faults() {
+    let _machine = machine();
+    let ended = run(&panda_reach(), &["--for", "4 s"]);
+    for component in &ended.report().components {
+        assert_eq!(component.allocations, Some(0), "{component:?}");
+        if is_root() {
+            assert_eq!(component.page_faults, 0, "{component:?}");
+            assert!(component.memory_locked || component.fifo_priority == 0, "{component:?}");
+        }
+    }
+    // Clarabel's own allocation per update is known and counted apart.
+    let controller = ended.report().components.iter().find(|c| c.name == "controller").expect("a controller");
+    let per_step = controller.allocations_apart.expect("counted") as f64 / (controller.steps - 100) as f64;
+    assert!(per_step <= 1.01, "{per_step} allocations of Clarabel per step");
+}
+
+/// What a worker calls the system for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Call {
+    Wait,
+    Wake,
+    /// Reads the kernel's accounts of its thread.
+    Account,
+}
+
+/// Reads a line of strace.
+fn call(line: &str) -> Option<Call> {
+    let name = line.split('(').next().unwrap_or_default();
+    match name {
+        "clock_nanosleep" | "sched_yield" | "restart_syscall" => Some(Call::Wait),
+        "futex" if line.contains("FUTEX_WAKE") => Some(Call::Wake),
+        "futex" => Some(Call::Wait),
+        "clock_gettime" if line.contains("CPUTIME") => Some(Call::Account),
+        "pread64" | "getrusage" => Some(Call::Account),
+        _ => None,
+    }
+}
+
+#[test]
+fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_published() {
+    let _machine = machine();
+    if Command::new("strace").arg("--version").output().is_err() {
+        eprintln!("skipped: strace is not installed");
+        return;
+    }
+    let run = Run::start(&panda_reach(), &["--for", "8 s"]);
+    // At the end of the warm-up, after 100 steps, each worker once asks for its page faults.
+    std::thread::sleep(Duration::from_millis(500));
+    for component in ["physics", "encoder", "policy", "controller"] {
+        let trace = tempfile::NamedTempFile::new().expect("a file");
+        let traced = Command::new("timeout")
+            .args(["--signal=INT", "1", "strace", "-o"])
+            .arg(trace.path())
+            .args(["-p", &run.pid_of(component).to_string()])
+            .output()
+            .expect("strace starts");
+        let text = std::fs::read_to_string(trace.path()).expect("strace traces");
+        if text.is_empty() {
+            eprintln!("skipped: strace may not trace here: {}", String::from_utf8_lossy(&traced.stderr));
+            continue;
+        }
+        // the last line may be cut, and others than calls are about signals and the end
+        let lines: Vec<&str> =
+            text.lines().filter(|line| line.contains('(') && line.contains(" = ")).collect();
+        let calls: Vec<Call> =
+            lines.iter().map(|line| call(line).unwrap_or_else(|| panic!("{component}: {line}"))).collect();
+        assert!(calls.iter().filter(|call| **call == Call::Account).count() > 100, "{component}: {text}");
+        // Accounts are read when the step is over: never after a wait with the wake still to come.
+        let order: Vec<usize> =
+            (0..calls.len()).filter(|at| *at == 0 || calls[*at] != calls[*at - 1]).collect();
+        let too_early = order
+            .windows(3)
+            .find(|three| three.iter().map(|at| calls[*at]).eq([Call::Wait, Call::Account, Call::Wake]))
+            .map(|three| three[1]);
+        assert_eq!(too_early.map(|at| &lines[at]), None, "{component}");
+    }
+    crate::support::signal(run.launcher(), Signal::INT);
+    run.finish();
+}
+
+#[test]
+fn two_lockstep_runs_publish_the_same_to_the_last_bit_and_another_seed_does_not() {
+    let _machine = machine();
+    let once = run(&panda_reach(), &["--clock", "lockstep"]);
+    let twice = run(&panda_reach(), &["--clock", "lockstep"]);
+    let other = run(&panda_reach(), &["--clock", "lockstep", "--set", "seed=7"]);
+    assert_goals_reached(once.report());
+    assert!(once.report().state_hash.is_some());
+    assert_eq!(once.report().state_hash, twice.report().state_hash);
+    assert_ne!(once.report().state_hash, other.report().state_hash);
+    assert!(once.report().realtime_factor > 1.0, "{}", once.report().realtime_factor);
+}
+
+#[test]
+fn components_hosted_in_one_process_publish_the_same_as_in_processes_of_their_own() {
+    let _machine = machine();
+    let arguments = ["--clock", "lockstep", "--for", "2 s"];
+    let apart = run(&panda_reach(), &arguments);
+    let hosted = run(&panda_reach(), &[&arguments[..], &["--in-process"]].concat());
+    assert_eq!(apart.report().state_hash, hosted.report().state_hash);
+    assert!(hosted.report().components.iter().all(|c| c.pid == hosted.report().components[0].pid));
+}
+
+#[test]
+fn hosted_components_run_in_real_time_too() {
+    let _machine = machine();
+    let ended = run(&panda_reach(), &["--in-process", "--for", "2 s"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished));
+    assert!(ended.report().components.iter().all(|component| component.steps > 1_000));
+}
+
+#[test]
+fn ctrl_c_and_a_polite_kill_end_a_run_in_good_order_and_leave_nothing() {
+    let _machine = machine();
+    for signal in [Signal::INT, Signal::TERM] {
+        let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+        let id = run.folder.id().to_string();
+        crate::support::signal(run.launcher(), signal);
+        let ended = run.finish();
+        assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
+        assert_eq!(leftovers(&id), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn without_privileges_a_run_completes_and_says_what_it_lost() {
+    let _machine = machine();
+    if !is_root() {
+        eprintln!("skipped: only root can give its privileges up");
+        return;
+    }
+    use std::os::unix::process::CommandExt as _;
+    // The build folder may be closed to other users: a copy of the program is not.
+    let folder = tempfile::tempdir().expect("a folder");
+    let open = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(folder.path(), open).expect("the folder can be opened to all");
+    let program = folder.path().join("motorium");
+    std::fs::copy(MOTORIUM, &program).expect("the program can be copied");
+    let graph = folder.path().join("panda-reach.toml");
+    std::fs::copy(panda_reach(), &graph).expect("the graph can be copied");
+    let output = Command::new(program)
+        .args(["run", "panda-reach.toml", "--json", "--for", "2 s"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .uid(65534)
+        .gid(65534)
+        .output()
+        .expect("motorium starts");
+    let ended = crate::support::Ended::of(&output);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    let lost = ended.report().lost.join("; ");
+    assert!(lost.contains("real-time priority") && lost.contains("locked memory"), "{lost}");
+    let lines: Vec<&str> = ended.stderr.lines().filter(|line| line.contains("without")).collect();
+    assert_eq!(lines.len(), 1, "{}", ended.stderr);
+}
+
+#[test]
+fn a_strict_graph_refuses_to_run_without_privileges() {
+    let _machine = machine();
+    if !is_root() {
+        let ended = run(&panda_reach(), &["--set", "realtime.on_denied=strict", "--for", "1 s"]);
+        assert_eq!(ended.code, Some(1));
+        assert!(ended.stderr.contains("denied by the system"), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn tools_look_at_a_running_graph_without_disturbing_it() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "4 s"]);
+    // The guard of a run that a test has just killed may still be at work: name the one that is meant.
+    let id = run.folder.id().to_string();
+    let tool = |arguments: &[&str]| {
+        let mut command = Command::new(MOTORIUM);
+        command.args(arguments).args(["--run", &id]).current_dir(workspace());
+        let output = command.output().expect("it starts");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let topics: serde_json::Value = serde_json::from_str(&tool(&["topic", "list", "--json"])).expect("JSON");
+    assert!(topics.to_string().contains("panda/joint_command"), "{topics}");
+    let echoed = tool(&["topic", "echo", "panda/joint_state", "--count", "3", "--json"]);
+    assert_eq!(echoed.lines().count(), 3, "{echoed}");
+    let parameters = tool(&["param", "list", "--json"]);
+    assert!(serde_json::from_str::<serde_json::Value>(&parameters).is_ok(), "{parameters}");
+    std::thread::sleep(Duration::from_millis(100));
+    let ended = run.finish();
+    assert_eq!(ended.report().exit, Exit::Finished);
+    assert!(ended.report().components.iter().all(|component| component.restarts == 0));
+}

@@ -1,0 +1,184 @@
+//! Starting graphs as a user would, and looking at what becomes of them.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use motorium::launcher::Report;
+use motorium::os::Watch;
+use motorium::run_folder::RunFolder;
+
+pub(crate) use crate::MOTORIUM;
+pub(crate) use crate::program::machine;
+
+pub(crate) const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
+
+/// The workspace.
+pub(crate) fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
+}
+
+pub(crate) fn panda_reach() -> PathBuf {
+    workspace().join("graphs/panda-reach.toml")
+}
+
+pub(crate) fn is_root() -> bool {
+    rustix::process::getuid().is_root()
+}
+
+/// A run that has been started.
+pub(crate) struct Run {
+    child: Option<Child>,
+    pub(crate) folder: RunFolder,
+}
+
+impl Run {
+    /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
+    pub(crate) fn start(graph: &Path, arguments: &[&str]) -> Self {
+        let child = Command::new(MOTORIUM)
+            .arg("run")
+            .arg(graph)
+            .arg("--json")
+            .args(arguments)
+            .current_dir(workspace())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("motorium starts");
+        let mut run = Self { child: Some(child), folder: RunFolder::open(Path::new("/none")) };
+        let started = Instant::now();
+        loop {
+            let launcher = run.launcher();
+            let own = RunFolder::list().into_iter().find(|folder| {
+                folder.region().is_ok_and(|region| {
+                    region.header().launcher.load(std::sync::atomic::Ordering::Relaxed) == launcher
+                        && !region.components().is_empty()
+                        && region.components().iter().all(|block| steps(block) > 20)
+                })
+            });
+            if let Some(folder) = own {
+                run.folder = folder;
+                return run;
+            }
+            let child = run.child.as_mut().expect("the run has a process");
+            if child.try_wait().expect("the process can be asked").is_some() {
+                panic!("the run ended before it stepped:\n{}", run.text());
+            }
+            assert!(started.elapsed() < Duration::from_secs(60), "the run does not step");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    pub(crate) fn launcher(&self) -> u32 {
+        self.child.as_ref().expect("the run has a process").id()
+    }
+
+    pub(crate) fn guard(&self) -> u32 {
+        let region = self.folder.region().expect("the run has a region");
+        region.header().guard.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    pub(crate) fn pid_of(&self, component: &str) -> u32 {
+        let plan = self.folder.plan().expect("the run has a plan");
+        let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
+        let region = self.folder.region().expect("the run has a region");
+        region.components()[index].pid.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    /// Waits for the end; exit code, report, standard error.
+    pub(crate) fn finish(mut self) -> Ended {
+        let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
+        Ended::of(&output)
+    }
+
+    fn text(&mut self) -> String {
+        let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn steps(block: &motorium::region::ComponentBlock) -> u64 {
+    block.steps.load(std::sync::atomic::Ordering::Relaxed)
+}
+
+/// A run that has ended.
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) report: Option<Report>,
+    pub(crate) stderr: String,
+    pub(crate) stdout: String,
+}
+
+impl Ended {
+    pub(crate) fn of(output: &Output) -> Self {
+        Self {
+            code: output.status.code(),
+            report: serde_json::from_slice(&output.stdout).ok(),
+            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+        }
+    }
+
+    pub(crate) fn report(&self) -> &Report {
+        self.report.as_ref().unwrap_or_else(|| panic!("no report:\n{}{}", self.stdout, self.stderr))
+    }
+}
+
+/// Runs a graph to its end.
+pub(crate) fn run(graph: &Path, arguments: &[&str]) -> Ended {
+    let output = Command::new(MOTORIUM)
+        .arg("run")
+        .arg(graph)
+        .arg("--json")
+        .args(arguments)
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .output()
+        .expect("motorium starts");
+    Ended::of(&output)
+}
+
+pub(crate) fn kill(pid: u32) {
+    signal(pid, rustix::process::Signal::KILL);
+}
+
+pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
+    let pid = rustix::process::Pid::from_raw(pid as i32).expect("a process id");
+    rustix::process::kill_process(pid, signal).expect("the process is there");
+}
+
+/// Waits until a process has ended.
+pub(crate) fn await_end(pid: u32) {
+    if let Ok(watch) = Watch::new(pid) {
+        assert!(watch.wait(Some(Duration::from_secs(20))), "process {pid} does not end");
+    }
+}
+
+/// Everything of a run in shared memory: there must be nothing once it has ended.
+pub(crate) fn leftovers(run: &str) -> Vec<String> {
+    std::fs::read_dir("/dev/shm")
+        .expect("there is shared memory")
+        .flatten()
+        .flat_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let inside: Vec<String> = std::fs::read_dir(entry.path())
+                .into_iter()
+                .flatten()
+                .flatten()
+                .map(|inner| format!("{name}/{}", inner.file_name().to_string_lossy()))
+                .collect();
+            std::iter::once(name).chain(inside)
+        })
+        .filter(|name| name.contains(run))
+        .collect()
+}

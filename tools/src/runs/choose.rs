@@ -1,0 +1,149 @@
+//! Which of several runs is meant.
+
+use motorium::nearest::suggest;
+
+/// A run that could be meant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Candidate {
+    pub(super) id: String,
+    pub(super) graph: String,
+    pub(super) alive: bool,
+}
+
+/// No run could be chosen.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub(super) enum ChooseError {
+    #[error("no graph is running; start one with `motorium run GRAPH.toml`")]
+    NoneRuns,
+    #[error("several graphs are running; choose one with `--run ID`:{}", listed(.0))]
+    SeveralRun(Vec<Candidate>),
+    #[error("`{wanted}` could be any of these runs; write more of its id:{}", listed(.candidates))]
+    Ambiguous { wanted: String, candidates: Vec<Candidate> },
+    #[error("no run is called `{wanted}`; {advice}")]
+    Unknown { wanted: String, advice: String },
+    #[error(
+        "run `{id}` is over, but its shared memory was left behind; `motorium doctor --clean` removes it"
+    )]
+    Over { id: String },
+}
+
+fn listed(candidates: &[Candidate]) -> String {
+    candidates.iter().map(|candidate| format!("\n  {}  (graph {})", candidate.id, candidate.graph)).collect()
+}
+
+/// The index of the run that is meant, among all runs there are, dead ones included.
+pub(super) fn choose(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
+    let living = |test: &dyn Fn(&Candidate) -> bool| -> Vec<usize> {
+        (0..candidates.len()).filter(|&i| candidates[i].alive && test(&candidates[i])).collect()
+    };
+    let these = |found: Vec<usize>| found.into_iter().map(|i| candidates[i].clone()).collect::<Vec<_>>();
+    let Some(wanted) = wanted else {
+        let found = living(&|_| true);
+        return match found.as_slice() {
+            [] => Err(ChooseError::NoneRuns),
+            [only] => Ok(*only),
+            _ => Err(ChooseError::SeveralRun(these(found))),
+        };
+    };
+    let by_id = living(&|candidate| candidate.id == wanted);
+    let by_graph = living(&|candidate| candidate.graph == wanted);
+    let by_prefix = living(&|candidate| !wanted.is_empty() && candidate.id.starts_with(wanted));
+    for found in [by_id, by_graph, by_prefix] {
+        match found.as_slice() {
+            [] => {}
+            [only] => return Ok(*only),
+            _ => return Err(ChooseError::Ambiguous { wanted: wanted.to_string(), candidates: these(found) }),
+        }
+    }
+    if let Some(over) = candidates.iter().find(|candidate| candidate.id == wanted) {
+        return Err(ChooseError::Over { id: over.id.clone() });
+    }
+    let all = these(living(&|_| true));
+    let advice = match all.as_slice() {
+        [] => "no graph is running; start one with `motorium run GRAPH.toml`".to_string(),
+        all => {
+            let names = all.iter().flat_map(|candidate| [candidate.id.as_str(), candidate.graph.as_str()]);
+            suggest(wanted, names, "running are")
+        }
+    };
+    Err(ChooseError::Unknown { wanted: wanted.to_string(), advice })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(id: &str, graph: &str, alive: bool) -> Candidate {
+        Candidate { id: id.into(), graph: graph.into(), alive }
+    }
+
+    fn three() -> [Candidate; 3] {
+        [
+            run("reach-0a1b2c3d", "reach", true),
+            run("reach-0a99ffff", "reach", false),
+            run("walk-12345678", "walk", true),
+        ]
+    }
+
+    #[test]
+    fn the_only_living_run_needs_no_name() {
+        assert_eq!(choose(None, &[run("a-1", "a", false), run("b-2", "b", true)]), Ok(1));
+    }
+
+    #[test]
+    fn without_a_living_run_the_error_says_how_to_start_one() {
+        let error = choose(None, &[run("a-1", "a", false)]).unwrap_err();
+        assert_eq!(error, ChooseError::NoneRuns);
+        assert!(error.to_string().contains("motorium run GRAPH.toml"));
+    }
+
+    #[test]
+    fn several_living_runs_are_listed_and_one_must_be_named() {
+        let text = choose(None, &three()).unwrap_err().to_string();
+        assert!(
+            text.contains("--run ID") && text.contains("reach-0a1b2c3d") && text.contains("walk-12345678")
+        );
+        assert!(!text.contains("reach-0a99ffff"), "a dead run is no choice: {text}");
+    }
+
+    #[test]
+    fn a_run_is_named_by_id_by_graph_or_by_the_beginning_of_its_id() {
+        for (wanted, expected) in [("walk-12345678", 2), ("walk", 2), ("w", 2), ("reach", 0), ("reach-0a", 0)]
+        {
+            assert_eq!(choose(Some(wanted), &three()), Ok(expected), "{wanted}");
+        }
+    }
+
+    #[test]
+    fn a_name_that_fits_two_living_runs_is_refused_with_both() {
+        let runs = [run("reach-1", "reach", true), run("reach-2", "reach", true)];
+        for wanted in ["reach", "rea"] {
+            let error = choose(Some(wanted), &runs).unwrap_err();
+            assert_eq!(error, ChooseError::Ambiguous { wanted: wanted.into(), candidates: runs.to_vec() });
+        }
+        assert_eq!(choose(Some("reach-2"), &runs), Ok(1));
+    }
+
+    #[test]
+    fn an_exact_id_wins_over_a_longer_one_that_begins_with_it() {
+        let runs = [run("a-1", "a", true), run("a-12", "b", true)];
+        assert_eq!(choose(Some("a-1"), &runs), Ok(0));
+    }
+
+    #[test]
+    fn an_unknown_name_gets_the_nearest_one() {
+        let text = choose(Some("wlak"), &three()).unwrap_err().to_string();
+        assert_eq!(text, "no run is called `wlak`; did you mean `walk`?");
+    }
+
+    #[test]
+    fn a_run_that_is_over_is_said_to_be_over() {
+        let error = choose(Some("reach-0a99ffff"), &three()).unwrap_err();
+        assert_eq!(error, ChooseError::Over { id: "reach-0a99ffff".into() });
+    }
+
+    #[test]
+    fn an_empty_name_names_no_run() {
+        assert!(matches!(choose(Some(""), &three()), Err(ChooseError::Unknown { .. })));
+    }
+}

@@ -1,0 +1,91 @@
+//! Finding the run that a command means, and looking into it.
+
+mod choose;
+mod events;
+
+use motorium::os::{Request, apply, monotonic_ns};
+use motorium::plan::{ClockKind, Plan, SchedulingClass};
+use motorium::region::{Command, Region};
+use motorium::run_folder::RunFolder;
+use std::sync::atomic::Ordering::Relaxed;
+
+use choose::Candidate;
+pub(crate) use events::event_line;
+
+/// Names a run on the command line.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(crate) struct RunArg {
+    /// Which run: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    #[arg(long = "run", value_name = "ID")]
+    run: Option<String>,
+}
+
+impl RunArg {
+    /// A run named otherwise than by `--run`.
+    pub(crate) fn named(run: Option<&str>) -> Self {
+        Self { run: run.map(str::to_string) }
+    }
+
+    /// Opens the run that is meant.
+    pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
+        let folder = pick(self.run.as_deref())?;
+        let (plan, region) = (folder.plan()?, folder.region()?);
+        Ok(LivingRun { folder, plan, region })
+    }
+}
+
+/// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id, or the
+/// name of its graph.
+pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
+    let (mut folders, mut candidates) = (Vec::new(), Vec::new());
+    for folder in RunFolder::list() {
+        // A run whose plan cannot be read is being made or removed at this moment.
+        let Ok(plan) = folder.plan() else { continue };
+        let alive = folder.is_alive();
+        candidates.push(Candidate { id: folder.id().to_string(), graph: plan.name, alive });
+        folders.push(folder);
+    }
+    let chosen = choose::choose(run, &candidates)?;
+    Ok(folders.swap_remove(chosen))
+}
+
+/// A run that goes on, opened for looking on.
+#[derive(Debug)]
+pub(crate) struct LivingRun {
+    pub(crate) folder: RunFolder,
+    pub(crate) plan: Plan,
+    pub(crate) region: Region,
+}
+
+impl LivingRun {
+    /// Now on the clock of the run's stamps, ns: `CLOCK_MONOTONIC`, or the simulated time handed out last.
+    pub(crate) fn now_ns(&self) -> u64 {
+        match self.plan.clock {
+            ClockKind::Realtime => monotonic_ns(),
+            ClockKind::Lockstep => {
+                let ticks = self.region.components().iter().map(|block| block.tick_time_ns.load(Relaxed));
+                ticks.max().unwrap_or(0)
+            }
+        }
+    }
+
+    /// Time zero of the run on the clock of its stamps, ns.
+    pub(crate) fn start_ns(&self) -> u64 {
+        match self.plan.clock {
+            ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
+            ClockKind::Lockstep => 0,
+        }
+    }
+
+    /// Whether the run is over.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.region.header().command() == Command::Stop || !self.folder.is_alive()
+    }
+
+    /// Keeps this process off the cores of real-time components.
+    pub(crate) fn stand_aside(&self) {
+        let cores = self.plan.scheduling.shared_cores.clone();
+        // Without the right to choose its cores it looks on from where it is: at normal priority it delays no one.
+        let _ = apply(&Request { class: SchedulingClass::Normal, cores, lock_memory: false });
+    }
+}

@@ -1,0 +1,318 @@
+//! The book says what is: its graphs can run, its component moves a robot, its tables leave nothing out.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use motorium::declare::ConfigError;
+use motorium::launcher::{self, Hosting, Options};
+use motorium::worker::{Kind, Registry, RobotSource};
+use serde_json::Value as Json;
+
+/// The component of the chapter on writing one, as it stands there.
+#[allow(dead_code)] // its `main`, which a test does not call
+mod circle {
+    include!("book/circle.rs");
+
+    pub(super) fn kind() -> motorium::worker::Kind {
+        motorium::worker::Kind::of::<Circle>()
+    }
+}
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
+}
+
+fn read(path: impl AsRef<Path>) -> String {
+    let path = workspace().join(path);
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The pages of the book and the README: path and text.
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut folders = vec![workspace().join("docs/src")];
+    let mut pages = vec![(workspace().join("README.md"), read("README.md"))];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("the book is there").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                let text = read(&path);
+                pages.push((path, text));
+            }
+        }
+    }
+    pages.sort();
+    pages
+}
+
+/// The fenced blocks whose first line is ```` ```KIND ````, with the page they stand in.
+fn blocks(kind: &str) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for (path, text) in pages() {
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            let Some(opened) = line.strip_prefix("```") else { continue };
+            let body: Vec<&str> = lines.by_ref().take_while(|line| !line.starts_with("```")).collect();
+            if opened == kind {
+                found.push((path.clone(), body.join("\n") + "\n"));
+            }
+        }
+    }
+    found
+}
+
+fn motorium(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_motorium"))
+        .args(arguments)
+        .current_dir(workspace())
+        .output()
+        .expect("motorium starts")
+}
+
+fn json(arguments: &[&str]) -> Json {
+    let output = motorium(arguments);
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error}"))
+}
+
+fn assert_can_run(page: &Path, graph: &str) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("graph.toml");
+    std::fs::write(&file, graph).expect("the graph can be written");
+    let output = motorium(&["check", file.to_str().expect("a plain path")]);
+    assert!(
+        output.status.success(),
+        "{}:\n{graph}\n{}",
+        page.display(),
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn every_graph_of_the_book_can_run() {
+    let graphs = blocks("toml");
+    assert!(graphs.len() >= 2, "there are whole graphs in the book");
+    for (page, graph) in graphs {
+        assert_can_run(&page, &graph);
+    }
+}
+
+/// The graph of the README with the tables of a fragment in place of its own.
+fn with_fragment(fragment: &str) -> String {
+    let headers: Vec<&str> = fragment.lines().filter(|line| line.starts_with('[')).collect();
+    let text = read("graphs/panda-reach.toml");
+    let (mut graph, mut header, mut kept) = (String::new(), "", true);
+    for line in text.lines() {
+        if line.starts_with('[') {
+            header = line.split_whitespace().next().unwrap_or(line);
+            kept = !headers.contains(&header);
+        }
+        // A table `[x.config]` stands for a line `config = ...` in `[x]`.
+        let key = line.split('=').next().unwrap_or_default().trim();
+        let table = header.replace(']', &format!(".{key}]"));
+        if kept && !headers.contains(&table.as_str()) {
+            graph += &format!("{line}\n");
+        }
+    }
+    graph + fragment
+}
+
+#[test]
+fn every_part_of_a_graph_in_the_book_fits_into_one_that_can_run() {
+    let fragments = blocks("toml fragment");
+    assert!(fragments.len() >= 4, "there are parts of graphs in the book");
+    for (page, fragment) in fragments {
+        assert_can_run(&page, &with_fragment(&fragment));
+    }
+}
+
+#[test]
+fn the_profile_of_the_book_is_the_one_of_the_catalogue() {
+    let file = read("robots/catalogue/planar-3r/planar-3r.toml");
+    assert_eq!(blocks("toml profile").into_iter().map(|(_, text)| text).collect::<Vec<_>>(), [file]);
+}
+
+#[test]
+fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_step() {
+    let code = read("tools/tests/command/book/circle.rs");
+    let shown = |page: &str| -> Vec<String> {
+        let path = workspace().join(page);
+        blocks("rust").into_iter().filter(|(found, _)| *found == path).map(|(_, text)| text).collect()
+    };
+    assert!(shown("docs/src/writing-a-component.md").contains(&code), "the chapter shows another component");
+    let step = shown("README.md").pop().expect("the README shows a step");
+    let indented: String = step.lines().map(|line| format!("    {line}\n")).collect();
+    assert!(code.contains(&indented), "the README shows another step:\n{step}");
+}
+
+#[test]
+fn the_component_of_the_book_leads_the_hand_along_its_circle() {
+    let check = |urdf: &str, base: &Path| {
+        motorium_robots::load(urdf, base)
+            .map(|_| Vec::new())
+            .map_err(|error| ConfigError::new(error.to_string()))
+    };
+    let kinds = [
+        circle::kind(),
+        Kind::of::<motorium_physics::RapierPhysics>(),
+        Kind::of::<motorium_control::QpController>(),
+    ];
+    let registry = Registry::new(RobotSource { check }, kinds);
+    let [(page, graph)] = blocks("toml circle").try_into().expect("one graph with the component");
+    let program = "exec      = \"target/release/circle\"";
+    assert!(graph.contains(program), "{graph}");
+    let graph = graph.replace(program, "kind = \"example.circle\"");
+    let set = ["clock=lockstep", "duration=4 s"].map(|setting| setting.parse().expect("an override"));
+    let machine = motorium::graph::Machine::detect();
+    let checked = motorium::graph::check(&page, graph, &set, &registry, &machine);
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let program = std::env::current_exe().expect("this program has a file");
+    let options = Options { hosting: Hosting::OneProcess, program };
+    let report = launcher::run(plan, &registry, &options, &mut |_| ()).expect("it runs");
+    let error = report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"].as_f64();
+    assert!(error.is_some_and(|error| error < 5e-3), "{}", report.results["controller"]);
+}
+
+/// Names in backticks.
+fn quoted(text: &str) -> BTreeSet<String> {
+    let words = text.split('`').skip(1).step_by(2);
+    words.flat_map(|words| words.split(['.', ' ', '=', '{', '}', ',', '"'])).map(str::to_string).collect()
+}
+
+/// All keys that a schema describes, with those of the definitions it refers to.
+fn keys(schema: &Json, root: &Json, found: &mut BTreeSet<String>) {
+    match schema {
+        Json::Object(object) => {
+            if let Some(Json::Object(properties)) = object.get("properties") {
+                found.extend(properties.keys().cloned());
+            }
+            if let Some(name) = object.get("$ref").and_then(Json::as_str) {
+                let target = root.pointer(name.trim_start_matches('#')).expect("references lead somewhere");
+                // Primitives are described in the library, not in the book.
+                if !name.ends_with("StoredModel") {
+                    keys(target, root, found);
+                }
+            }
+            object.values().for_each(|value| keys(value, root, found));
+        }
+        Json::Array(items) => items.iter().for_each(|item| keys(item, root, found)),
+        _ => {}
+    }
+}
+
+fn assert_documented(wanted: &BTreeSet<String>, pages: &[&str]) {
+    let text: String = pages.iter().map(|page| read(format!("docs/src/{page}"))).collect();
+    let known = quoted(&text);
+    let missing: Vec<&String> = wanted.difference(&known).collect();
+    assert!(missing.is_empty(), "{pages:?} say nothing of {missing:?}");
+}
+
+#[test]
+fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
+    let schema = json(&["schema", "graph"]);
+    let mut graph = schema.clone();
+    let rules = graph.pointer_mut("/definitions/Component/allOf").map(Json::take).expect("rules for kinds");
+    let mut wanted = BTreeSet::new();
+    keys(&graph["properties"], &graph, &mut wanted);
+    let tables = graph["properties"].as_object().expect("keys at the top");
+    wanted.extend(tables.keys().cloned());
+    assert_documented(&wanted, &["graph-file.md", "graph-file-components.md"]);
+    let mut kinds = 0;
+    for rule in rules.as_array().expect("a list of rules") {
+        let Some(kind) = rule.pointer("/if/properties/kind/const").and_then(Json::as_str) else { continue };
+        let mut wanted = BTreeSet::new();
+        keys(&rule["then"]["properties"]["config"], &schema, &mut wanted);
+        assert!(!wanted.is_empty(), "{kind} has a configuration");
+        let page = format!("kinds/{}.md", kind.replace(['.', '_'], "-"));
+        assert!(read("docs/src/kinds.md").contains(&format!("[`{kind}`]({page})")), "{kind} is not listed");
+        assert_documented(&wanted, &[&page]);
+        kinds += 1;
+    }
+    assert!(kinds >= 5, "only {kinds} kinds");
+}
+
+#[test]
+fn every_field_of_the_report_is_in_the_book() {
+    let schema = json(&["schema", "report"]);
+    let mut wanted = BTreeSet::new();
+    keys(&schema, &schema, &mut wanted);
+    assert!(wanted.len() > 30, "{wanted:?}");
+    assert_documented(&wanted, &["report.md"]);
+}
+
+#[test]
+fn every_field_of_the_file_of_a_benchmark_is_in_the_book() {
+    let schema = json(&["schema", "bench"]);
+    let mut wanted = BTreeSet::new();
+    keys(&schema, &schema, &mut wanted);
+    assert!(wanted.len() > 40, "{wanted:?}");
+    assert_documented(&wanted, &["latency.md", "report.md"]);
+}
+
+/// Compares a picture of the book with what the command that draws it prints.
+fn assert_drawn(file: &str, arguments: &[&str]) {
+    let output = motorium(arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Real-time components get the last core, whichever that is here.
+    let last = motorium::os::machine::online_cores().last().copied().unwrap_or(0);
+    let drawn = String::from_utf8(output.stdout).expect("text").replace(&format!("core {last},"), "core 1,");
+    let hint = format!("motorium {} > {file}", arguments.join(" "));
+    assert!(read(file) == drawn, "{file} is out of date: {hint}");
+}
+
+#[test]
+fn the_pictures_of_the_readme_and_of_the_catalogue_are_those_that_the_commands_draw() {
+    assert_drawn("docs/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
+    let pictures = std::fs::read_dir(workspace().join("docs/src/robots")).expect("a folder").flatten();
+    let names: Vec<String> = pictures
+        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".svg")?.to_string()))
+        .collect();
+    assert!(names.len() >= 19, "{names:?}");
+    for name in names {
+        let file = format!("docs/src/robots/{name}.svg");
+        assert_drawn(&file, &["robot", "draw", &name, "--size", "420x420", "--com"]);
+    }
+}
+
+/// The anchors that headings of a page make.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let headings =
+        text.lines().filter_map(|line| line.strip_prefix('#')).map(|line| line.trim_start_matches('#'));
+    let slug = |heading: &str| -> String {
+        let kept = |c: &char| c.is_alphanumeric() || matches!(c, '-' | '_' | ' ');
+        heading
+            .trim()
+            .chars()
+            .filter(kept)
+            .map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() })
+            .collect()
+    };
+    headings.map(slug).collect()
+}
+
+#[test]
+fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
+    let summary = read("docs/src/SUMMARY.md");
+    let book = workspace().join("docs/src");
+    for (path, text) in pages() {
+        let folder = path.parent().expect("a page lies in a folder");
+        if let Some(place) = path.strip_prefix(&book).ok().filter(|place| !place.ends_with("SUMMARY.md")) {
+            assert!(summary.contains(&format!("({})", place.display())), "{} is not listed", place.display());
+        }
+        let prose: String = text.split("```").step_by(2).collect();
+        for link in prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            // A picture is drawn by the tool itself; other sites are not ours.
+            if link.starts_with("http") || link.ends_with(".svg") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { path.clone() } else { folder.join(file) };
+            assert!(target.exists(), "{}: `{link}` leads nowhere", path.display());
+            if !anchor.is_empty() {
+                let known = anchors(&read(&target));
+                assert!(known.contains(anchor), "{}: no heading `{anchor}` in {known:?}", path.display());
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! What holds for the command as a whole: help, completions, the doctor's answers.
+
+use std::io::Read as _;
+
+use clap::ArgAction;
+
+use crate::program::{motorium, printed, run};
+
+/// Every command below the program itself, with its words, such as `topic list`.
+fn commands() -> Vec<(String, clap::Command)> {
+    fn below(words: &str, command: &clap::Command, found: &mut Vec<(String, clap::Command)>) {
+        for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help") {
+            let words = format!("{words} {}", sub.get_name()).trim().to_string();
+            found.push((words.clone(), sub.clone()));
+            below(&words, sub, found);
+        }
+    }
+    let mut root = motorium_tools::command();
+    root.build();
+    let mut found = Vec::new();
+    below("", &root, &mut found);
+    assert!(found.len() > 40, "only {} commands are found", found.len());
+    found
+}
+
+#[test]
+fn the_help_of_every_command_has_an_example_of_it_and_fits_on_a_few_screens() {
+    for (words, mut command) in commands() {
+        let help = command.render_long_help().to_string();
+        assert!(help.contains(&format!("Example: motorium {words}")), "{words}: {help}");
+        // Two take the options of recordings, forces and sizes at once.
+        let most = if ["library build", "library evaluate"].contains(&words.as_str()) { 80 } else { 60 };
+        assert!(help.lines().count() <= most, "{words}: {} lines", help.lines().count());
+    }
+}
+
+#[test]
+fn every_command_stands_in_the_page_of_the_book() {
+    let page = include_str!("../../../docs/src/commands.md");
+    for (words, _) in commands() {
+        let (command, sub) = words.split_once(' ').unwrap_or((&words, ""));
+        let section = page.split("\n## ").find(|section| section.starts_with(&format!("{command}\n")));
+        let section = section.unwrap_or_else(|| panic!("no section `{command}`"));
+        assert!(section.contains(&format!("$ motorium {command}")), "no example of `{command}`");
+        let row = [format!("| `{sub}"), format!("$ motorium {words}")];
+        assert!(row.iter().any(|row| section.contains(row)), "nothing is said of `{words}`");
+    }
+}
+
+#[test]
+fn json_goes_to_standard_output_in_every_command_and_a_file_is_named_by_output() {
+    for (words, command) in commands() {
+        for argument in command.get_arguments() {
+            let takes_value = matches!(argument.get_action(), ArgAction::Set | ArgAction::Append);
+            match argument.get_long() {
+                Some("json") => assert!(!takes_value, "{words}: --json takes a value"),
+                Some("output") => {
+                    assert!(takes_value, "{words}: --output takes no value");
+                    assert_eq!(argument.get_short(), Some('o'), "{words}");
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+#[test]
+fn the_table_of_exit_codes_in_the_book_is_what_the_commands_end_with() {
+    let page = include_str!("../../../docs/src/safety.md");
+    let table =
+        page.split("## Exit codes").nth(1).expect("a section").split("\n## ").next().expect("its text");
+    let listed: Vec<i32> =
+        table.lines().filter_map(|line| line.strip_prefix("| ")?.split(' ').next()?.parse().ok()).collect();
+    assert_eq!(listed, [0, 1, 2, 3, 4, 5, 6]);
+    // Wrong usage is the same to every command. 4, 5 and 6 are seen where their causes are made: a component that
+    // dies (tests/graphs/faults.rs), a machine that is not fit (below), a hop that became slower (bench.rs).
+    for (words, command) in commands() {
+        let mut arguments: Vec<&str> = words.split(' ').collect();
+        arguments.push("--no-such-option");
+        assert_eq!(run(&arguments).status.code(), Some(2), "{words}");
+        if !command.has_subcommands() {
+            arguments.pop();
+            arguments.push("--help");
+            assert_eq!(run(&arguments).status.code(), Some(0), "{words}");
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let broken = folder.path().join("broken.urdf");
+    std::fs::write(&broken, "<robot name=\"x\"><link/></robot>").expect("written");
+    let broken = broken.to_str().expect("a path of text");
+    let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
+    let ends: [(&[&str], i32); 12] = [
+        (&["robot", "list"], 0),
+        (&["topic", "list", "--run", "no-such-run"], 1),
+        (&["robot", "show", "no-such-robot"], 1),
+        (&["primitive", "show", "no-such-file.json"], 1),
+        (&["library", "inspect", "no-such-file.library"], 1),
+        (&["new", "My Arm"], 1),
+        (&["topic", "hz", "x", "--for", "5 parsecs"], 2),
+        (&["check", "no-such-graph.toml"], 3),
+        (&["run", overloaded, "--for", "1s"], 3),
+        (&["graph", "no-such-graph.toml"], 3),
+        (&["robot", "check", broken], 3),
+        (&["bench", "compare", "no-such-file.json", "no-such-file.json"], 3),
+    ];
+    for (arguments, code) in ends {
+        let output = run(arguments);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    }
+}
+
+#[test]
+fn completions_know_the_commands_in_every_shell() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = printed(&["completions", shell]);
+        assert!(script.contains("doctor") && script.contains("measure"), "{shell}");
+    }
+}
+
+#[test]
+fn the_doctor_answers_in_json_with_an_exit_code_that_agrees() {
+    let output = run(&["doctor", "--measure", "20ms", "--json"]);
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let findings = answer["findings"].as_array().expect("findings");
+    let failed = findings.iter().any(|finding| finding["verdict"] == "fail");
+    assert_eq!(answer["fit"], !failed);
+    assert_eq!(output.status.code(), Some(if failed { 5 } else { 0 }));
+    for finding in findings {
+        let passed = finding["verdict"] == "pass";
+        assert_eq!(finding["fix"].is_null(), passed, "what is not right has a fix: {finding}");
+    }
+    assert_eq!(answer["wakeup"]["count"], 20);
+    assert_eq!(answer["removed"], serde_json::json!([]), "nothing is removed unasked");
+}
+
+#[test]
+fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
+    let plain = run(&["doctor", "--measure", "0s"]);
+    assert!(!plain.stdout.contains(&0x1b));
+    let forced =
+        motorium(&["doctor", "--measure", "0s"]).env("CLICOLOR_FORCE", "1").output().expect("it runs");
+    assert!(forced.stdout.contains(&0x1b));
+    let refused = motorium(&["doctor", "--measure", "0s"]).env("NO_COLOR", "1").output().expect("it runs");
+    assert!(!refused.stdout.contains(&0x1b));
+}
+
+/// Whose output nobody reads beyond the first byte, though there is more of it than a pipe holds.
+#[test]
+fn a_reader_that_has_had_enough_ends_a_command_quietly_and_with_its_own_exit_code() {
+    let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let letters = folder.path().join("letters.jsonl");
+    let letters = letters.to_str().expect("a path of text");
+    let commands: [(&[&str], i32); 5] = [
+        (&["schema", "graph"], 0),
+        (&["robot", "list"], 0),
+        (&["completions", "zsh"], 0),
+        (&["library", "letters", "--output", letters], 0),
+        (&["check", overloaded, "--json"], 3),
+    ];
+    for (arguments, code) in commands {
+        let mut child = motorium(arguments).spawn().expect("it starts");
+        let mut stdout = child.stdout.take().expect("a pipe");
+        // some print all they have before they are read
+        let _ = stdout.read(&mut [0; 1]).expect("readable");
+        drop(stdout);
+        let output = child.wait_with_output().expect("it ends");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!errors.contains("panicked") && !errors.contains("ipe"), "{arguments:?}: {errors}");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    }
+}
+
+#[test]
+fn closed_from_the_start_neither_stream_is_a_reason_to_panic() {
+    for arguments in [&["schema", "graph"][..], &["robot", "list"], &["check", "no-such-graph.toml"]] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let errors = writer.try_clone().expect("another end");
+        let status = motorium(arguments).stdout(writer).stderr(errors).status().expect("it runs");
+        assert_eq!(status.code(), Some(if arguments[0] == "check" { 3 } else { 0 }), "{arguments:?}");
+    }
+}

@@ -1,0 +1,155 @@
+//! The crates behind the command: how many there are, their licences and their sources.
+//!
+//! `cargo deny check licenses bans sources` checks more, where it is installed; this needs nothing but cargo itself.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+
+use serde::Deserialize;
+
+/// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own included.
+/// A change that needs more says so here, and why it is worth it.
+const CEILING: usize = 222;
+
+/// Standard output of cargo with these arguments, run in the workspace without the network.
+fn cargo(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO"))
+        .args(arguments)
+        .args(["--locked", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo {}: {errors}", arguments.join(" "));
+    String::from_utf8(output.stdout).expect("text")
+}
+
+#[test]
+fn no_more_crates_stand_behind_the_command_than_the_ceiling_allows() {
+    let tree =
+        cargo(&["tree", "-p", "motorium-tools", "-e", "normal", "--prefix", "none", "--format", "{p}"]);
+    // A procedural macro and a crate that was listed before have a remark behind their version.
+    let crates: BTreeSet<(&str, &str)> = tree
+        .lines()
+        .filter_map(|line| {
+            let mut words = line.split(' ');
+            Some((words.next()?, words.next()?))
+        })
+        .collect();
+    assert!(crates.len() > 100, "the tree is not read: {tree}");
+    assert!(
+        crates.len() <= CEILING,
+        "{} crates stand behind the command, at most {CEILING} may",
+        crates.len()
+    );
+}
+
+/// What `deny.toml` says of licences, as far as it is read here.
+#[derive(Deserialize)]
+struct Deny {
+    licenses: Licences,
+}
+
+#[derive(Deserialize)]
+struct Licences {
+    allow: BTreeSet<String>,
+}
+
+/// Whether an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old manifests
+/// write as `/`.
+fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
+    /// The parts between a word that stands outside all parentheses.
+    fn parts<'a>(expression: &'a str, word: &str) -> Vec<&'a str> {
+        let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0);
+        for (at, character) in expression.char_indices() {
+            match character {
+                '(' => depth += 1,
+                ')' => depth -= 1,
+                _ if depth == 0 && at >= start && expression[at..].starts_with(word) => {
+                    parts.push(&expression[start..at]);
+                    start = at + word.len();
+                }
+                _ => {}
+            }
+        }
+        parts.push(&expression[start..]);
+        parts
+    }
+    let expression = expression.trim();
+    let choices: Vec<&str> =
+        parts(expression, " OR ").into_iter().flat_map(|choice| parts(choice, "/")).collect();
+    if choices.len() > 1 {
+        return choices.iter().any(|choice| is_met(choice, allowed));
+    }
+    let all = parts(expression, " AND ");
+    if all.len() > 1 {
+        return all.iter().all(|part| is_met(part, allowed));
+    }
+    match expression.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')) {
+        Some(inner) => is_met(inner, allowed),
+        None => allowed.contains(expression),
+    }
+}
+
+#[test]
+fn every_crate_has_a_licence_that_is_allowed_and_no_licence_is_allowed_without_need() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../deny.toml")).expect("a file");
+    let allowed = toml::from_str::<Deny>(&text).expect("TOML").licenses.allow;
+    // As cargo deny does by default: tests may use what is not shipped.
+    let listed =
+        cargo(&["tree", "--workspace", "-e", "normal,build", "--prefix", "none", "--format", "{l}|{p}"]);
+    let mut seen = String::new();
+    for (licence, package) in listed.lines().filter_map(|line| line.split_once('|')) {
+        assert!(is_met(licence, &allowed), "{package}: `{licence}`");
+        seen += licence;
+    }
+    for licence in &allowed {
+        assert!(seen.contains(licence.as_str()), "{licence} is allowed, and no crate has it");
+    }
+}
+
+#[test]
+fn a_licence_expression_is_read_as_spdx_means_it() {
+    let allowed = BTreeSet::from(["MIT", "Apache-2.0 WITH LLVM-exception"].map(str::to_string));
+    for met in
+        ["MIT", "MIT OR GPL-3.0", "GPL-3.0/MIT", "(GPL-3.0 OR MIT) AND MIT", "Apache-2.0 WITH LLVM-exception"]
+    {
+        assert!(is_met(met, &allowed), "{met}");
+    }
+    for unmet in ["GPL-3.0", "MIT AND GPL-3.0", "(GPL-3.0 OR Apache-2.0) AND MIT", "none", ""] {
+        assert!(!is_met(unmet, &allowed), "{unmet}");
+    }
+}
+
+/// `Cargo.lock`, as far as it is read here.
+#[derive(Deserialize)]
+struct Lock {
+    package: Vec<Locked>,
+}
+
+#[derive(Deserialize)]
+struct Locked {
+    name: String,
+    version: String,
+    source: Option<String>,
+}
+
+#[test]
+fn every_crate_comes_from_the_registry_and_iceoryx2_in_one_version() {
+    let text =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.lock")).expect("a file");
+    let mut versions: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for package in toml::from_str::<Lock>(&text).expect("TOML").package {
+        match package.source {
+            Some(source) => {
+                let registry = "registry+https://github.com/rust-lang/crates.io-index";
+                assert_eq!(source, registry, "{}", package.name);
+            }
+            None => assert!(package.name.starts_with("motorium"), "{} has no source", package.name),
+        }
+        versions.entry(package.name).or_default().insert(package.version);
+    }
+    // The layout of shared memory changes with every minor release of it.
+    let iceoryx2: Vec<_> = versions.iter().filter(|(name, _)| name.starts_with("iceoryx2")).collect();
+    assert!(iceoryx2.len() > 5 && iceoryx2.iter().all(|(_, versions)| versions.len() == 1), "{iceoryx2:?}");
+}

@@ -1,0 +1,14 @@
+//! The `motorium` command: its subcommands, its files, and the book about them.
+
+mod bench;
+mod book;
+mod check;
+mod commands;
+mod crates;
+mod primitive;
+mod program;
+mod robot;
+mod schemas;
+
+/// The program under test.
+const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium");

@@ -1,0 +1,167 @@
+//! `motorium primitive` from recordings to movements.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use crate::program::{json, printed, run};
+
+/// A recording of two channels: a stroke of one second that begins and ends at rest.
+fn recording(path: &Path, wobble: f64) {
+    let mut text = String::from("time_s,x,y\n");
+    for k in 0..=150 {
+        let p = f64::from(k) / 150.0;
+        let s = p * p * p * (10.0 - 15.0 * p + 6.0 * p * p);
+        let _ = writeln!(text, "{p},{},{}", 0.5 * s, (0.2 + wobble) * (std::f64::consts::PI * s).sin());
+    }
+    std::fs::write(path, text).expect("the folder takes files");
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a plain path")
+}
+
+#[test]
+fn a_recording_becomes_a_primitive_that_goes_elsewhere() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name);
+    recording(&file("shown.csv"), 0.0);
+    let (shown, model, plot) = (file("shown.csv"), file("model.json"), file("fit.svg"));
+    let report =
+        json(&["primitive", "fit", text(&shown), "--output", text(&model), "--plot", text(&plot), "--json"]);
+    assert_eq!(report["kind"], "discrete");
+    assert_eq!(report["dimensions"][0]["name"], "x");
+    assert!(report["rms_error"].as_f64().expect("a number") < 1e-3, "{report}");
+    let drawn = std::fs::read_to_string(&plot).expect("the plot was drawn");
+    let document = roxmltree::Document::parse(&drawn).expect("SVG");
+    assert_eq!(document.descendants().filter(|node| node.has_tag_name("polyline")).count(), 4);
+
+    let shown_again = json(&["primitive", "show", text(&model), "--json"]);
+    assert!(shown_again["equation"].as_str().is_some_and(|equation| equation.contains("g(t)")));
+    assert_eq!(shown_again["settings"]["kernels"], 30);
+
+    let there = json(&["primitive", "replay", text(&model), "--goal", "-1,2", "--duration", "2", "--json"]);
+    let last = there["position"].as_array().and_then(|all| all.last()).expect("samples");
+    assert!(
+        (last[0].as_f64().expect("x") + 1.0).abs() < 1e-3
+            && (last[1].as_f64().expect("y") - 2.0).abs() < 1e-3
+    );
+    assert_eq!(there["time"].as_array().expect("times").len(), 201);
+
+    // a replay is a recording itself
+    let (again, lines) = (file("again.csv"), file("again.jsonl"));
+    for path in [&again, &lines] {
+        printed(&["primitive", "replay", text(&model), "--output", text(path)]);
+    }
+    for (path, option) in [(&again, ["--channel", "x"]), (&lines, ["--field", "velocity"])] {
+        let report = json(&["primitive", "fit", text(path), option[0], option[1], "--json"]);
+        assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.02), "{report}");
+    }
+    let csv = printed(&["primitive", "replay", text(&model), "--rate", "10"]);
+    assert!(csv.starts_with("time_s,x,y,x_velocity,y_velocity\n0,"), "{csv}");
+    assert_eq!(csv.lines().count(), 12);
+}
+
+#[test]
+fn several_recordings_become_a_distribution_that_passes_a_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = folder.path().join("model.json");
+    let mut arguments = vec!["primitive".to_string(), "fit".into(), "--model".into(), "probabilistic".into()];
+    for (k, wobble) in [-0.1, 0.0, 0.1, 0.15].into_iter().enumerate() {
+        let path = folder.path().join(format!("{k}.csv"));
+        recording(&path, wobble);
+        arguments.push(text(&path).to_string());
+    }
+    arguments.extend(["--kernels", "15", "--json", "--output", text(&model)].map(String::from));
+    let report = json(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!((&report["kind"], &report["recordings"]), (&"probabilistic".into(), &4.into()));
+    let plot = folder.path().join("via.svg");
+    let bent = json(&[
+        "primitive",
+        "replay",
+        text(&model),
+        "--via",
+        "0.5:0.25,0.4",
+        "--plot",
+        text(&plot),
+        "--json",
+    ]);
+    let middle = &bent["position"][50];
+    assert!((middle[1].as_f64().expect("y") - 0.4).abs() < 5e-3, "{middle}");
+    assert!(bent["deviation"][50][1].as_f64().expect("a deviation") < 0.01);
+    assert!(std::fs::read_to_string(&plot).expect("the plot").contains("<polygon"));
+}
+
+#[test]
+fn a_rhythm_is_learned_from_its_periods() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (shown, model) = (folder.path().join("shown.csv"), folder.path().join("model.json"));
+    let mut lines = String::from("t,a\n");
+    for k in 0..=300 {
+        let t = f64::from(k) / 100.0;
+        let _ = writeln!(lines, "{t},{}", 1.0 + (std::f64::consts::TAU * t / 1.5).sin());
+    }
+    std::fs::write(&shown, lines).expect("the folder takes files");
+    let report = json(&[
+        "primitive",
+        "fit",
+        text(&shown),
+        "--model",
+        "rhythmic",
+        "--periods",
+        "2",
+        "--output",
+        text(&model),
+        "--json",
+    ]);
+    assert!((report["duration_s"].as_f64().expect("a period") - 1.5).abs() < 1e-12);
+    assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.02), "{report}");
+    let faster = json(&[
+        "primitive",
+        "replay",
+        text(&model),
+        "--duration",
+        "0.5",
+        "--amplitude",
+        "2",
+        "--periods",
+        "4",
+        "--json",
+    ]);
+    let places: Vec<f64> = faster["position"]
+        .as_array()
+        .expect("samples")
+        .iter()
+        .filter_map(|place| place[0].as_f64())
+        .collect();
+    let settled = &places[100..];
+    let (low, high) = settled.iter().fold((f64::MAX, f64::MIN), |(low, high), y| (low.min(*y), high.max(*y)));
+    assert!((low + 1.0).abs() < 0.05 && (high - 3.0).abs() < 0.05, "{low} to {high}");
+}
+
+#[test]
+fn what_cannot_be_read_or_run_is_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (shown, model) = (folder.path().join("shown.csv"), folder.path().join("model.json"));
+    recording(&shown, 0.0);
+    printed(&["primitive", "fit", text(&shown), "--output", text(&model)]);
+    let refused = |arguments: &[&str]| {
+        let output = run(arguments);
+        assert!(!output.status.success(), "{arguments:?}");
+        String::from_utf8_lossy(&output.stderr).to_string()
+    };
+    let error = refused(&["primitive", "fit", text(&shown), "--channel", "z"]);
+    assert!(error.contains("no channel `z`; there are x, y"), "{error}");
+    let error = refused(&["primitive", "replay", text(&model), "--goal", "1,2,3"]);
+    assert!(error.contains("goal has 3 entries, the primitive 2 dimensions"), "{error}");
+    let error = refused(&["primitive", "replay", text(&model), "--final-velocity", "1,2"]);
+    assert!(error.contains("ends at rest"), "{error}");
+    let error = refused(&["primitive", "replay", text(&model), "--via", "0.5:1,2"]);
+    assert!(error.contains("no via points"), "{error}");
+    let error = refused(&["primitive", "fit", text(&shown), "--model", "probabilistic"]);
+    assert!(error.contains("expected at least 2"), "{error}");
+    let error = refused(&["primitive", "fit", text(&shown), "--model", "rhythmic", "--variant", "classic"]);
+    assert!(error.contains("--variant says nothing"), "{error}");
+    std::fs::write(&model, "{\"version\": 2}").expect("the folder takes files");
+    let error = refused(&["primitive", "show", text(&model)]);
+    assert!(error.contains("model.json"), "{error}");
+}
