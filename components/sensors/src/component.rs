@@ -8,9 +8,9 @@ use crate::encoder::{EncoderModel, EncoderSettings};
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
-/// It samples each joint state once, at the run's time of that state, which does not jitter with the time of its
-/// publication. It publishes each reading once, at the first tick at which its latency is over. When the joint state
-/// stops coming, so do the readings.
+/// It samples each joint state once, at the tick at which it first sees it, and publishes each reading once, at the
+/// first tick at which its latency is over. When the joint state stops coming, so do the readings. A velocity is
+/// differentiated by the run's time of the state, which does not jitter with the time of its publication.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,
@@ -57,7 +57,13 @@ impl Component for JointEncoder {
             if name != self.last_state {
                 self.last_state = name;
                 self.model
-                    .sample(state.time_ns(), state.position(), state.velocity(), state.effort())
+                    .sample_state(
+                        tick.time_ns,
+                        state.time_ns(),
+                        state.position(),
+                        state.velocity(),
+                        state.effort(),
+                    )
                     .map_err(|_| {
                         StepError::failed("the joint state has another number of joints than the robot")
                     })?;

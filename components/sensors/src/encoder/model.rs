@@ -118,11 +118,28 @@ impl EncoderModel {
         })
     }
 
-    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N).
+    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N), one number per
+    /// joint each.
     ///
     /// # Errors
     /// Slices of another length than the encoder has joints; nothing is sampled then.
     pub fn sample(&mut self, time_ns: u64, q: &[f64], v: &[f64], tau: &[f64]) -> Result<(), SampleError> {
+        self.sample_state(time_ns, time_ns, q, v, tau)
+    }
+
+    /// As [`sample`](Self::sample), with the time (ns) that the state is for, by which a velocity is differentiated:
+    /// unlike the time of sampling it does not jitter.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn sample_state(
+        &mut self,
+        time_ns: u64,
+        state_ns: u64,
+        q: &[f64],
+        v: &[f64],
+        tau: &[f64],
+    ) -> Result<(), SampleError> {
         let joints = self.joints;
         if [q.len(), v.len(), tau.len()] != [joints; 3] {
             return Err(SampleError { position: q.len(), velocity: v.len(), effort: tau.len(), joints });
@@ -142,16 +159,16 @@ impl EncoderModel {
                 channel.disturb(velocity);
             }
             Velocity::Differentiated { cutoff_hz, since, position: previous, estimate } => {
-                if since.is_none_or(|since| time_ns < since) {
+                if since.is_none_or(|since| state_ns < since) {
                     estimate.fill(0.0);
-                } else if let Some(elapsed) = since.map(|since| time_ns - since).filter(|ns| *ns > 0) {
+                } else if let Some(elapsed) = since.map(|since| state_ns - since).filter(|ns| *ns > 0) {
                     let dt = elapsed as f64 * 1e-9;
                     let share = -(-std::f64::consts::TAU * *cutoff_hz * dt).exp_m1();
                     for ((estimate, now), before) in estimate.iter_mut().zip(&*position).zip(&*previous) {
                         *estimate += share * ((now - before) / dt - *estimate);
                     }
                 }
-                *since = Some(time_ns);
+                *since = Some(state_ns);
                 previous.copy_from_slice(position);
                 velocity.copy_from_slice(estimate);
             }

@@ -3,10 +3,10 @@
 use motorium::units::TimeSpan;
 use motorium_robots::{PerJoint, PerJointError};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// The source of a velocity reading.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum VelocitySource {
     /// A sensor of its own: the true velocity with `velocity_noise`. The default.
