@@ -18,6 +18,7 @@ pub(crate) fn with_benches() -> Registry {
 
 fn kinds() -> Vec<Kind> {
     vec![
+        Kind::of::<motorium_physics::ArticulatedPhysics>(),
         Kind::of::<motorium_physics::RapierPhysics>(),
         Kind::of::<motorium_sensors::JointEncoder>(),
         Kind::of::<motorium_control::QpController>(),
@@ -25,6 +26,7 @@ fn kinds() -> Vec<Kind> {
         Kind::of::<motorium_policies::DmpPolicy>(),
         Kind::of::<motorium_policies::ProMpPolicy>(),
         Kind::of::<motorium_policies::LibraryPolicy>(),
+        Kind::of::<motorium_bridges::Iceoryx2Bridge>(),
         Kind::of::<motorium_interfaces::ConsoleLog>(),
     ]
 }

@@ -73,7 +73,7 @@ impl Dimensions {
         let value = SLOT_WORDS.next_multiple_of(topic.layout.alignment.max(1));
         let slots = match topic.pattern {
             TopicPattern::State => pins + 2 + topic.history,
-            TopicPattern::Stream { .. } => 0,
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
         };
         let stride = (value + topic.layout.size).next_multiple_of(LINE);
         Self { pins, slots, value, stride, size: topic.layout.size }
@@ -102,15 +102,28 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// The slots of the topic: one for each reader and each tool that may look on, two for the writer, and its history.
-    /// 0 for a stream, whose queues are iceoryx2's.
+    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
+    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
     pub fn slots(&self) -> usize {
-        Dimensions::of(self).slots
+        match self.pattern {
+            TopicPattern::State => Dimensions::of(self).slots,
+            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
+            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
+                2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2
+            }
+        }
     }
 
-    /// The shared memory that the topic takes, bytes, in whole pages; for a stream without its queues.
+    /// The shared memory that the topic takes, bytes, in whole pages.
     pub fn memory_bytes(&self) -> usize {
-        Dimensions::of(self).bytes().next_multiple_of(PAGE)
+        let values = match self.pattern {
+            TopicPattern::State => 0,
+            TopicPattern::Stream { .. } => 1,
+            TopicPattern::Slices { longest, .. } => longest,
+        };
+        let sample = (values * self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE);
+        let queues = if values > 0 { self.slots() * sample } else { 0 };
+        (Dimensions::of(self).bytes() + PAGE + queues).next_multiple_of(PAGE)
     }
 }
 

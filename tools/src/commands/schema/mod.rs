@@ -1,0 +1,60 @@
+//! `motorium schema`: the JSON Schema of the files that motorium reads and writes, and its types for Python.
+
+mod python;
+
+use std::process::ExitCode;
+
+use motorium::launcher::Report;
+use motorium_benches::latency::Written as Bench;
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+
+use super::top::Data as Top;
+use crate::out::outln;
+use crate::registry;
+
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark, or the types for Python.
+///
+/// Example: motorium schema graph > graph.schema.json
+#[derive(Debug, clap::Args)]
+pub(crate) struct Schema {
+    /// What the schema describes
+    #[arg(value_enum, default_value_t = Document::Graph)]
+    document: Document,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Document {
+    /// Graph files, with the `config` table of every built-in kind
+    Graph,
+    /// What `motorium run --json` prints
+    Report,
+    /// What `motorium top --json` prints
+    Top,
+    /// What `motorium bench latency --json` writes
+    Bench,
+    /// The built-in states as a Python module, for programs that a bridge serves
+    Python,
+}
+
+impl Schema {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let schema = match self.document {
+            Document::Graph => motorium::graph::schema(&registry::registry()),
+            Document::Report => written::<Report>(),
+            Document::Top => written::<Top>(),
+            Document::Bench => written::<Bench>(),
+            Document::Python => {
+                outln!("{}", python::module()?.trim_end());
+                return Ok(ExitCode::SUCCESS);
+            }
+        };
+        outln!("{}", serde_json::to_string_pretty(&schema)?);
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The schema of a document as it is written: what is always there is required.
+fn written<T: JsonSchema>() -> schemars::Schema {
+    SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<T>()
+}
