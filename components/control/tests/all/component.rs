@@ -134,6 +134,7 @@ fn the_centre_of_mass_comes_to_its_goals_within_limits() {
     let start = resting_centre_of_mass();
     let offsets = vec![[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]];
     let targets = Targets { offsets, start: Some(start), ..Targets::default() };
+    let tasks = "{ tasks = [{ centre_of_mass = { target = \"target\" } }, { posture = {} }] }";
     let report = run(graph("{}", targets, controller(tasks)));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2, "{result}");
