@@ -28,7 +28,7 @@ pub struct Tap {
 
 #[derive(Debug)]
 enum Source {
-    State(latest::Tap),
+    State(Box<latest::Tap>),
     Stream {
         subscriber: Subscriber<Shared, [CustomPayloadMarker], Stamp>,
         /// Restart count and number of the last value read.
@@ -60,7 +60,9 @@ impl Tap {
                 let memory = TopicMemory::open(&node, topic)?;
                 let full =
                     &"its four places for those who look on are taken; is another `topic echo` running?";
-                Source::State(latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?)
+                Source::State(Box::new(
+                    latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?,
+                ))
             }
             TopicPattern::Slices { .. } => {
                 return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));

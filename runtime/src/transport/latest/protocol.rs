@@ -154,11 +154,11 @@ impl Writer {
         let mut strict = false;
         loop {
             for slot in self.candidates(words.slots()) {
-                if strict || seems_free(slot) {
-                    if let Some(slot) = claim(words, slot) {
-                        self.next = Some(slot);
-                        return slot;
-                    }
+                if (strict || seems_free(slot))
+                    && let Some(slot) = claim(words, slot)
+                {
+                    self.next = Some(slot);
+                    return slot;
                 }
             }
             // With two slots more than pins one is free; a pin seen in passing may be out of date.

@@ -122,6 +122,8 @@ impl<T: StateBuffer> SliceInput<T> {
     }
 }
 
+type SlicePublisher<T> = Publisher<Shared, [T], Stamp>;
+
 /// An output port that writes slices of up to a declared longest length, in place.
 ///
 /// ```
@@ -137,7 +139,7 @@ impl<T: StateBuffer> SliceInput<T> {
 pub struct SliceOutput<T: StateBuffer> {
     port: &'static str,
     longest: usize,
-    wired: Option<(Rc<Publisher<Shared, [T], Stamp>>, Wired)>,
+    wired: Option<(Rc<SlicePublisher<T>>, Wired)>,
     scratch: Vec<T>,
     context: Rc<Context>,
 }
@@ -282,7 +284,7 @@ impl<T: StateBuffer> Connect for Subscriber<Shared, [T], Stamp> {
     }
 }
 
-impl<T: StateBuffer> Connect for Publisher<Shared, [T], Stamp> {
+impl<T: StateBuffer> Connect for SlicePublisher<T> {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
     }
