@@ -12,6 +12,7 @@ mod part;
 pub mod payload;
 mod processes;
 mod raw_chain;
+mod read;
 pub mod relay;
 pub mod timer;
 

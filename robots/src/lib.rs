@@ -63,8 +63,8 @@ pub use dynamics::{
 };
 pub use end_effector::EndEffectorError;
 pub use geometry::{
-    CollisionError, CollisionModel, CollisionOptions, Collisions, MeshError, MeshMode, MeshProblem,
-    Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
+    MeshMode, MeshProblem, Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
@@ -84,5 +84,5 @@ pub use srdf::{Srdf, SrdfError};
 pub use twist::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
-    parse_urdf_with,
+    parse_urdf_with, pinocchio_joint_order,
 };

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::solids::{Random, at, cube, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
-    BaseMode, CollisionError, CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics,
-    LoadOptions, MeshMode, Model, Proximity, Srdf, load, load_with,
+    Attachment, BaseMode, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape,
+    Geometry, Kinematics, LoadOptions, MeshMode, Model, Proximity, Srdf, load, load_with,
 };
 use nalgebra::DMatrix;
 
@@ -233,4 +233,81 @@ fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
     // Hulls fill the hollows of their meshes: a few links that nestle into each other overlap then.
     let overlaps = found[0].iter().filter(|distance| **distance <= 0.0).count();
     assert!(overlaps < found[0].len() / 100, "{overlaps} of {}", found[0].len());
+}
+
+/// Height above a tilted plane of the lowest point of each shape, from its corners or its definition.
+#[test]
+fn the_distance_from_a_half_space_is_the_height_of_the_lowest_point() {
+    let mut random = Random(11);
+    let shapes = [
+        (r#"<sphere radius="0.2"/>"#, 0.2, [0.0, 0.0, 0.0]),
+        (r#"<box size="0.2 0.4 0.6"/>"#, 0.0, [0.1, 0.2, 0.3]),
+        (r#"<capsule radius="0.1" length="0.5"/>"#, 0.1, [0.0, 0.0, 0.25]),
+    ];
+    for (geometry, radius, half) in shapes {
+        let model = with_shape(geometry);
+        for _ in 0..50 {
+            let turn = nalgebra::Vector3::new(random.next(), random.next(), random.next()) * 3.0;
+            let plane =
+                nalgebra::Isometry3::new(nalgebra::Vector3::new(0.1, -0.2, 0.3) * random.next(), turn);
+            let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+            let ground = solids.add_half_space("ground", plane);
+            assert_eq!(
+                (solids.pairs(), solids.convex_shape(ground)),
+                (&[[0, 1]][..], ConvexShape::HalfSpace)
+            );
+            let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
+            let q = [random.next()];
+            kinematics.update(&model, &q);
+            collisions.update(&solids, &kinematics);
+            let found = collisions.distance(&solids, 0);
+            let up = plane.rotation * nalgebra::Vector3::z();
+            let heights = (0..8_u32).map(|corner| {
+                let sign = |axis: usize| if corner >> axis & 1 == 0 { -half[axis] } else { half[axis] };
+                let point = nalgebra::Vector3::new(sign(0), sign(1), q[0] + sign(2));
+                (point - plane.translation.vector).dot(&up) - radius
+            });
+            let expected = heights.fold(f64::INFINITY, f64::min);
+            assert_relative_eq!(found.distance, expected, epsilon = 1e-12);
+            assert_relative_eq!(found.normal.into_inner(), -up, epsilon = 1e-12);
+            assert_relative_eq!(
+                (found.points[1] - found.points[0]).dot(&found.normal),
+                expected,
+                epsilon = 1e-12
+            );
+        }
+    }
+}
+
+#[test]
+fn free_objects_are_checked_against_everything_and_obstacles_against_what_moves() {
+    let model = with_shape(r#"<sphere radius="0.1"/>"#);
+    let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    let meshes = MeshMode::default();
+    let wall = solids.add_obstacle("wall", at(1.0, 0.0, 0.0), cube(0.2), meshes).unwrap();
+    let ball = solids.add_free_object("ball", at(0.0, 1.0, 0.0), cube(0.2), meshes).unwrap();
+    let can = solids.add_free_object("can", at(0.0, 2.0, 0.0), cube(0.2), meshes).unwrap();
+    let ground = solids.add_half_space("ground", at(0.0, 0.0, -3.0));
+    let expected = [
+        [0, wall],
+        [0, ball],
+        [wall, ball],
+        [0, can],
+        [wall, can],
+        [ball, can],
+        [0, ground],
+        [ball, ground],
+        [can, ground],
+    ];
+    assert_eq!(solids.pairs(), expected);
+    assert_eq!(solids.attachment(0), Attachment::Body(0));
+    assert_eq!(solids.attachment(ball), Attachment::World);
+    let mut collisions = Collisions::new(&solids);
+    let pair = expected.iter().position(|pair| *pair == [ball, can]).unwrap();
+    assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.8, epsilon = 1e-12);
+    collisions.place(can, &at(0.0, 1.5, 0.0));
+    assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.3, epsilon = 1e-12);
+    assert!(collisions.distance_within(&solids, pair, 0.2).is_none_or(|found| found.distance > 0.2));
+    solids.retain_pairs(|pair| pair.contains(&ground));
+    assert_eq!(solids.pairs(), [[0, ground], [ball, ground], [can, ground]]);
 }

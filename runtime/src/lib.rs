@@ -20,10 +20,13 @@
 //! | [`launcher`], [`program`] | starting, watching and ending a run; the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 
+mod atomics;
 pub mod component;
 pub mod declare;
 pub mod graph;
 pub mod launcher;
+#[cfg(all(test, feature = "loom"))]
+mod model;
 pub mod nearest;
 pub mod os;
 pub mod plan;

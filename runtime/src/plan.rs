@@ -321,6 +321,15 @@ impl Plan {
         edges
     }
 
+    /// Number of an input among the readers of its topic, counted by ports: the pin that it uses. 0 for an unwired one.
+    pub fn pin(&self, component: usize, input: usize) -> usize {
+        let inputs = &self.components[component].inputs;
+        let Some(topic) = inputs[input].topic else { return 0 };
+        let before = inputs[..input].iter().filter(|other| other.topic == Some(topic)).count();
+        let ports = self.topics[topic].readers.iter().enumerate().filter(|(_, reader)| **reader == component);
+        ports.map(|(pin, _)| pin).nth(before).unwrap_or_default()
+    }
+
     /// Whether all whom a topic triggers are pinned to the core of its writer.
     pub fn stays_on_core(&self, topic: usize) -> bool {
         let topic = &self.topics[topic];
@@ -354,6 +363,9 @@ pub struct TopicPlan {
     pub readers: Vec<usize>,
     /// Indices of the components that it wakes.
     pub triggers: Vec<usize>,
+    /// Values of a state kept for taps, beyond those that readers need.
+    #[serde(default)]
+    pub history: usize,
 }
 
 /// An end-to-end latency budget.

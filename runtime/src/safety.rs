@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::component::Setup;
 use crate::plan::SafeState;
-use crate::region::{Command, MissCause};
-use crate::state::JointCommand;
+use crate::region::{Command, MissCause, add};
+use crate::state::{Field as _, JointCommand};
 use crate::transport::{Context, Input, Reading};
 
 /// Decides at every step of an actuator whether the command may be applied.
@@ -55,8 +55,14 @@ impl CommandGuard {
     pub fn judge<'a>(&mut self, input: &'a mut Input<JointCommand>) -> Judgement<'a> {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let block = self.context.block();
-        let fresh =
-            !stopping && input.latest().is_some_and(|command| command.age_ns() <= self.stale_after_ns);
+        let fresh = !stopping
+            && input.latest().is_some_and(|command| {
+                let is_valid = command.check().is_ok();
+                if !is_valid {
+                    add(&block.refused, 1);
+                }
+                is_valid && command.age_ns() <= self.stale_after_ns
+            });
         if fresh && let Some(command) = input.current() {
             self.armed = true;
             if block.safe.load(Relaxed) != 0 {

@@ -18,6 +18,7 @@ pub(crate) fn with_benches() -> Registry {
 
 fn kinds() -> Vec<Kind> {
     vec![
+        Kind::of::<motorium_physics::ArticulatedPhysics>(),
         Kind::of::<motorium_physics::RapierPhysics>(),
         Kind::of::<motorium_sensors::JointEncoder>(),
         Kind::of::<motorium_control::QpController>(),

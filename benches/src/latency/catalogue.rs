@@ -4,7 +4,7 @@ use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, Ran};
 use crate::pair::{self, Carrier, Throw};
 use crate::raw_chain::{self, RawChain};
-use crate::{Distribution, MeasureError, timer};
+use crate::{Distribution, MeasureError, read, timer};
 
 /// One thing to measure.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +33,7 @@ enum Kind {
     Caterpillar,
     FanOut { readers: usize },
     Panda,
+    Read { bytes: usize },
 }
 
 /// Time between two round trips of a paced throw, ns: the receiver sleeps deeply.
@@ -43,6 +44,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
+    ("64 KiB across cores", &["floor.plain-blocking.65536", "hop.blocking.across.65536"]),
+    ("1 MiB across cores", &["floor.plain-blocking.1048576", "hop.blocking.across.1048576"]),
     ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
     ("chain of 8", &["floor.chain.8", "chain.8"]),
@@ -59,7 +62,7 @@ pub(super) fn group(name: &str) -> Option<&'static str> {
 
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
-    use Carrier::{Blocking, CacheLine, Futex, Plain, Polling, Stock};
+    use Carrier::{Blocking, CacheLine, Futex, Plain, PlainBlocking, Polling, Stock};
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
         let group = group(&name);
@@ -73,6 +76,12 @@ pub fn catalogue() -> Vec<Case> {
     add("floor.cache-line".into(), line, true, throw(CacheLine, true, 64, false));
     let plain = "a word and 512 B of plain memory across cores, written and read".to_string();
     add("floor.plain.512".into(), plain, true, throw(Plain, true, 512, false));
+    for bytes in [65_536, 1_048_576] {
+        let what = format!("futex across cores and {} of plain memory, written and read", size(bytes));
+        add(format!("floor.plain-blocking.{bytes}"), what, false, throw(PlainBlocking, true, bytes, false));
+    }
+    let what = "reading the newest state of 1 MiB without touching its bytes".to_string();
+    add("read.newest.1048576".into(), what, true, Kind::Read { bytes: 1_048_576 });
     for bytes in [64, 512, 4096, 65_536, 1_048_576] {
         let size = size(bytes);
         let quick = bytes == 512;
@@ -156,7 +165,7 @@ impl Case {
 
     /// True if it is a graph, or a chain of processes, which takes a while to start.
     pub(super) fn is_graph(&self) -> bool {
-        !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Throw { .. })
+        !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Read { .. } | Kind::Throw { .. })
     }
 
     /// Measures it: all samples, and the priority that was granted.
@@ -164,6 +173,11 @@ impl Case {
         let core = bench.places.realtime;
         match &self.kind {
             Kind::Clock => Ok(Outcome::of(timer::clock(), 0)),
+            Kind::Read { bytes } => {
+                let reads = bench.samples.min(10_000);
+                let (took, fifo) = read::newest(bench.registry, *bytes, reads, core, bench.fifo)?;
+                Ok(Outcome::of(took, fifo))
+            }
             Kind::Timer => {
                 let measured = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
                 Ok(Outcome::of(measured.late_ns, u32::from(measured.fifo)))

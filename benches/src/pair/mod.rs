@@ -8,6 +8,7 @@ mod board;
 mod floors;
 mod link;
 mod part;
+mod plain;
 mod stock;
 mod topics;
 
@@ -34,6 +35,8 @@ pub enum Carrier {
     CacheLine,
     /// A word that both cores look at, and 512 bytes of plain shared memory.
     Plain,
+    /// A word and a futex, and a payload of any size in plain shared memory.
+    PlainBlocking,
     /// A word and a futex, nothing around them: no payload.
     Futex,
     /// A motorium topic, the receiver waits for its trigger.

@@ -10,6 +10,7 @@ use motorium::plan::SchedulingClass;
 use super::board::Board;
 use super::floors::{Futex, Plain, cache_line};
 use super::link::{Link, ping, pong};
+use super::plain::PlainBlocking;
 use super::stock::Stock;
 use super::topics::{Topics, Waits};
 use super::{Assignment, Carrier, SIDES};
@@ -34,8 +35,10 @@ pub(crate) fn run_part(side: &str, folder: &Path) -> Result<(), String> {
         }
         Carrier::Plain => play.throw(&mut Plain { board: &board, side, sent: 0, heard: 0 }),
         Carrier::Futex => play.throw(&mut Futex { board: &board, side, heard: 0 }),
-        Carrier::Blocking | Carrier::Polling | Carrier::Stock => with_payload(throw.bytes, play)
-            .ok_or_else(|| format!("there is no payload of {} bytes", throw.bytes))?,
+        Carrier::Blocking | Carrier::Polling | Carrier::Stock | Carrier::PlainBlocking => {
+            with_payload(throw.bytes, play)
+                .ok_or_else(|| format!("there is no payload of {} bytes", throw.bytes))?
+        }
     }
 }
 
@@ -55,6 +58,10 @@ impl PayloadVisitor for Play<'_> {
             Carrier::Polling => Waits::Spinning,
             _ => Waits::Blocking,
         };
+        if throw.carrier == Carrier::PlainBlocking {
+            let plain = PlainBlocking::<P>::open(exchange, self.board, self.side);
+            return self.throw(&mut plain.map_err(|error| error.to_string())?);
+        }
         if throw.carrier == Carrier::Stock {
             return self.throw(&mut Stock::<P>::open(exchange, self.side)?);
         }

@@ -8,17 +8,21 @@ use std::path::Path;
 use std::time::Instant;
 
 use motorium_physics::{
-    Contacts, Ground, JointCommand, Object, ObjectShape, Options, Rapier, Simulator, World,
+    ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator, Simulator,
+    World,
 };
 use motorium_robots::load;
 
 const DT: f64 = 1e-3;
 const STEPS: usize = 20_000;
 
+enum Engine {
+    Articulated,
+    Rapier,
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("panda, us per 1 ms step over {STEPS} steps: median, 99 %, worst");
-    let always =
-        |contact_iterations| Options { contacts: Contacts::Always, contact_iterations, ..Options::default() };
     let empty = World::default();
     let ground = World { ground: Some(Ground::default()), ..World::default() };
     let mut cube = Object {
@@ -33,24 +37,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let with_cube = World { objects: vec![cube.clone()], ..ground.clone() };
     // Under the hand, so that the contact solver is always at work.
     cube.position = [0.55, 0.0, 0.0];
-    measure("joint-space integrator, empty world", &empty, Options::default(), 0.0)?;
-    measure("joint-space integrator, ground", &ground, Options::default(), 0.0)?;
-    measure("joint-space integrator, ground, one cube", &with_cube, Options::default(), 0.0)?;
+    let block = with_block()?;
+    let worlds = [("empty world", &empty, 0.0), ("ground", &ground, 0.0), ("ground, cube", &with_cube, 0.0)];
+    for (name, world, lean) in worlds {
+        measure(&format!("articulated, {name}"), Engine::Articulated, world, Options::default(), lean)?;
+    }
     for iterations in [1, 2, 4] {
-        measure(&format!("rapier, {iterations} iterations, empty world"), &empty, always(iterations), 0.0)?;
-        measure(
-            &format!("rapier, {iterations} iterations, ground, cube"),
-            &with_cube,
-            always(iterations),
-            0.0,
-        )?;
         let options = Options { contact_iterations: iterations, ..Options::default() };
-        measure(
-            &format!("{iterations} iterations, hand pressed on a block"),
-            &with_block()?,
-            options,
-            -0.12,
-        )?;
+        let name = format!("articulated, hand on a block, {iterations} iterations");
+        measure(&name, Engine::Articulated, &block, options, -0.12)?;
+    }
+    for iterations in [1, 2, 4] {
+        let options = Options { contact_iterations: iterations, ..Options::default() };
+        let worlds = [("empty world", &empty, 0.0), ("ground, cube", &with_cube, 0.0)];
+        for (name, world, lean) in worlds.into_iter().chain([("hand on a block", &block, -0.12)]) {
+            let name = format!("rapier, {name}, {iterations} iterations");
+            measure(&name, Engine::Rapier, world, options, lean)?;
+        }
     }
     Ok(())
 }
@@ -76,12 +79,22 @@ fn with_block() -> Result<World, Box<dyn std::error::Error>> {
 }
 
 /// Swings every joint about home, or presses down by bending the shoulder by `-lean`.
-fn measure(name: &str, world: &World, options: Options, lean: f64) -> Result<(), Box<dyn std::error::Error>> {
+fn measure(
+    name: &str,
+    engine: Engine,
+    world: &World,
+    options: Options,
+    lean: f64,
+) -> Result<(), Box<dyn std::error::Error>> {
     let panda = load("panda", Path::new("."))?;
     let profile = panda.profile.ok_or("the catalogue's panda has a profile")?;
     let home = profile.home(&panda.model)?;
     let gains = profile.gains(&panda.model)?;
-    let mut simulation = Rapier::new(panda.model, world.clone(), home.as_slice(), options)?;
+    let (model, world, q) = (panda.model, world.clone(), home.as_slice());
+    let mut simulation: Box<dyn Simulator> = match engine {
+        Engine::Articulated => Box::new(ArticulatedSimulator::new(model, world, q, options)?),
+        Engine::Rapier => Box::new(RapierSimulator::new(model, world, q, options)?),
+    };
     let mut times = Vec::with_capacity(STEPS);
     let mut near = 0;
     for step in 0..STEPS {

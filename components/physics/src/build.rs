@@ -1,18 +1,21 @@
-//! What can be wrong, or doubtful, about a simulation before it begins.
+//! Errors and warnings of setting up a simulation.
 
 use motorium_robots::Model;
 
-use crate::articulated::JointProperties;
+use crate::joint::JointProperties;
 use crate::{Options, ResetError, WorldError};
 
-/// Why a simulation could not be set up.
+/// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// The world description has a mistake.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// The rapier engine holds robots by a fixed base.
-    #[error("robot \"{robot}\" has a floating base, and this engine needs a fixed one; use `Floating`")]
+    /// A floating base with the rapier engine.
+    #[error(
+        "robot \"{robot}\" has a floating base, which the rapier engine cannot simulate; \
+         use `physics.articulated` (`ArticulatedSimulator`)"
+    )]
     FloatingBase {
         /// The robot.
         robot: String,
@@ -25,30 +28,31 @@ pub enum BuildError {
     Option {
         /// The setting.
         name: &'static str,
-        /// What was found.
+        /// The value found.
         value: f64,
-        /// What was expected.
+        /// The range expected.
         expected: &'static str,
     },
 }
 
-/// What is doubtful about a simulation that nevertheless runs.
+/// A doubt about a simulation that nevertheless runs.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildWarning {
-    /// A mesh is not part of the collision geometry.
+    /// A collision shape that cannot be used.
     #[error(
-        "the collision mesh of link \"{link}\" is ignored; give the link a box, cylinder, sphere or capsule"
+        "a collision shape of link \"{link}\" is ignored: {reason}; \
+         a box, cylinder, sphere or capsule needs no mesh"
     )]
-    MeshIgnored {
+    ShapeIgnored {
         /// The link.
         link: String,
+        /// The problem.
+        reason: String,
     },
-    /// A collision mesh that cannot be read.
-    #[error("the collision mesh of link \"{link}\" is ignored: {reason}")]
-    MeshUnreadable {
-        /// The link.
-        link: String,
-        /// Why.
+    /// A collision rule for links that the robot does not have.
+    #[error("a collision rule is ignored: {reason}")]
+    RuleIgnored {
+        /// The problem.
         reason: String,
     },
     /// Two links are too close at the start to ever count as touching.

@@ -1,23 +1,40 @@
 //! Physics for motorium: simulated robots and worlds.
 //!
-//! A [`Simulator`] is a robot in a [`World`]. [`Rapier`] moves robots with a fixed base, contacts by the rapier engine;
-//! [`Floating`] moves those whose base moves freely, contacts by our own solver. All that is a plain library, usable
-//! without the runtime. [`RapierPhysics`] makes it a component of a graph, and is the only part that knows the runtime.
+//! A [`Simulator`] is a robot in a [`World`]. [`ArticulatedSimulator`] moves robots with a fixed or a floating base
+//! by motorium's own dynamics and contact solver; [`RapierSimulator`] moves robots with a fixed base by the rapier
+//! engine. Both share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. All
+//! that is a plain library, usable without the runtime.
+//!
+//! [`ArticulatedPhysics`] (`physics.articulated`) and [`RapierPhysics`] (`physics.rapier`) are the components of a
+//! graph; they alone know the runtime.
 
-pub mod articulated;
+mod articulated;
 mod build;
+mod command;
 mod component;
 mod contact;
-mod floating;
+mod error;
+mod joint;
 mod options;
 mod rapier;
+mod robot;
+mod rotors;
+mod simulation;
 mod simulator;
 mod world;
 
+pub use articulated::{
+    Articulated, ArticulatedSimulator, JointEvents, JointSpaceIntegrator, LinkForce, Singular,
+};
 pub use build::{BuildError, BuildWarning};
-pub use component::{RapierConfig, RapierPhysics};
-pub use floating::{Floating, LinkForce, RotorDrive};
-pub use options::{Contacts, Options};
-pub use rapier::{Enclose, Rapier};
-pub use simulator::{Contact, JointCommand, ObjectId, ResetError, Simulator, StepError, StepReport};
+pub use command::JointCommand;
+pub use component::{ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, RapierPhysics};
+pub use error::{ResetError, StepError};
+pub use joint::JointProperties;
+pub use options::Options;
+pub use rapier::{Enclose, Rapier, RapierSimulator};
+pub use robot::{Robot, RobotSetup};
+pub use rotors::RotorDrive;
+pub use simulation::{Engine, Simulation};
+pub use simulator::{Contact, ObjectId, Simulator, StepReport};
 pub use world::{Ground, Object, ObjectShape, World, WorldError};

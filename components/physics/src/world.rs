@@ -11,14 +11,14 @@ use serde::{Deserialize, Serialize};
 pub struct World {
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],
-    /// A horizontal plane. None unless given.
+    /// A horizontal plane. Default: no ground.
     pub ground: Option<Ground>,
     /// Objects, fixed or free to move. Names must differ.
     pub objects: Vec<Object>,
 }
 
 impl Default for World {
-    /// Earth's gravity, nothing else.
+    /// Earth's gravity, no ground, no objects.
     fn default() -> Self {
         Self { gravity: [0.0, 0.0, -9.81], ground: None, objects: Vec::new() }
     }
@@ -108,7 +108,7 @@ impl Object {
         )
     }
 
-    /// Whether it moves.
+    /// True when it has a mass, and so moves.
     pub fn is_dynamic(&self) -> bool {
         self.mass.is_some()
     }
@@ -148,9 +148,9 @@ pub enum WorldError {
         owner: String,
         /// The field.
         field: &'static str,
-        /// What was found.
+        /// The value found.
         value: f64,
-        /// What was expected.
+        /// The range expected.
         expected: &'static str,
     },
     /// Two objects with one name, or a name that is already taken.
@@ -158,7 +158,7 @@ pub enum WorldError {
     NameTaken {
         /// The name.
         name: String,
-        /// Who has it.
+        /// The owner of the name.
         by: &'static str,
     },
 }

@@ -5,7 +5,8 @@ use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 use crate::Geometry;
 use crate::lie::so3;
 
-/// Steps of the search for the best axis: from 0.3 rad, halved each time no direction is better, to below a milliradian.
+/// Steps of the search for the best axis: from 0.3 rad, halved each time no direction is better, to below a
+/// milliradian.
 const WIDEST: f64 = 0.3;
 const FINEST: f64 = 1e-3;
 const MOST_STEPS: usize = 60;

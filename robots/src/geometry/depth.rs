@@ -1,9 +1,9 @@
-//! How deep two convex cores are in each other: the expanding polytope algorithm (van den Bergen 2001) in memory of fixed
-//! size.
+//! How deep two convex cores are in each other: the expanding polytope algorithm (van den Bergen 2001) in memory of
+//! fixed size.
 //!
-//! The differences between points of the first core and points of the second make up a convex set that holds the origin
-//! where the cores overlap. A polytope inside of it grows at the face nearest to the origin until that face lies on the
-//! set's boundary: it is then the shortest way out.
+//! The differences between points of the first core and points of the second make up a convex set that holds the
+//! origin where the cores overlap. A polytope inside of it grows at the face nearest to the origin until that face
+//! lies on the set's boundary: it is then the shortest way out.
 
 use parry3d_f64::query::gjk::CsoPoint;
 
@@ -74,8 +74,8 @@ impl Polytope {
         }
     }
 
-    /// For two cores that overlap the deepest point of each in the other and the direction from the first to the second in
-    /// which they part soonest. `None` where all differences lie on one line.
+    /// For two cores that overlap the deepest point of each in the other and the direction from the first to the
+    /// second in which they part soonest. `None` where all differences lie on one line.
     pub(super) fn search(&mut self, pair: &[Placed<'_>; 2]) -> Option<(V3, V3, V3)> {
         self.begin(pair)?;
         // The way out is no longer than the best proven so far.
@@ -173,8 +173,8 @@ impl Polytope {
         alive.min_by(|(_, a), (_, b)| a.distance.total_cmp(&b.distance)).map(|(index, _)| index)
     }
 
-    /// Takes `corner` in: `face`, and all around it that the corner sees, give way to faces from the edge of that region to
-    /// the corner. `false`, and nothing is grown, when there is no room or rounding has torn the region.
+    /// Takes `corner` in: `face`, and all around it that the corner sees, give way to faces from the edge of that
+    /// region to the corner. `false`, and nothing is grown, when there is no room or rounding has torn the region.
     fn grow(&mut self, face: usize, corner: Corner) -> bool {
         if self.corners.len() == CORNERS {
             return false;
@@ -238,8 +238,8 @@ impl Polytope {
         self.look(from, place, (back + 2) % 3);
     }
 
-    /// The points that make up the foot of the origin on the boundary. A facet of the set is made of several faces, some of
-    /// them slivers whose planes say little: the face that comes nearest to the foot has it.
+    /// The points that make up the foot of the origin on the boundary. A facet of the set is made of several faces,
+    /// some of them slivers whose planes say little: the face that comes nearest to the foot has it.
     fn witness(&self, foot: V3) -> (V3, V3) {
         let (mut nearest, mut found) = (f64::INFINITY, (V3::ZERO, V3::ZERO));
         for face in self.faces.iter().filter(|face| face.alive) {

@@ -1,5 +1,5 @@
-//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the expanding
-//! polytope where they overlap.
+//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the
+//! expanding polytope where they overlap.
 
 use super::depth::Polytope;
 use super::pairs::CollisionModel;
@@ -49,8 +49,8 @@ pub struct Collisions {
 }
 
 impl Collisions {
-    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand where
-    /// they were added.
+    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand
+    /// where they were added.
     pub fn new(model: &CollisionModel) -> Self {
         Self {
             rotations: model.solids.iter().map(|solid| solid.rotation).collect(),
@@ -88,6 +88,24 @@ impl Collisions {
         let rotation = pose.rotation * inverse.rotation;
         self.rotations[index] = (rotation.to_rotation_matrix().into_inner() * r).into();
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
+    }
+
+    /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update): `pose` is that of its
+    /// [placement](CollisionModel::placement) in the world.
+    pub fn place(&mut self, index: usize, pose: &Isometry3<f64>) {
+        self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
+        self.positions[index] = pose.translation.vector.into();
+    }
+
+    /// Resets the search directions of the last distances, so that the next depend on the poses alone.
+    pub fn forget(&mut self) {
+        self.hints.fill(V3::ZERO);
+        self.last = 0;
+    }
+
+    /// Distance of pair `pair`, or `None` when it is certainly above `range` \[m\].
+    pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
+        self.measure(model, pair, range)
     }
 
     /// Distance of one pair.
@@ -152,6 +170,9 @@ impl Collisions {
         if !apart.is_finite() {
             return Some(Proximity { distance: f64::NAN, ..self.bound(model, pair) });
         }
+        if first.is_half_space() || second.is_half_space() {
+            return Some(self.measure_half_space(model, pair));
+        }
         if first.is_surface() || second.is_surface() {
             return self.measure_surfaces(model, pair, range);
         }
@@ -181,6 +202,25 @@ impl Collisions {
             points: points.map(|point| Point3::from(Vector3::from(point))),
             normal: Unit::new_unchecked(normal.into()),
         })
+    }
+
+    /// Distance of a solid from a half-space: its point farthest along the inward normal decides.
+    fn measure_half_space(&self, model: &CollisionModel, pair: usize) -> Proximity {
+        let [a, b] = model.pairs[pair];
+        let first_is_plane = model.solids[a].is_half_space();
+        let (plane, solid) = if first_is_plane { (a, b) } else { (b, a) };
+        let (up, body) = (self.rotations[plane].z, &model.solids[solid]);
+        let placed = Placed { core: &body.core, rotation: &self.rotations[solid], position: V3::ZERO };
+        let lowest = self.positions[solid] + placed.farthest(-up) - up * body.radius;
+        let distance = (lowest - self.positions[plane]).dot(up);
+        let foot = lowest - up * distance;
+        let (points, normal) = if first_is_plane { ([foot, lowest], up) } else { ([lowest, foot], -up) };
+        Proximity {
+            pair,
+            distance,
+            points: points.map(|point| Point3::from(Vector3::from(point))),
+            normal: Unit::new_unchecked(normal.into()),
+        }
     }
 
     /// Where surfaces take part parry looks for itself.

@@ -1,11 +1,11 @@
 //! Collision geometry: signed distances between the links of a robot, and to obstacles.
 //!
-//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once: meshes become convex hulls, capsules or stay
-//! surfaces, pairs that cannot or may not collide are left out. [`Collisions`] is the workspace that asks it: distances with
-//! their witness points, and their Jacobians.
+//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once: meshes become convex hulls, capsules or
+//! stay surfaces, pairs that cannot or may not collide are left out. [`Collisions`] is the workspace that asks it:
+//! distances with their witness points, and their Jacobians.
 //!
-//! Distances are signed: positive is the gap \[m\], negative the depth, the shortest way out. Points and normals are in
-//! world axes; normals point from the first solid of a pair to the second.
+//! Distances are signed: positive is the gap \[m\], negative the depth, the shortest way out. Points and normals are
+//! in world axes; normals point from the first solid of a pair to the second.
 
 mod capsule;
 mod depth;
@@ -13,11 +13,13 @@ mod distance;
 mod jacobian;
 mod mesh;
 mod pairs;
+mod shape;
 mod solid;
 mod support;
 
 pub use capsule::fit_capsule;
 pub use distance::{Collisions, Proximity};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh};
-pub use pairs::{CollisionError, CollisionModel, CollisionOptions};
+pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
+pub use shape::ConvexShape;
 pub use solid::{MeshMode, SolidKind, SolidProblem};

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use nalgebra::{Isometry3, UnitQuaternion};
 use parry3d_f64::shape::SharedShape;
 
+use super::shape::ConvexShape;
 use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
 use crate::Srdf;
 use crate::model::program::Program;
@@ -18,18 +19,40 @@ pub struct CollisionOptions {
     pub meshes: MeshMode,
     /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all files.
     pub adjacent: bool,
+    /// Check links that hang on the same link by a joint each, such as two fingers, against each other. Default true.
+    pub siblings: bool,
+    /// Check links of the robot against each other at all. Default true.
+    pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist, instead
-    /// of refusing the robot. [`CollisionModel::left_out`] names them.
+    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist,
+    /// instead of refusing the robot. [`CollisionModel::left_out`] names them.
     pub leave_out_defects: bool,
 }
 
 impl Default for CollisionOptions {
     /// Convex hulls of up to 500 corners, nothing between links that a joint joins, no rules, no defects.
     fn default() -> Self {
-        Self { meshes: MeshMode::default(), adjacent: false, srdf: Srdf::default(), leave_out_defects: false }
+        Self {
+            meshes: MeshMode::default(),
+            adjacent: false,
+            siblings: true,
+            self_collision: true,
+            srdf: Srdf::default(),
+            leave_out_defects: false,
+        }
     }
+}
+
+/// The frame that a solid is fixed to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attachment {
+    /// The world: obstacles, and links that do not move.
+    World,
+    /// The base of the robot.
+    Base,
+    /// The moving body of this index, as in [`Model::bodies`].
+    Body(usize),
 }
 
 /// A collision model that cannot be made.
@@ -55,8 +78,8 @@ pub enum CollisionError {
     },
 }
 
-/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a [`Collisions`](super::Collisions)
-/// works on it.
+/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a
+/// [`Collisions`](super::Collisions) works on it.
 #[derive(Clone)]
 pub struct CollisionModel {
     pub(super) solids: Vec<Solid>,
@@ -67,6 +90,8 @@ pub struct CollisionModel {
     pub(super) robot_solids: usize,
     /// Placement that each obstacle was added with.
     pub(super) obstacle_frames: Vec<Isometry3<f64>>,
+    /// Per obstacle: it moves freely.
+    free: Vec<bool>,
     left_out: Vec<CollisionError>,
 }
 
@@ -82,8 +107,8 @@ impl std::fmt::Debug for CollisionModel {
 impl CollisionModel {
     /// Prepares the shapes of `model`. Reads its mesh files.
     ///
-    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes in
-    /// between do not count), unless the options ask for these.
+    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes
+    /// in between do not count), unless the options ask for these.
     ///
     /// # Errors
     ///
@@ -95,6 +120,7 @@ impl CollisionModel {
             pairs: Vec::new(),
             robot_solids: 0,
             obstacle_frames: Vec::new(),
+            free: Vec::new(),
             left_out: Vec::new(),
         };
         let program = model.program();
@@ -159,18 +185,22 @@ impl CollisionModel {
         let (disabled, enabled) = (both_ways(&rules.disabled), both_ways(&rules.enabled));
         let silent: HashSet<&str> = rules.disabled_links.iter().map(String::as_str).collect();
         let carrier = carriers(model, &self.slots);
+        let parent = |slot: usize| model.program().nodes[slot - 1].parent;
         for second in 1..self.solids.len() {
             for first in 0..second {
                 let [a, b] = [first, second].map(|solid| self.slots[solid]);
                 let names = [first, second].map(|solid| self.solids[solid].link.as_str());
-                if a == b {
+                if a == b || !options.self_collision {
                     continue;
                 }
+                let jointed = |slot: usize| slot != 0 && slot != Program::WORLD;
+                let siblings = jointed(a) && jointed(b) && parent(a) == parent(b);
                 let neighbours = [(a, b), (b, a)]
                     .into_iter()
-                    .any(|(parent, child)| child != 0 && child != Program::WORLD && carrier[child] == parent);
+                    .any(|(parent, child)| jointed(child) && carrier[child] == parent);
                 let pair = (names[0].to_owned(), names[1].to_owned());
                 let off = !options.adjacent && neighbours
+                    || !options.siblings && siblings
                     || disabled.contains(&pair)
                     || names.iter().any(|name| silent.contains(name));
                 if !off || enabled.contains(&pair) {
@@ -188,8 +218,9 @@ impl CollisionModel {
         }
     }
 
-    /// Adds an obstacle that stands in the world, checked against every link of the robot: those fixed to the world
-    /// excepted. Returns the index of its solid, for [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
+    /// Adds an obstacle that stands in the world, checked against every link of the robot, those fixed to the world
+    /// excepted, and against every [free object](Self::add_free_object). Returns the index of its solid, for
+    /// [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
     ///
     /// # Errors
     ///
@@ -201,17 +232,53 @@ impl CollisionModel {
         geometry: Geometry,
         meshes: MeshMode,
     ) -> Result<usize, CollisionError> {
-        let shape = Shape { link: name.to_owned(), placement, geometry };
-        let solid = Solid::new(&shape, &Isometry3::identity(), meshes)
-            .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })?;
+        let solid = obstacle(name, placement, geometry, meshes)?;
+        Ok(self.add(solid, placement, false))
+    }
+
+    /// Adds an object that moves freely: an obstacle that is checked against every solid there is.
+    ///
+    /// # Errors
+    ///
+    /// [`CollisionError::Solid`]: a shape that cannot be used.
+    pub fn add_free_object(
+        &mut self,
+        name: &str,
+        placement: Isometry3<f64>,
+        geometry: Geometry,
+        meshes: MeshMode,
+    ) -> Result<usize, CollisionError> {
+        let solid = obstacle(name, placement, geometry, meshes)?;
+        Ok(self.add(solid, placement, true))
+    }
+
+    /// Adds an obstacle that fills all below the plane z = 0 of `placement`, such as a ground.
+    pub fn add_half_space(&mut self, name: &str, placement: Isometry3<f64>) -> usize {
+        self.add(Solid::half_space(name, placement), placement, false)
+    }
+
+    fn add(&mut self, solid: Solid, placement: Isometry3<f64>, free: bool) -> usize {
         let index = self.solids.len();
+        let checked = |other: &usize| {
+            free || if *other < self.robot_solids {
+                self.slots[*other] != Program::WORLD
+            } else {
+                self.free[*other - self.robot_solids]
+            }
+        };
+        let pairs = (0..index).filter(checked).map(|other| [other, index]).collect::<Vec<_>>();
         self.solids.push(solid);
         self.slots.push(Program::WORLD);
         self.obstacle_frames.push(placement);
-        let movable = (0..self.robot_solids).filter(|&solid| self.slots[solid] != Program::WORLD);
-        self.pairs.extend(movable.map(|solid| [solid, index]));
+        self.free.push(free);
+        self.pairs.extend(pairs);
         self.share_surfaces();
-        Ok(index)
+        index
+    }
+
+    /// Keeps only the pairs of solids for which `keep` is true.
+    pub fn retain_pairs(&mut self, keep: impl FnMut(&[usize; 2]) -> bool) {
+        self.pairs.retain(keep);
     }
 
     /// Leaves out the pairs of two links or obstacles. Returns how many pairs of solids that were.
@@ -240,6 +307,27 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
+    /// The frame that solid `index` is fixed to. The base of a robot that stands fixed in the world is
+    /// [`Attachment::Base`], too.
+    pub fn attachment(&self, index: usize) -> Attachment {
+        match self.slots[index] {
+            Program::WORLD => Attachment::World,
+            0 => Attachment::Base,
+            slot => Attachment::Body(slot - 1),
+        }
+    }
+
+    /// Placement of solid `index` in the frame it is [fixed to](Self::attachment).
+    pub fn placement(&self, index: usize) -> Isometry3<f64> {
+        self.solids[index].placement
+    }
+
+    /// Shape of solid `index`, about the origin of its [placement](Self::placement). A [surface](MeshMode::Surface)
+    /// has that of its convex hull.
+    pub fn convex_shape(&self, index: usize) -> ConvexShape {
+        self.solids[index].convex_shape()
+    }
+
     /// The pairs of solids checked, each with the lower index first.
     pub fn pairs(&self) -> &[[usize; 2]] {
         &self.pairs
@@ -263,6 +351,17 @@ impl CollisionModel {
     pub(super) fn shape(&self, solid: usize) -> Option<&SharedShape> {
         self.solids[solid].shape.as_ref()
     }
+}
+
+fn obstacle(
+    name: &str,
+    placement: Isometry3<f64>,
+    geometry: Geometry,
+    meshes: MeshMode,
+) -> Result<Solid, CollisionError> {
+    let shape = Shape { link: name.to_owned(), placement, geometry };
+    Solid::new(&shape, &Isometry3::identity(), meshes)
+        .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })
 }
 
 /// For every slot the next one towards the base that has a shape.

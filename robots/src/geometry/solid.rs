@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use parry3d_f64::shape::{SharedShape, TriMesh};
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::capsule::fit_capsule;
 use super::mesh::{MeshError, TriangleMesh};
+use super::shape::{ConvexShape, outermost};
 use super::support::{Cloud, Core, v3, vector};
 use crate::algebra::{M3, V3};
 use crate::{Geometry, Shape};
@@ -22,8 +23,11 @@ pub enum MeshMode {
     },
     /// A capsule around it: the cheapest, and smooth.
     Capsule,
-    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the depth
-    /// of the deepest triangle.
+    /// The convex hull of its 26 outermost points, towards the faces, edges and corners of a cube: coarse, and a little
+    /// smaller than the mesh. For contact points, of which a robot needs few.
+    Outermost,
+    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the
+    /// depth of the deepest triangle.
     Surface,
 }
 
@@ -45,6 +49,8 @@ pub enum SolidKind {
     },
     /// A capsule around a mesh.
     Fitted,
+    /// A half-space.
+    HalfSpace,
     /// The triangles of a mesh.
     Surface {
         /// How many.
@@ -92,6 +98,9 @@ pub(super) struct Solid {
     pub(super) kind: SolidKind,
     pub(super) core: Core,
     pub(super) radius: f64,
+    /// In the frame of the link's body, the base or the world.
+    pub(super) placement: Isometry3<f64>,
+    /// The same in the frame the algorithms count in: that of the body's node.
     pub(super) rotation: M3,
     pub(super) position: V3,
     /// Of the sphere around it, about `position`.
@@ -101,9 +110,9 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// Reads and prepares one shape; `within` places the body frame in the frame it is fixed to.
+    /// Reads and prepares one shape; `within` places the body frame in that of its node.
     pub(super) fn new(shape: &Shape, within: &Isometry3<f64>, mode: MeshMode) -> Result<Self, SolidProblem> {
-        let placement = within * shape.placement;
+        let placement = (within, shape.placement);
         let link = &shape.link;
         match &shape.geometry {
             Geometry::Mesh { uri, path, scale } => {
@@ -118,7 +127,7 @@ impl Solid {
     fn primitive(
         link: &str,
         kind: SolidKind,
-        placement: Isometry3<f64>,
+        placement: (&Isometry3<f64>, Isometry3<f64>),
         geometry: &Geometry,
     ) -> Result<Self, SolidProblem> {
         let positive = |what, value: f64| {
@@ -152,7 +161,7 @@ impl Solid {
 
     fn of_mesh(
         link: &str,
-        placement: Isometry3<f64>,
+        placement: (&Isometry3<f64>, Isometry3<f64>),
         mesh: TriangleMesh,
         mode: MeshMode,
         path: &std::path::Path,
@@ -161,6 +170,14 @@ impl Solid {
         let no_hull = |why: String| SolidProblem::NoHull { path: path.to_owned(), why };
         match mode {
             MeshMode::Capsule => Self::fitted(link, placement, &corners),
+            MeshMode::Outermost => {
+                let points: Vec<V3> = outermost(&corners).into_iter().map(V3::from).collect();
+                if points.is_empty() {
+                    return Err(no_hull("it has no triangles".to_owned()));
+                }
+                let kind = SolidKind::Hull { corners: points.len() };
+                Ok(Self::placed(link, kind, placement, Core::Hull(Cloud::new(&points)), 0.0))
+            }
             MeshMode::Hull { most_corners } => {
                 let points: Vec<_> = corners.iter().map(|&point| vector(point.into())).collect();
                 let (hull, _) = try_convex_hull(&points).map_err(|error| no_hull(error.to_string()))?;
@@ -172,7 +189,7 @@ impl Solid {
                 let (low, high) = bounds(hull.iter().map(|&point| v3(point)));
                 let middle = (low + high) * 0.5;
                 let hull: Vec<_> = hull.into_iter().map(|point| v3(point) - middle).collect();
-                let placement = placement * nalgebra::Translation3::from(Vector3::from(middle));
+                let placement = (placement.0, placement.1 * Translation3::from(Vector3::from(middle)));
                 Ok(Self::placed(link, kind, placement, Core::Hull(Cloud::new(&hull)), 0.0))
             }
             MeshMode::Surface => {
@@ -188,24 +205,60 @@ impl Solid {
         }
     }
 
-    fn fitted(link: &str, placement: Isometry3<f64>, corners: &[Vector3<f64>]) -> Result<Self, SolidProblem> {
+    fn fitted(
+        link: &str,
+        (within, placement): (&Isometry3<f64>, Isometry3<f64>),
+        corners: &[Vector3<f64>],
+    ) -> Result<Self, SolidProblem> {
         match fit_capsule(corners) {
-            Some((fit, capsule)) => Self::primitive(link, SolidKind::Fitted, placement * fit, &capsule),
+            Some((fit, capsule)) => {
+                Self::primitive(link, SolidKind::Fitted, (within, placement * fit), &capsule)
+            }
             None => Err(SolidProblem::Size { what: "number of corners", value: 0.0 }),
         }
     }
 
-    fn placed(link: &str, kind: SolidKind, placement: Isometry3<f64>, core: Core, radius: f64) -> Self {
+    /// The half-space below the plane z = 0 of `placement`, in the world.
+    pub(super) fn half_space(name: &str, placement: Isometry3<f64>) -> Self {
+        Self::placed(name, SolidKind::HalfSpace, (&Isometry3::identity(), placement), Core::HalfSpace, 0.0)
+    }
+
+    fn placed(
+        link: &str,
+        kind: SolidKind,
+        (within, placement): (&Isometry3<f64>, Isometry3<f64>),
+        core: Core,
+        radius: f64,
+    ) -> Self {
+        let in_node = within * placement;
         Self {
             link: link.to_owned(),
             kind,
-            rotation: placement.rotation.to_rotation_matrix().into_inner().into(),
-            position: placement.translation.vector.into(),
+            placement,
+            rotation: in_node.rotation.to_rotation_matrix().into_inner().into(),
+            position: in_node.translation.vector.into(),
             reach: core.reach() + radius,
             core,
             radius,
             shape: None,
         }
+    }
+
+    /// The shape as a convex one: of a surface, its convex hull.
+    pub(super) fn convex_shape(&self) -> ConvexShape {
+        let radius = self.radius;
+        match &self.core {
+            Core::Point => ConvexShape::Sphere { radius },
+            Core::Segment(half) => ConvexShape::Capsule { radius, half_length: *half },
+            Core::Box(half) => ConvexShape::Box { half: (*half).into() },
+            Core::Cylinder(radius, half) => ConvexShape::Cylinder { radius: *radius, half_length: *half },
+            Core::Hull(cloud) => ConvexShape::Hull { points: cloud.corners().map(Vector3::from).collect() },
+            Core::HalfSpace => ConvexShape::HalfSpace,
+        }
+    }
+
+    pub(super) fn is_half_space(&self) -> bool {
+        self.core == Core::HalfSpace
     }
 
     pub(super) fn is_surface(&self) -> bool {
@@ -235,6 +288,8 @@ impl Solid {
                 let points: Vec<_> = cloud.points().map(vector).collect();
                 SharedShape::convex_hull(&points).unwrap_or_else(|| SharedShape::ball(self.reach))
             }
+            // Its distances are never asked of parry.
+            Core::HalfSpace => SharedShape::halfspace(vector(z)),
         });
     }
 }

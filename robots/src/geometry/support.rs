@@ -1,7 +1,7 @@
 //! Convex shapes as GJK sees them: a core and a radius around it.
 //!
-//! A sphere is a point with a radius, a capsule a segment with one. As long as the cores stay apart, the signed distance
-//! of two shapes is that of their cores less the radii: exact, smooth, and without a search for the depth.
+//! A sphere is a point with a radius, a capsule a segment with one. As long as the cores stay apart, the signed
+//! distance of two shapes is that of their cores less the radii: exact, smooth, and without a search for the depth.
 
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;
@@ -21,6 +21,8 @@ pub(super) enum Core {
     Cylinder(f64, f64),
     /// The convex hull of points.
     Hull(Cloud),
+    /// All below z = 0. It has no support points: its distances are found in closed form.
+    HalfSpace,
 }
 
 impl Core {
@@ -41,6 +43,7 @@ impl Core {
                 V3::new(direction.x * scale, direction.y * scale, half.copysign(direction.z))
             }
             Self::Hull(cloud) => cloud.support(direction),
+            Self::HalfSpace => V3::ZERO,
         }
     }
 
@@ -60,6 +63,7 @@ impl Core {
                 let scale = if across > *radius { radius / across } else { 1.0 };
                 V3::new(point.x * scale, point.y * scale, point.z.clamp(-half, *half))
             }
+            Self::HalfSpace => V3::new(point.x, point.y, point.z.min(0.0)),
             Self::Hull(_) => return None,
         })
     }
@@ -72,6 +76,7 @@ impl Core {
             Self::Box(half) => half.dot(*half).sqrt(),
             Self::Cylinder(radius, half) => radius.hypot(*half),
             Self::Hull(cloud) => cloud.reach(),
+            Self::HalfSpace => f64::INFINITY,
         }
     }
 
@@ -91,6 +96,8 @@ pub(super) struct Cloud {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
+    /// Points without the copies that fill up the last block.
+    count: usize,
 }
 
 /// Points looked at together.
@@ -105,11 +112,17 @@ impl Cloud {
             x: (0..count).map(|index| at(index).x).collect(),
             y: (0..count).map(|index| at(index).y).collect(),
             z: (0..count).map(|index| at(index).z).collect(),
+            count: points.len(),
         }
     }
 
     pub(super) fn points(&self) -> impl Iterator<Item = V3> {
         self.x.iter().zip(&self.y).zip(&self.z).map(|((&x, &y), &z)| V3::new(x, y, z))
+    }
+
+    /// Each point once.
+    pub(super) fn corners(&self) -> impl Iterator<Item = V3> {
+        self.points().take(self.count)
     }
 
     fn reach(&self) -> f64 {
@@ -153,7 +166,7 @@ pub(super) struct Placed<'a> {
 
 impl Placed<'_> {
     #[inline(always)]
-    fn farthest(&self, direction: V3) -> V3 {
+    pub(super) fn farthest(&self, direction: V3) -> V3 {
         self.position + *self.rotation * self.core.support(self.rotation.tr_mul(direction))
     }
 }

@@ -6,6 +6,7 @@ mod inertia;
 mod joints;
 mod mimic;
 mod packages;
+mod pinocchio;
 mod source;
 mod structure;
 mod transmission;
@@ -17,6 +18,7 @@ pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
 
 pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
+pub use pinocchio::pinocchio_joint_order;
 pub use warning::ModelWarning;
 
 use crate::{LoadOptions, Model};

@@ -12,8 +12,8 @@ use crate::region::CHECKPOINT_BYTES;
 use crate::run_folder::RunFolder;
 use crate::state::StateBuffer;
 use crate::transport::{
-    AnyParameter, Connect, Context, Input, Output, Parameter, ParameterReader, PortError, Probe, Shared,
-    Trigger, open_trigger,
+    AnyParameter, Connect, Context, Input, InputPlace, Output, Parameter, ParameterReader, PortError, Probe,
+    Shared, Trigger, open_trigger,
 };
 
 /// Hands a component what it declared.
@@ -103,8 +103,9 @@ impl Setup {
         let Some(topic) = plan.topic else { return Ok(Input::unwired(self.context.clone())) };
         let is_cause = component.cause == Some(index);
         let edge = self.plan.edges().iter().position(|edge| *edge == (topic, self.index));
-        let topic = (topic, &self.plan.topics[topic]);
-        let input = Input::<T>::open(&self.node, topic, port, is_cause, edge, self.context.clone())?;
+        let pin = self.plan.pin(self.index, index);
+        let place = InputPlace { index: topic, topic: &self.plan.topics[topic], port, pin, is_cause, edge };
+        let input = Input::<T>::open(&self.node, place, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
     }

@@ -34,6 +34,8 @@ pub(super) struct GraphTable<'i> {
     /// Components, by name: each runs as a process of its own.
     #[schemars(required)]
     pub component: Option<At<Named<ComponentTable<'i>>>>,
+    /// Settings of topics, by name.
+    pub topic: Option<At<Named<TopicTable>>>,
     /// End-to-end latency budgets, measured from stamps that travel with the data.
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
     /// What keeps the robot safe when commands fail.
@@ -44,8 +46,19 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 10] =
-    ["name", "clock", "duration", "seed", "cores", "realtime", "robot", "component", "latency", "safety"];
+pub(super) const TOP_KEYS: [&str; 11] = [
+    "name",
+    "clock",
+    "duration",
+    "seed",
+    "cores",
+    "realtime",
+    "robot",
+    "component",
+    "topic",
+    "latency",
+    "safety",
+];
 
 impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
@@ -59,6 +72,7 @@ impl<'i> GraphTable<'i> {
             realtime: keys.take("realtime"),
             robot: keys.take("robot"),
             component: keys.take("component"),
+            topic: keys.take("topic"),
             latency: keys.take("latency"),
             safety: keys.take("safety"),
             meant: Vec::new(),
@@ -118,6 +132,24 @@ impl<'i> Read<'i> for RealtimeTable {
             idle_exit: keys.take("idle_exit"),
         };
         keys.finish("`[realtime]`");
+        Some(table)
+    }
+}
+
+/// Settings of one topic.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Topic")]
+pub(super) struct TopicTable {
+    /// Values of a state kept behind the newest one, for taps (`motorium topic echo --every`, recorders), up to 10000.
+    #[schemars(range(max = 10_000), extend("default" = 0))]
+    pub history: Option<At<usize>>,
+}
+
+impl<'i> Read<'i> for TopicTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(&format!("topic.{key}"), value, report)?;
+        let table = Self { history: keys.take("history") };
+        keys.finish(&format!("topic `{key}`"));
         Some(table)
     }
 }

@@ -131,8 +131,8 @@ impl Launch<'_> {
 
     /// Wakes components that wait for a publication, so that they see the command.
     pub(super) fn wake_triggered(&self, services: &Services) {
-        for waker in &services.wakers {
-            waker.wake();
+        for topic in &services.waited_for {
+            topic.interrupt();
         }
     }
 }

@@ -30,7 +30,7 @@ use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan, Program};
 use crate::region::{Command, Region};
 use crate::run_folder::{RunFolder, RunFolderError};
-use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicService, Waker};
+use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicMemory, TopicService};
 use crate::worker::Registry;
 use child::Child;
 use idling::Idling;
@@ -149,7 +149,8 @@ struct Services {
     node: Node<Shared>,
     _topics: Vec<TopicService>,
     _parameters: Vec<ParameterService>,
-    wakers: Vec<Rc<Waker>>,
+    /// The topics that components wait for.
+    waited_for: Vec<Rc<TopicMemory>>,
 }
 
 impl Launch<'_> {
@@ -211,17 +212,17 @@ impl Launch<'_> {
     fn create_services(&self) -> Result<Services, LaunchError> {
         let node = self.folder.domain()?.node()?;
         let mut topics = Vec::new();
-        let mut wakers = Vec::new();
+        let mut waited_for = Vec::new();
         for topic in &self.plan.topics {
             let service = TopicService::create(&node, topic)?;
-            wakers.extend(service.waker());
+            waited_for.extend(service.waited_for());
             topics.push(service);
         }
         let mut parameters = Vec::new();
         for component in &self.plan.components {
             parameters.extend(ParameterService::create(&node, component)?);
         }
-        Ok(Services { node, _topics: topics, _parameters: parameters, wakers })
+        Ok(Services { node, _topics: topics, _parameters: parameters, waited_for })
     }
 
     fn start(&self, index: usize) -> Result<Child, LaunchError> {

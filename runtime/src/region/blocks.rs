@@ -222,7 +222,7 @@ pub struct ComponentBlock {
     /// Time of the core that each step took, its waiting and waking included, its spinning not, ns.
     pub cpu: Histogram,
     /// What a restarted component may resume from.
-    pub checkpoint: CheckpointBlock,
+    pub(crate) checkpoint: CheckpointBlock,
 }
 
 impl ComponentBlock {

@@ -1,38 +1,51 @@
 //! A place where a component leaves its state, so that it can resume after a crash.
 
-use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+
+use crate::atomics::{Atomics, Native, Site, Word};
 
 /// The most bytes a checkpoint holds.
 pub const CHECKPOINT_BYTES: usize = 4096;
 const WORDS: usize = CHECKPOINT_BYTES / 8;
 
-/// Two copies of a component's state; while one is written the other is whole, whenever the writer dies.
+/// A component's saved state in the control block of the run.
+pub(crate) type CheckpointBlock = Checkpoints<Native, WORDS>;
+
+/// A double buffer of saved numbers with one writer. While one copy is written the other is whole, whenever the writer
+/// is killed.
 #[derive(Debug)]
 #[repr(C)]
-pub struct CheckpointBlock {
-    /// Counts saved checkpoints; the newest whole one is in copy `saved % 2`.
-    saved: AtomicU64,
-    copies: [[AtomicU64; WORDS]; 2],
+pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
+    /// Checkpoints saved so far; the newest whole one is in copy `saved % 2`.
+    saved: A::U64,
+    copies: [[A::U64; N]; 2],
 }
 
-impl CheckpointBlock {
-    /// Saves a checkpoint: 8-byte words, at most [`CHECKPOINT_BYTES`] in all. Returns false if it is too large.
-    pub fn save(&self, words: impl ExactSizeIterator<Item = u64>) -> bool {
-        if words.len() > WORDS {
+impl<A: Atomics, const N: usize> Checkpoints<A, N> {
+    /// A buffer in which nothing was saved.
+    #[cfg(test)]
+    pub(crate) fn empty() -> Self {
+        let copy = || core::array::from_fn(|_| A::U64::new(0));
+        Self { saved: A::U64::new(0), copies: [copy(), copy()] }
+    }
+
+    /// Saves a checkpoint of at most `N` words. Returns false, and saves nothing, if there are more.
+    pub(crate) fn save(&self, words: impl ExactSizeIterator<Item = u64>) -> bool {
+        if words.len() > N {
             return false;
         }
         let next = self.saved.load(Relaxed).wrapping_add(1);
         let copy = &self.copies[(next % 2) as usize];
         words.zip(copy).for_each(|(word, cell)| cell.store(word, Relaxed));
-        self.saved.store(next, Release);
+        self.saved.store(next, A::at(Site::Save, Release));
         true
     }
 
-    /// The newest whole checkpoint, if there ever was one. Only the component itself, after a restart, reads it.
-    pub fn load(&self, words: &mut [u64]) -> bool {
-        let saved = self.saved.load(Acquire);
-        if saved == 0 || words.len() > WORDS {
+    /// Reads the newest whole checkpoint into `words`, at most `N`; false if there is none. Only the component itself,
+    /// after a restart, reads it.
+    pub(crate) fn load(&self, words: &mut [u64]) -> bool {
+        let saved = self.saved.load(A::at(Site::Load, Acquire));
+        if saved == 0 || words.len() > N {
             return false;
         }
         let copy = &self.copies[(saved % 2) as usize];
@@ -45,16 +58,9 @@ impl CheckpointBlock {
 mod tests {
     use super::*;
 
-    fn empty() -> CheckpointBlock {
-        CheckpointBlock {
-            saved: AtomicU64::new(0),
-            copies: [const { [const { AtomicU64::new(0) }; WORDS] }; 2],
-        }
-    }
-
     #[test]
     fn the_newest_checkpoint_is_the_one_that_comes_back() {
-        let block = empty();
+        let block = CheckpointBlock::empty();
         let mut words = [0; 3];
         assert!(!block.load(&mut words));
         for round in 1..5 {
@@ -66,7 +72,7 @@ mod tests {
 
     #[test]
     fn a_checkpoint_that_does_not_fit_is_refused_and_the_old_one_stays() {
-        let block = empty();
+        let block = CheckpointBlock::empty();
         assert!(block.save([7].into_iter()));
         assert!(!block.save(vec![0; WORDS + 1].into_iter()));
         let mut word = [0];

@@ -11,5 +11,8 @@ pub(crate) use blocks::add;
 pub use blocks::{
     Command, ComponentBlock, EdgeBlock, Header, LatencyBlock, MissCause, Misses, Phase, Stalls, TopicBlock,
 };
-pub use checkpoint::{CHECKPOINT_BYTES, CheckpointBlock};
+pub use checkpoint::CHECKPOINT_BYTES;
+pub(crate) use checkpoint::CheckpointBlock;
+#[cfg(all(test, feature = "loom"))]
+pub(crate) use checkpoint::Checkpoints;
 pub use mapping::{Region, RegionError};

@@ -42,7 +42,7 @@ impl Overheads {
         timer_ns: 80 * MICROSECOND,
         hop_same_core_ns: 8 * MICROSECOND,
         hop_cross_core_ns: 150 * MICROSECOND,
-        look_ns: crate::transport::LOOK_NS,
+        look_ns: crate::transport::SPIN_NS,
         worker_ns: 16 * MICROSECOND,
     };
 }

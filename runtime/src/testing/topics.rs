@@ -10,8 +10,8 @@ use crate::region::Region;
 use crate::run_folder::{RunFolder, RunFolderError};
 use crate::state::StateBuffer;
 use crate::transport::{
-    Context, Domain, DomainError, Input, Output, PortError, Shared, TopicService, Trigger, open_trigger,
-    quieten,
+    Context, Domain, DomainError, Input, InputPlace, Output, PortError, Shared, TopicService, Trigger,
+    open_trigger, quieten,
 };
 
 /// The topics of a plan in shared memory, without a launcher and without components. A thread or a process joins as
@@ -117,8 +117,16 @@ impl Endpoint {
         let Some(topic) = wired(&component.inputs, port)? else {
             return Ok(Input::unwired(self.context.clone()));
         };
-        let topic = (topic, &self.plan.topics[topic]);
-        Ok(Input::open(&self.node, topic, port, false, None, self.context.clone())?)
+        let input = component.inputs.iter().position(|input| input.port == port).unwrap_or_default();
+        let place = InputPlace {
+            index: topic,
+            topic: &self.plan.topics[topic],
+            port,
+            pin: self.plan.pin(self.index, input),
+            is_cause: false,
+            edge: None,
+        };
+        Ok(Input::open(&self.node, place, self.context.clone())?)
     }
 
     /// Opens an output of the component.

@@ -4,76 +4,60 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use iceoryx2::node::Node;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::sample::Sample;
 
-use super::bell::Bell;
-use super::eager::{fetch_sent_over, fetch_to_read};
-use super::echo::own_name;
-use super::output::FETCHED;
-use super::slots::{Copied, Slots};
-use super::topic::{open, refused};
+use super::latest::{StateReader, TopicMemory};
+use super::stream::{StreamReader, Taken};
+use super::topic::same_layout;
 use super::{Connect, Context, PortError, Shared};
 use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 
-/// At the first and then at every so manieth look all connections are asked, not only until the topic's own component
-/// has no more to say.
-const THOROUGH: u32 = 16;
-
-/// Reads a topic in place. An input that the graph leaves unwired never has a sample.
+/// An input port: reads one topic in place.
+///
+/// A *state* gives its newest value ([`latest`](Self::latest)), which does not change until the next look; a *stream*
+/// gives every value in order ([`next_unread`](Self::next_unread)). An input that the graph leaves unwired never has a
+/// value.
+///
+/// ```
+/// # use motorium::prelude::*;
+/// # use motorium::state::JointState;
+/// fn largest_velocity(state: &mut Input<JointState>) -> Option<f64> {
+///     let reading = state.latest()?; // `None` before the first publication
+///     if reading.age_ns() > 5_000_000 {
+///         return None; // older than 5 ms
+///     }
+///     reading.velocity().iter().copied().reduce(f64::max) // rad/s, read where it lies
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Input<T: StateBuffer> {
-    subscriber: Option<Rc<Subscriber<Shared, T, Stamp>>>,
-    /// Of a small state: where its component leaves it.
-    slots: Option<Slots<T>>,
-    /// Number of the value copied last.
-    copied: u64,
-    /// The value copied last and one to copy the next into, which take turns.
-    copies: Box<[Copied<T>; 2]>,
-    /// Which of them was copied last.
-    last_copy: usize,
-    /// Incarnation and sequence of the value copied last.
-    own: (u32, u64),
-    /// What was read last.
-    current: Current<T>,
-    /// Whether other iceoryx2 programs publish on the topic as well.
-    has_guests: bool,
-    /// Index of the component that writes the topic.
-    writer: u32,
+    source: Source<T>,
     context: Rc<Context>,
+    /// Whether outputs of the step take over this input's source time.
     is_cause: bool,
-    last_origin: (u32, u32),
-    last_sequence: u64,
-    lost: u64,
-    /// Index of the topic if it is a stream: what is lost of it counts.
-    stream: Option<usize>,
-    /// Rung at every publication; not in lockstep.
-    bell: Option<Rc<Bell>>,
-    /// Rings heard at the last look.
-    heard: u32,
-    /// Where the publisher counts the places of its samples from, in the memory of this process.
-    base: usize,
-    /// Looks at the newest sample so far.
-    looks: u32,
     /// Index of the edge from the topic to this component.
     edge: Option<usize>,
+    lost: u64,
 }
 
-/// What was read last.
+/// The memory that an input reads.
 #[derive(Debug)]
-enum Current<T: StateBuffer> {
-    Nothing,
-    /// The value copied last.
-    Copy,
-    /// In place.
-    Sample(Sample<Shared, T, Stamp>),
+enum Source<T: StateBuffer> {
+    Unwired,
+    State(StateReader),
+    Stream {
+        queue: Box<StreamReader<T>>,
+        /// Index of the topic.
+        topic: usize,
+        memory: Rc<TopicMemory>,
+        /// Number of the newest publication at the last look.
+        seen: u64,
+    },
 }
 
-/// A sample: a small state as it was when it was read, anything else in place in shared memory.
+/// A value in shared memory, as it was when its input was read.
 #[derive(Debug)]
 pub struct Reading<'a, T: StateBuffer> {
     stamp: &'a Stamp,
@@ -90,7 +74,7 @@ impl<T: StateBuffer> core::ops::Deref for Reading<'_, T> {
 }
 
 impl<T: StateBuffer> Reading<'_, T> {
-    /// When and by whom it was made.
+    /// The time and the publisher of the value.
     pub fn stamp(&self) -> Stamp {
         *self.stamp
     }
@@ -108,235 +92,146 @@ impl<T: StateBuffer> Reading<'_, T> {
     }
 }
 
+/// The place of an input in the graph.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InputPlace<'a> {
+    /// Index of the topic.
+    pub(crate) index: usize,
+    pub(crate) topic: &'a TopicPlan,
+    /// Name of the port.
+    pub(crate) port: &'a str,
+    /// Number of the port among the readers of the topic.
+    pub(crate) pin: usize,
+    pub(crate) is_cause: bool,
+    /// Index of the edge from the topic to the component, if its ages are recorded.
+    pub(crate) edge: Option<usize>,
+}
+
 impl<T: StateBuffer> Input<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self {
-            subscriber: None,
-            slots: None,
-            copied: 0,
-            own: (0, 0),
-            copies: Box::new([Copied::nothing(), Copied::nothing()]),
-            last_copy: 0,
-            current: Current::Nothing,
-            has_guests: false,
-            writer: 0,
-            context,
-            is_cause: false,
-            last_origin: (0, 0),
-            last_sequence: 0,
-            lost: 0,
-            stream: None,
-            bell: None,
-            heard: 0,
-            base: 0,
-            looks: 0,
-            edge: None,
-        }
+        Self { source: Source::Unwired, context, is_cause: false, edge: None, lost: 0 }
     }
 
     pub(crate) fn open(
         node: &Node<Shared>,
-        topic: (usize, &TopicPlan),
-        port: &str,
-        is_cause: bool,
-        edge: Option<usize>,
+        place: InputPlace<'_>,
         context: Rc<Context>,
     ) -> Result<Self, PortError> {
-        let (index, topic) = topic;
-        let stream = matches!(topic.pattern, TopicPattern::Stream { .. }).then_some(index);
-        let name = own_name().map_err(|error| refused(&topic.name, "naming a subscriber")(&error))?;
-        let subscriber = open::<T>(node, topic, port)?
-            .subscriber_builder()
-            .name(&name)
-            .create()
-            .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        let bell = context.bell(node, topic)?;
-        Ok(Self {
-            subscriber: Some(Rc::new(subscriber)),
-            is_cause,
-            stream,
-            edge,
-            slots: Slots::of(&bell, topic),
-            bell: (!context.clock().is_lockstep()).then_some(bell),
-            writer: topic.writer as u32,
-            ..Self::unwired(context)
-        })
+        let InputPlace { index, topic, port, pin, is_cause, edge } = place;
+        same_layout::<T>(topic, port)?;
+        let memory = context.memory(node, topic)?;
+        let source = match topic.pattern {
+            TopicPattern::State => Source::State(StateReader::new(memory, pin)),
+            TopicPattern::Stream { .. } => Source::Stream {
+                queue: Box::new(StreamReader::open(node, topic, port)?),
+                topic: index,
+                memory,
+                seen: 0,
+            },
+        };
+        Ok(Self { source, context, is_cause, edge, lost: 0 })
     }
 
-    /// What must be connected before the first step.
+    /// The connection to be made before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
-        self.subscriber.clone().map(|subscriber| subscriber as Rc<dyn Connect>)
+        match &self.source {
+            Source::Stream { queue, .. } => Some(queue.connection()),
+            Source::Unwired | Source::State(_) => None,
+        }
     }
 
     /// Whether the graph wires this input.
     pub fn is_wired(&self) -> bool {
-        self.subscriber.is_some()
+        !matches!(self.source, Source::Unwired)
     }
 
-    /// Whether the topic's component has published since the last look at this input; for loops that look again and
-    /// again, which this costs far less than [`latest`](Self::latest) and does not disturb the publisher. What other
-    /// iceoryx2 programs publish does not show here. Always true in lockstep.
+    /// Whether the topic was published since the last read of this input. For loops that poll: this reads one word and
+    /// does not disturb the publisher.
+    #[inline]
     pub fn has_news(&self) -> bool {
-        self.bell.as_ref().is_none_or(|bell| bell.rings() != self.heard)
+        match &self.source {
+            Source::Unwired => false,
+            Source::State(state) => state.has_news(),
+            Source::Stream { memory, seen, .. } => memory.newest().number() != *seen,
+        }
     }
 
-    /// The newest valid sample, if there ever was one.
+    /// The newest value, if anything was ever published. Reading a stream this way skips the values before.
+    #[inline]
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
-        let thorough = self.looks.is_multiple_of(THOROUGH);
-        self.looks = self.looks.wrapping_add(1);
-        if self.slots.is_some() {
-            if let Some(bell) = &self.bell {
-                self.heard = bell.rings();
-            }
-            self.copy();
-            if thorough || self.has_guests {
-                self.hear_guests();
-            }
-            return self.reading();
-        }
-        let (place, published) = self.fetch();
-        while let Some(sample) = self.receive() {
-            let stamp = sample.user_header();
-            let next = (stamp.origin, stamp.incarnation) == self.last_origin
-                && stamp.sequence == self.last_sequence.wrapping_add(1);
-            if self.admit(*stamp, sample.payload().check().is_ok()) {
-                let address = core::ptr::from_ref::<T>(sample.payload()) as usize;
-                self.base = address.wrapping_sub(place);
-                self.current = Current::Sample(sample);
-                if next && published == 1 && !thorough {
-                    // The one publication since the last look: only another iceoryx2 program may have sent more.
-                    break;
+        match &mut self.source {
+            Source::Unwired => return None,
+            Source::State(state) => {
+                if state.look()
+                    && let Some(edge) = self.edge
+                    && let Some((stamp, _)) = state.current::<T>()
+                {
+                    self.context.note_age(edge, stamp.publish_time);
                 }
             }
+            Source::Stream { .. } => while self.take() {},
         }
-        self.reading()
+        self.read()
     }
 
-    /// Copies the newest value that the topic's component has left, if it is news and valid.
-    fn copy(&mut self) {
-        let Some(slots) = &self.slots else { return };
-        let next = 1 - self.last_copy;
-        let Some(number) = slots.read(self.copied, &mut self.copies[next]) else { return };
-        self.copied = number;
-        let Copied { stamp, payload } = &self.copies[next];
-        // Seen already if it came as an echo.
-        self.own = (stamp.incarnation, stamp.sequence);
-        let known = (stamp.origin, stamp.incarnation) == self.last_origin
-            && stamp.sequence == self.last_sequence
-            && stamp.sequence > 0;
-        if known || self.admit(*stamp, payload.check().is_ok()) {
-            self.last_copy = next;
-            self.current = Current::Copy;
-        }
-    }
-
-    /// Takes what other iceoryx2 programs have published; echoes of the topic's own component are no news.
-    fn hear_guests(&mut self) {
-        while let Some(sample) = self.receive() {
-            let stamp = *sample.user_header();
-            let is_echo = stamp.origin == self.writer
-                && stamp.sequence > 0
-                && (stamp.incarnation, stamp.sequence) <= self.own;
-            if is_echo {
-                continue;
-            }
-            self.has_guests |= stamp.origin != self.writer || stamp.sequence == 0;
-            if self.admit(stamp, sample.payload().check().is_ok()) {
-                self.current = Current::Sample(sample);
-            }
-        }
-    }
-
-    /// Has the newest sample on its way from the publisher's core while the queue is asked for it. Only a hint: the
-    /// queue decides what is read. Returns its place, and the publications since the last look; 0 in lockstep.
-    fn fetch(&mut self) -> (usize, u32) {
-        let Some(bell) = &self.bell else { return (0, 0) };
-        let rings = bell.rings();
-        let place = bell.place() as usize;
-        let published = rings.wrapping_sub(self.heard);
-        if published > 0 {
-            self.heard = rings;
-            if self.base != 0 {
-                // The two headers lie before the payload.
-                let headers = 2 * size_of::<Stamp>();
-                let bytes = headers + size_of::<T>().min(FETCHED);
-                fetch_to_read(self.base.wrapping_add(place).wrapping_sub(headers), bytes);
-            }
-            fetch_sent_over();
-        }
-        (place, published)
-    }
-
-    /// The next valid sample of a stream, in order, if there is one that has not been read.
+    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest one if it is
+    /// new.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
-        loop {
-            let sample = self.receive()?;
-            if self.admit(*sample.user_header(), sample.payload().check().is_ok()) {
-                self.current = Current::Sample(sample);
-                return self.reading();
-            }
+        let is_new = match &self.source {
+            Source::Unwired => false,
+            Source::State(state) => state.has_news(),
+            Source::Stream { .. } => self.take(),
+        };
+        if !is_new {
+            return None;
         }
+        if matches!(self.source, Source::State(_)) { self.latest() } else { self.read() }
     }
 
-    /// The sample read last, without looking for a newer one.
+    /// The value read last, without looking for a newer one.
+    #[inline]
     pub fn current(&self) -> Option<Reading<'_, T>> {
-        let (stamp, payload) = match &self.current {
-            Current::Nothing => return None,
-            Current::Copy => {
-                let copy = &self.copies[self.last_copy];
-                (&copy.stamp, &copy.payload)
-            }
-            Current::Sample(sample) => (sample.user_header(), sample.payload()),
+        let (stamp, payload) = match &self.source {
+            Source::Unwired => return None,
+            Source::State(state) => state.current()?,
+            Source::Stream { queue, .. } => queue.current()?,
         };
         Some(Reading { stamp, payload, context: &self.context })
     }
 
-    /// Samples of a stream that were overwritten before they were read.
+    /// Values of a stream that were overwritten before they were read.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    fn receive(&self) -> Option<Sample<Shared, T, Stamp>> {
-        // An error here means a connection could not be made to a publisher that is just dying or being born; the
-        // sample is then simply not there yet, and its age tells.
-        self.subscriber.as_ref()?.receive().ok().flatten()
-    }
-
-    /// A sample is only looked at when its sequence and its content have been checked.
-    fn admit(&mut self, stamp: Stamp, is_valid: bool) -> bool {
-        let origin = (stamp.origin, stamp.incarnation);
-        let newer = origin != self.last_origin || stamp.sequence > self.last_sequence;
-        if stamp.sequence == 0 || !newer || !is_valid {
-            add(&self.context.block().refused, 1);
-            return false;
-        }
-        if origin == self.last_origin {
-            let lost = stamp.sequence - self.last_sequence - 1;
-            self.lost += lost;
-            if lost > 0
-                && let Some(topic) = self.stream
-            {
-                self.context.region().topics()[topic].dropped.fetch_add(lost, Relaxed);
+    /// Takes the next valid value of a stream from its queue; whether there was one.
+    fn take(&mut self) -> bool {
+        let Source::Stream { queue, topic, memory, seen } = &mut self.source else { return false };
+        *seen = memory.newest().number();
+        while let Some(taken) = queue.take() {
+            let Taken::Next { lost } = taken else {
+                add(&self.context.block().refused, 1);
+                continue;
+            };
+            if lost > 0 {
+                self.lost += lost;
+                self.context.region().topics()[*topic].dropped.fetch_add(lost, Relaxed);
             }
+            if let (Some(edge), Some((stamp, _))) = (self.edge, queue.current()) {
+                self.context.note_age(edge, stamp.publish_time);
+            }
+            return true;
         }
-        (self.last_origin, self.last_sequence) = (origin, stamp.sequence);
-        if let Some(edge) = self.edge {
-            self.context.note_age(edge, stamp.publish_time);
-        }
-        true
+        false
     }
 
-    fn reading(&self) -> Option<Reading<'_, T>> {
+    /// The current value, whose source time goes on to the outputs if this input is their cause.
+    #[inline]
+    fn read(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;
         if self.is_cause {
             self.context.causality().propagate(reading.stamp);
         }
         Some(reading)
-    }
-}
-
-impl<T: StateBuffer> Connect for Subscriber<Shared, T, Stamp> {
-    fn connect(&self) -> Result<(), String> {
-        self.update_connections().map_err(|error| error.to_string())
     }
 }

@@ -1,43 +1,43 @@
-//! Topics and parameters over iceoryx2: made by the launcher, only opened by components.
+//! Topics and parameters in shared memory: made by the launcher, only opened by components.
 //!
-//! Small states go from component to component through the slots of their topic (`slots`), and are echoed over iceoryx2
-//! for everybody else (`echo`); streams and large states are iceoryx2 samples, read in place.
+//! | pattern | reader | mechanism |
+//! |---|---|---|
+//! | state | the newest value, in place, of any size | pinned slots ([`latest`]), in shared memory of iceoryx2 |
+//! | stream | every value, in order, losses counted | a queue per reader ([`stream`]), iceoryx2 publish-subscribe |
+//! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
-//! [`Domain`] keeps runs apart, [`Shared`] is the choice of mechanisms, [`Input`] and [`Output`] are the ports a
-//! component steps with, [`Observer`] is how tools look on without taking part.
+//! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`] reads every
+//! value from outside of the graph. [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
-mod bell;
 mod context;
 mod domain;
-mod eager;
-mod echo;
 mod input;
-mod observer;
+pub(crate) mod latest;
 mod output;
 mod parameter;
-mod pooled;
-mod slots;
+pub(crate) mod stream;
+mod tap;
 #[cfg(test)]
 mod tests;
 mod topic;
 mod trigger;
-mod variant;
 
-pub(crate) use bell::Bell;
 pub use context::Context;
-pub(crate) use context::{AfterStep, Signals};
+pub(crate) use context::Signals;
 pub use domain::{Domain, DomainError};
+pub(crate) use input::InputPlace;
 pub use input::{Input, Reading};
-pub use observer::{Observed, Observer};
+pub(crate) use latest::TopicMemory;
 pub(crate) use output::{Connect, Probe};
 pub use output::{Loan, Output};
 pub use parameter::{AnyParameter, Parameter, ParameterError, ParameterTable};
 pub(crate) use parameter::{ParameterReader, ParameterService};
+pub use stream::Shared;
+pub use tap::{Sample, Tap};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};
+pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;
-pub(crate) use trigger::{LOOK_NS, Waker, open_bell};
-pub use variant::Shared;
 
 /// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.
 pub fn quieten() {

@@ -2,17 +2,12 @@
 
 use std::rc::Rc;
 
-use iceoryx2::node::NodeBuilder;
-use iceoryx2::prelude::{SignalHandlingMode, ipc};
-use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-
-use super::topic::service_name;
 use super::*;
 use crate::declare::{Declare, ParameterValue, TopicPattern};
 use crate::plan::*;
 use crate::region::Region;
 use crate::run_folder::RunFolder;
-use crate::state::{Defect, JointState, Stamp, StateBuffer, TypeLayout, Wrench};
+use crate::state::{Defect, JointState, StateBuffer, TypeLayout, Wrench};
 
 fn component(name: &str) -> ComponentPlan {
     let mut declare = Declare::new(None);
@@ -60,6 +55,14 @@ struct Bench {
 
 impl Bench {
     fn new(layout: TypeLayout, pattern: TopicPattern) -> Self {
+        Self::make(layout, pattern, 0)
+    }
+
+    fn with_history(history: usize) -> Self {
+        Self::make(Wrench::layout(), TopicPattern::State, history)
+    }
+
+    fn make(layout: TypeLayout, pattern: TopicPattern, history: usize) -> Self {
         quieten();
         let topic = TopicPlan {
             name: "test/topic".to_string(),
@@ -68,6 +71,7 @@ impl Bench {
             writer: 0,
             readers: vec![1],
             triggers: Vec::new(),
+            history,
         };
         let plan = Plan {
             name: "transport".to_string(),
@@ -97,19 +101,17 @@ impl Bench {
     }
 
     fn input<T: StateBuffer>(&self) -> Input<T> {
-        Input::open(&self.node, (0, self.topic()), "input", false, Some(0), self.context(1)).unwrap()
+        self.try_input().unwrap()
+    }
+
+    fn try_input<T: StateBuffer>(&self) -> Result<Input<T>, PortError> {
+        let topic = self.topic();
+        let place = InputPlace { index: 0, topic, port: "input", pin: 0, is_cause: false, edge: Some(0) };
+        Input::open(&self.node, place, self.context(1))
     }
 
     fn output<T: StateBuffer>(&self) -> Output<T> {
         Output::open(&self.node, (0, self.topic()), "output", Vec::new(), self.context(0)).unwrap()
-    }
-
-    fn stock_node(&self) -> iceoryx2::node::Node<ipc::Service> {
-        NodeBuilder::new()
-            .config(self.folder.domain().unwrap().config())
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .unwrap()
     }
 }
 
@@ -117,15 +119,6 @@ impl Drop for Bench {
     fn drop(&mut self) {
         self.folder.remove();
     }
-}
-
-/// The topic as a program with stock iceoryx2 opens it.
-fn stock_topic(node: &iceoryx2::node::Node<ipc::Service>) -> PortFactory<ipc::Service, Wrench, Stamp> {
-    node.service_builder(&service_name("topic", "test/topic").unwrap())
-        .publish_subscribe::<Wrench>()
-        .user_header::<Stamp>()
-        .open()
-        .unwrap()
 }
 
 fn wrench(x: f64) -> Wrench {
@@ -233,58 +226,6 @@ fn what_lies_beyond_the_count_is_neither_checked_nor_shown() {
     assert_eq!(input.latest().unwrap().velocity(), &[] as &[f64]);
 }
 
-#[test]
-fn a_stock_iceoryx2_program_exchanges_samples_with_the_variant_in_both_directions() {
-    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
-    let stock = bench.stock_node();
-    let service = stock_topic(&stock);
-    let subscriber = service.subscriber_builder().create().unwrap();
-    output.send(&wrench(5.0)).unwrap();
-    let sample = subscriber.receive().unwrap().unwrap();
-    assert_eq!((sample.force[0], sample.user_header().sequence), (5.0, 1));
-    let publisher = service.publisher_builder().create().unwrap();
-    let mut sample = publisher.loan_uninit().unwrap().write_payload(wrench(6.0));
-    *sample.user_header_mut() = Stamp { sequence: 1, origin: 9, ..Stamp::default() };
-    sample.send().unwrap();
-    assert_eq!(input.latest().unwrap().force[0], 6.0);
-}
-
-#[test]
-fn small_states_are_repeated_over_iceoryx2_only_while_somebody_listens_there() {
-    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let (mut output, _input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
-    let stock = bench.stock_node();
-    let service = stock_topic(&stock);
-    // Like a component's own: it shows what is sent and is no reason to send.
-    let own = service.subscriber_builder().name(&super::echo::own_name().unwrap()).create().unwrap();
-    output.send(&wrench(1.0)).unwrap();
-    assert!(own.receive().unwrap().is_none());
-    let guest = service.subscriber_builder().create().unwrap();
-    output.send(&wrench(2.0)).unwrap();
-    assert_eq!(guest.receive().unwrap().unwrap().force[0], 2.0);
-    assert_eq!(own.receive().unwrap().unwrap().force[0], 2.0);
-    drop(guest);
-    output.send(&wrench(3.0)).unwrap();
-    assert!(own.receive().unwrap().is_none());
-}
-
-#[test]
-fn a_sample_without_a_sequence_or_with_a_nan_is_refused_by_the_reader_and_counted() {
-    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let mut input = bench.input::<Wrench>();
-    let stock = bench.stock_node();
-    let publisher = stock_topic(&stock).publisher_builder().create().unwrap();
-    for (sequence, x) in [(0, 1.0), (1, f64::NAN)] {
-        let mut sample = publisher.loan_uninit().unwrap().write_payload(wrench(x));
-        *sample.user_header_mut() = Stamp { sequence, ..Stamp::default() };
-        sample.send().unwrap();
-        assert!(input.latest().is_none());
-    }
-    let refused = &bench.region.components()[1].refused;
-    assert_eq!(refused.load(std::sync::atomic::Ordering::Relaxed), 2);
-}
-
 mod swapped {
     crate::state_buffer! {
         /// A wrench whose fields are in the other order: same name, same size.
@@ -300,14 +241,7 @@ mod swapped {
 #[test]
 fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
-    let opened = Input::<swapped::Wrench>::open(
-        &bench.node,
-        (0, bench.topic()),
-        "input",
-        false,
-        Some(0),
-        bench.context(1),
-    );
+    let opened = bench.try_input::<swapped::Wrench>();
     let text = opened.unwrap_err().to_string();
     assert!(text.contains("0  torque: [f64; 3]") && text.contains("0  force: [f64; 3]"), "{text}");
     assert!(text.contains("this program") && text.contains("the topic"), "{text}");
@@ -345,13 +279,143 @@ fn a_parameter_out_of_range_or_of_another_type_is_refused_with_what_is_allowed()
 }
 
 #[test]
-fn an_observer_sees_the_samples_without_being_part_of_the_graph() {
+fn a_state_is_read_where_the_writer_left_it() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    output.send(&wrench(1.0)).unwrap();
+    let first = core::ptr::from_ref::<Wrench>(&input.latest().unwrap());
+    assert_eq!(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()), first, "no copy is made");
+    // Three slots are enough for a writer and a reader that keeps up.
+    let mut places = std::collections::HashSet::new();
+    for x in 0..100 {
+        output.send(&wrench(f64::from(x))).unwrap();
+        places.insert(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()));
+    }
+    assert!(places.len() <= 3, "{} places", places.len());
+}
+
+#[test]
+fn a_killed_reader_costs_one_slot_until_its_successor_takes_the_pin_over() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
-    let observer = Observer::open(&bench.folder.domain().unwrap(), bench.topic()).unwrap();
-    output.send(&wrench(2.5)).unwrap();
-    let seen = observer.next_unread().unwrap();
-    assert_eq!(seen.stamp.sequence, 1);
-    assert_eq!(seen.bytes.len(), size_of::<Wrench>());
-    assert_eq!(f64::from_le_bytes(seen.bytes[..8].try_into().unwrap()), 2.5);
+    output.send(&wrench(1.0)).unwrap();
+    let mut killed = bench.input::<Wrench>();
+    assert!(killed.latest().is_some());
+    std::mem::forget(killed);
+    (0..1_000).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
+    let mut successor = bench.input::<Wrench>();
+    assert_eq!(successor.latest().unwrap().force[0], 999.0);
+}
+
+#[test]
+fn a_writer_killed_while_it_fills_a_value_leaves_the_one_before_and_its_successor_counts_on() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut killed, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    killed.send(&wrench(1.0)).unwrap();
+    killed.loan().unwrap().force[0] = f64::NAN;
+    std::mem::forget(killed);
+    assert_eq!(input.latest().unwrap().force[0], 1.0);
+    let mut successor = bench.output::<Wrench>();
+    successor.send(&wrench(2.0)).unwrap();
+    let reading = input.latest().unwrap();
+    assert_eq!((reading.force[0], reading.stamp().sequence), (2.0, 2));
+}
+
+#[test]
+fn news_show_without_reading_and_end_with_it() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    assert!(!input.has_news() && input.next_unread().is_none());
+    output.send(&wrench(1.0)).unwrap();
+    assert!(input.has_news());
+    assert_eq!(input.next_unread().unwrap().force[0], 1.0);
+    assert!(!input.has_news() && input.next_unread().is_none());
+    assert_eq!(input.current().unwrap().force[0], 1.0);
+}
+
+#[test]
+fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut output = bench.output::<Wrench>();
+    output.send(&wrench(1.0)).unwrap();
+    let trigger = open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap();
+    assert_eq!(trigger.first_seen(), 0);
+    trigger.wait();
+    assert_eq!(trigger.newest().0, 1);
+    assert!(!trigger.is_due());
+    // One that was restarted begins with what comes.
+    bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
+    assert_eq!(open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap().first_seen(), 1);
+}
+
+#[test]
+fn no_publication_is_lost_however_waiting_and_publishing_fall_together() {
+    const ROUNDS: u64 = 20_000;
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (folder, topic) = (&bench.folder, bench.topic());
+    let open = || TopicMemory::open(&folder.domain().unwrap().node().unwrap(), topic).unwrap();
+    let (there, back) = (std::sync::atomic::AtomicU64::new(0), std::sync::atomic::AtomicU64::new(0));
+    let ready = std::sync::Barrier::new(2);
+    let play = |begins: bool, mine: &std::sync::atomic::AtomicU64, theirs: &std::sync::atomic::AtomicU64| {
+        use std::sync::atomic::Ordering::SeqCst;
+        let memory = Rc::new(open());
+        let trigger = Trigger::new(memory.clone(), 0);
+        ready.wait();
+        for round in 0..ROUNDS {
+            if begins {
+                mine.store(round + 1, SeqCst);
+                memory.count(0);
+                memory.notify();
+            }
+            while theirs.load(SeqCst) <= round {
+                trigger.wait();
+            }
+            // Sometimes the other side has time to fall asleep, sometimes not.
+            (0..round % 97 * 10).for_each(|_| core::hint::spin_loop());
+            if !begins {
+                mine.store(round + 1, SeqCst);
+                memory.count(0);
+                memory.notify();
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| play(false, &back, &there));
+        play(true, &there, &back);
+    });
+}
+
+#[test]
+fn a_tap_reads_every_value_of_a_topic_with_a_history_and_counts_what_it_missed() {
+    let mut bench = Bench::with_history(32);
+    bench.plan.name = "tapped".to_string();
+    let domain = bench.folder.domain().unwrap();
+    let mut output = bench.output::<Wrench>();
+    output.send(&wrench(0.0)).unwrap();
+    let mut tap = Tap::open(&domain, bench.topic()).unwrap();
+    for round in 0..10 {
+        (1..=30).for_each(|x| output.send(&wrench(f64::from(30 * round + x))).unwrap());
+        while let Some(sample) = tap.next_unread() {
+            let x = f64::from_le_bytes(sample.bytes[..8].try_into().unwrap());
+            assert_eq!(sample.stamp.sequence as f64, x + 1.0);
+        }
+        assert_eq!(tap.missed(), 0, "round {round}");
+    }
+    (0..100).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
+    let mut read = 0;
+    while tap.next_unread().is_some() {
+        read += 1;
+    }
+    assert!(read >= 32 && tap.missed() + read == 100, "{read} read, {} missed", tap.missed());
+}
+
+#[test]
+fn four_taps_find_a_place_and_that_of_a_closed_one_is_free_again() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let domain = bench.folder.domain().unwrap();
+    let mut taps: Vec<_> = (0..4).map(|_| Tap::open(&domain, bench.topic()).unwrap()).collect();
+    let error = Tap::open(&domain, bench.topic()).unwrap_err().to_string();
+    assert!(error.contains("four places"), "{error}");
+    taps.pop();
+    assert!(Tap::open(&domain, bench.topic()).is_ok());
 }

@@ -10,13 +10,12 @@ use iceoryx2::service::marker::CustomPayloadMarker;
 use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
-use super::{Context, Shared, Trigger, Waker};
+use super::latest::{SIDE_PINS, TopicMemory};
+use super::{Context, Shared, Trigger};
 use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 
-/// Readers beyond those of the graph: the tools that look on.
-pub(super) const OBSERVERS: usize = 4;
 const LAYOUT_ATTRIBUTE: &str = "layout";
 
 /// A port could not be opened or a topic not be made.
@@ -75,7 +74,7 @@ pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortEr
 #[derive(Debug)]
 pub(crate) struct TopicService {
     _samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
-    bell: Rc<Waker>,
+    memory: Rc<TopicMemory>,
     wakes: bool,
 }
 
@@ -84,19 +83,13 @@ impl TopicService {
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let name = &topic.name;
         let layout = &topic.layout;
-        let detail = TypeDetail::__internal_new_from_parts(
-            TypeVariant::FixedSize,
-            &layout.type_name,
-            layout.size,
-            layout.alignment,
-        )
-        .map_err(|error| refused(name, "describing its type")(&format!("{error:?}")))?;
+        let detail = type_detail(name, layout)?;
         let attributes = layout_attribute(name, layout)?;
         let depth = match topic.pattern {
             TopicPattern::State => 1,
             TopicPattern::Stream { capacity } => capacity,
         };
-        let parties = topic.readers.len() + OBSERVERS;
+        let parties = topic.readers.len() + SIDE_PINS;
         let builder = node
             .service_builder(&service_name("topic", name)?)
             .publish_subscribe::<[CustomPayloadMarker]>()
@@ -114,14 +107,25 @@ impl TopicService {
             .max_nodes(2 * parties + 4)
             .create_with_attributes(&attributes)
             .map_err(|error| refused(name, "creating")(&error))?;
-        let bell = Rc::new(Waker::create(node, topic)?);
-        Ok(Self { _samples: samples, bell, wakes: !topic.triggers.is_empty() })
+        let memory = Rc::new(TopicMemory::create(node, topic)?);
+        Ok(Self { _samples: samples, memory, wakes: !topic.triggers.is_empty() })
     }
 
-    /// What wakes the components this topic triggers, so that they look at the run's command.
-    pub(crate) fn waker(&self) -> Option<Rc<Waker>> {
-        self.wakes.then(|| self.bell.clone())
+    /// The topic, if components wait for it: to interrupt them, so that they look at the run's command.
+    pub(crate) fn waited_for(&self) -> Option<Rc<TopicMemory>> {
+        self.wakes.then(|| self.memory.clone())
     }
+}
+
+/// The type of a topic as iceoryx2 describes it.
+pub(super) fn type_detail(topic: &str, layout: &TypeLayout) -> Result<TypeDetail, PortError> {
+    TypeDetail::__internal_new_from_parts(
+        TypeVariant::FixedSize,
+        &layout.type_name,
+        layout.size,
+        layout.alignment,
+    )
+    .map_err(|error| refused(topic, "describing its type")(&format!("{error:?}")))
 }
 
 fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifier, PortError> {
@@ -133,20 +137,27 @@ fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifi
 
 type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
 
-/// Opens a topic as a component: its layout must be the one this program was built with.
+/// Checks that the topic's layout is the one this program was built with.
+pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
+    let mine = T::layout();
+    if mine.hash() == topic.layout.hash() {
+        return Ok(());
+    }
+    Err(PortError::Layout {
+        topic: topic.name.clone(),
+        port: port.to_string(),
+        difference: mine.difference("this program", &topic.layout, "the topic"),
+    })
+}
+
+/// Opens the iceoryx2 service of a stream as a component.
 pub(super) fn open<T: StateBuffer>(
     node: &Node<Shared>,
     topic: &TopicPlan,
     port: &str,
 ) -> Result<Samples<T>, PortError> {
+    same_layout::<T>(topic, port)?;
     let mine = T::layout();
-    if mine.hash() != topic.layout.hash() {
-        return Err(PortError::Layout {
-            topic: topic.name.clone(),
-            port: port.to_string(),
-            difference: mine.difference("this program", &topic.layout, "the topic"),
-        });
-    }
     let bad = refused(&topic.name, "opening");
     let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
     let value = mine.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
@@ -164,5 +175,5 @@ pub(crate) fn open_trigger(
     topic: &TopicPlan,
     context: &Context,
 ) -> Result<Trigger, PortError> {
-    context.bell(node, topic).map(Trigger::new)
+    context.memory(node, topic).map(|memory| Trigger::new(memory, context.incarnation()))
 }

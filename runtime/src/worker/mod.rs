@@ -152,8 +152,8 @@ fn live<C: Component>(
         block.enter(Phase::Running);
         match (plan.clock, &component.activation, trigger) {
             (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper)?,
-            (ClockKind::Realtime, Activation::Triggered { topic, .. }, Some(listener)) => {
-                realtime::run_triggered(&mut stepper, *topic, &listener)?;
+            (ClockKind::Realtime, Activation::Triggered { .. }, Some(trigger)) => {
+                realtime::run_triggered(&mut stepper, &trigger)?;
             }
             (ClockKind::Realtime, Activation::Periodic { period_ns, phase_ns }, _) => {
                 realtime::run_periodic(

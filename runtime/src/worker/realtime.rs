@@ -84,11 +84,10 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
 /// Steps whenever a topic is published, until the run ends.
 pub(super) fn run_triggered<C: Component>(
     stepper: &mut Stepper<C>,
-    topic: usize,
     trigger: &Trigger,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
-    let mut seen = stepper.context().region().topics()[topic].published.load(Relaxed);
+    let mut seen = trigger.first_seen();
     let mut last_end = 0;
     stepper.open_accounts();
     loop {
@@ -100,10 +99,7 @@ pub(super) fn run_triggered<C: Component>(
         if stepper.context().must_leave() {
             return Ok(());
         }
-        let (published, release_ns) = {
-            let block = &stepper.context().region().topics()[topic];
-            (block.published.load(Relaxed), block.last_publish_ns.load(Relaxed))
-        };
+        let (published, release_ns) = trigger.newest();
         if published == seen {
             continue;
         }

@@ -20,6 +20,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Realtime.idle_exit", &["realtime.idle_exit=5 us"]),
     ("Realtime.on_denied", &["realtime.on_denied=warn"]),
     ("Robot.urdf", &["robot.panda.urdf=ur5"]),
+    ("Topic.history", &["topic.target.history=9"]),
     ("Component.kind", &["phases.kind=log.recorder", "phases.subscribe={ episodes = \"episodes\" }"]),
     ("Component.robot", &["robot.second.urdf=panda", "controller.robot=second"]),
     ("Component.rate", &["policy.rate=61 Hz"]),
@@ -70,11 +71,12 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
 ];
 
 /// Keys whose own keys are in the list, and `exec`, which has tests of its own.
-const TABLES: [&str; 7] = [
+const TABLES: [&str; 8] = [
     "Graph.cores",
     "Graph.realtime",
     "Graph.robot",
     "Graph.component",
+    "Graph.topic",
     "Graph.latency",
     "Graph.safety",
     "Component.exec",
@@ -99,7 +101,7 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in ["Cores", "Realtime", "Robot", "Component", "Restart", "Latency", "Safety"] {
+    for table in ["Cores", "Realtime", "Robot", "Component", "Topic", "Restart", "Latency", "Safety"] {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

@@ -2,6 +2,7 @@
 
 mod admission;
 mod components;
+mod memory;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -71,6 +72,7 @@ impl Check {
                 "valid": !admission.refuses(),
                 "diagnostics": diagnostics,
                 "plan": plan,
+                "memory": memory::of(plan),
                 "admission": admission,
                 "overheads_origin": known.origin,
             });
@@ -95,6 +97,7 @@ impl Check {
 
     fn print(&self, plan: &Plan, admission: &Admission, origin: &str, drawn: Option<&Timeline>) {
         let mut text = components::describe(plan);
+        text += &memory::describe(plan);
         text += &admission::describe(admission, origin);
         let picture = self.timeline == Some(Format::Svg);
         match drawn {

@@ -74,6 +74,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
                 writer: all(&writes)[0],
                 readers: all(&reads),
                 triggers: Vec::new(),
+                history: 0,
             }
         })
         .collect::<Vec<_>>();

@@ -155,6 +155,7 @@ fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
     };
     let kinds = [
         circle::kind(),
+        Kind::of::<motorium_physics::ArticulatedPhysics>(),
         Kind::of::<motorium_physics::RapierPhysics>(),
         Kind::of::<motorium_control::QpController>(),
     ];

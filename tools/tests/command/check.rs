@@ -54,6 +54,20 @@ fn the_reaching_arm_holds_and_is_drawn() {
 }
 
 #[test]
+fn the_memory_of_each_topic_is_printed_and_a_history_adds_to_it() {
+    let bytes = |set: &[&str]| -> u64 {
+        let output = run(&[&["check", REACH, "--json"], set].concat());
+        let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let topics = answer["memory"].as_array().expect("an array").clone();
+        assert_eq!(topics.len(), answer["plan"]["topics"].as_array().map(Vec::len).unwrap_or_default());
+        topics.iter().map(|topic| topic["bytes"].as_u64().expect("a number")).sum()
+    };
+    let kept = bytes(&["--set", "topic.\"panda/joint_command\".history=100"]);
+    assert!(kept >= bytes(&[]) + 100 * 2_568, "a command takes 2,568 bytes");
+    assert!(printed(&["check", REACH]).contains("shared memory of all topics"));
+}
+
+#[test]
 fn a_component_without_a_budget_is_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = std::fs::read_to_string(REACH).expect("the graph");

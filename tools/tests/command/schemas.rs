@@ -37,7 +37,7 @@ fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
     let schema = crate::program::json(&["schema"]);
     let kinds = schema["definitions"]["Component"]["properties"]["kind"]["oneOf"].as_array().expect("kinds");
     let names: Vec<_> = kinds.iter().filter_map(|kind| kind["const"].as_str()).collect();
-    assert!(names.contains(&"physics.rapier") && names.contains(&"control.qp"), "{names:?}");
+    assert!(names.contains(&"physics.articulated") && names.contains(&"control.qp"), "{names:?}");
 }
 
 #[test]

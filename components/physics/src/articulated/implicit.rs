@@ -1,16 +1,18 @@
-//! The end velocity of a step: drives, friction and stops that all depend on it, solved together.
+//! The end velocity of an integration step: drives, friction, stops and external impulses that all depend on it.
 
 use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
 
-use super::{JointEvents, JointProperties};
+use super::JointEvents;
 use crate::JointCommand;
+use crate::joint::JointProperties;
 
-/// What this entry of `v` moves has no inertia.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A mass matrix that is singular at this index of `v`: the joint moves no inertia.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the mass matrix is singular at velocity {0}: it moves no inertia")]
 pub struct Singular(pub usize);
 
-/// Where the step starts.
+/// The start of a step.
 pub(super) struct Start<'a> {
     /// Positions of the joints.
     pub(super) q: &'a [f64],
@@ -19,26 +21,26 @@ pub(super) struct Start<'a> {
     /// Length of the step \[s\].
     pub(super) h: f64,
     pub(super) mass: &'a DMatrix<f64>,
-    /// C(q, v) v + g(q), less what pushes from outside.
+    /// C(q, v) v + g(q), less external forces.
     pub(super) bias: &'a [f64],
 }
 
-/// What else acts on the end velocity: contacts.
-pub(crate) trait Coupling {
-    /// Answers the end velocity `x` (nv) that drives, friction and stops lead to: adds the impulse of the surroundings
-    /// (nv) to `impulse`, which is zero, and what it does to `x`. `factor` is that of the matrix which takes impulses to
-    /// velocities; entries that are `held` do not give way.
-    fn respond(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]);
+/// Impulses from outside the robot that depend on its end velocity: contacts.
+pub(crate) trait ExternalImpulses {
+    /// Corrects the end velocity `x` (nv) that drives, friction and stops alone lead to: adds the generalized impulse
+    /// (nv) to `impulse`, which is zero, and its effect to `x`. `factor` is that of the matrix from velocities to
+    /// impulses; a mode fixes the velocity of `held` entries (nv), which no impulse changes.
+    fn apply(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]);
 }
 
-/// Nothing around.
-pub(crate) struct Alone;
+/// No external impulses.
+pub(crate) struct NoImpulses;
 
-impl Coupling for Alone {
-    fn respond(&mut self, _: &MassFactor, _: &[bool], _: &mut [f64], _: &mut [f64]) {}
+impl ExternalImpulses for NoImpulses {
+    fn apply(&mut self, _: &MassFactor, _: &[bool], _: &mut [f64], _: &mut [f64]) {}
 }
 
-/// Which branch of its laws a joint is on.
+/// The branch that each law of a joint is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Mode {
     drive: Drive,
@@ -83,8 +85,7 @@ struct Laws {
     fastest: f64,
 }
 
-/// How fast a joint that starts beyond a stop is brought back: the distance falls by this rate \[1/s\]. Gentle, because
-/// the stop's reach in one step would otherwise be a blow.
+/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be a blow.
 const RECOVERY_RATE: f64 = 20.0;
 
 impl Laws {
@@ -155,7 +156,7 @@ impl Laws {
         }
     }
 
-    /// The mode in which the solution `x` belongs, `missing` being the force that holds a fixed velocity.
+    /// The mode that the solution `x` belongs to; `missing` is the force that holds a fixed velocity.
     fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
         let drive = self.drive_mode(x);
         let mut friction = mode.friction;
@@ -186,8 +187,8 @@ impl Laws {
         Mode { drive, friction, stop }
     }
 
-    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)`, the others standing as they
-    /// are: a monotone scalar equation with kinks.
+    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed velocities of the
+    /// others: a monotone scalar equation with kinks.
     fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
         // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
         let root = |push: f64| {
@@ -220,16 +221,16 @@ pub(super) struct ImplicitSolver {
     factor: MassFactor,
     /// Entries whose velocity a mode fixes.
     held: Vec<bool>,
-    /// Generalized impulse of the surroundings.
+    /// Generalized external impulse.
     impulse: Vec<f64>,
 }
 
 const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
 
-/// Sweeps of the relaxation that takes over when the active set runs in a circle.
+/// Largest number of sweeps of the relaxation, which takes over when the active set cycles.
 const SWEEPS: usize = 200;
 
-/// Guesses of the modes before the relaxation takes over. Nearly always the first explains itself.
+/// Guesses of the modes before the relaxation takes over. Nearly always the first is confirmed.
 const GUESSES: usize = 24;
 
 impl ImplicitSolver {
@@ -254,7 +255,7 @@ impl ImplicitSolver {
         &mut self,
         (joints, commands): (&[JointProperties], &[JointCommand]),
         start: &Start<'_>,
-        coupling: &mut impl Coupling,
+        impulses: &mut impl ExternalImpulses,
         x: &mut [f64],
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
@@ -272,7 +273,7 @@ impl ImplicitSolver {
         }
         let mut settled = false;
         for _ in 0..GUESSES {
-            self.solve_modes(start, coupling, x)?;
+            self.solve_modes(start, impulses, x)?;
             settled = true;
             for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
                 let (constant, slope) = laws.force(mode);
@@ -302,7 +303,7 @@ impl ImplicitSolver {
     fn solve_modes(
         &mut self,
         start: &Start<'_>,
-        coupling: &mut impl Coupling,
+        impulses: &mut impl ExternalImpulses,
         x: &mut [f64],
     ) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
@@ -329,8 +330,8 @@ impl ImplicitSolver {
         self.factor.factor(&self.system).map_err(|singular| Singular(singular.index))?;
         self.factor.solve(x);
         self.impulse.fill(0.0);
-        coupling.respond(&self.factor, &self.held, x, &mut self.impulse);
-        // What a mode fixes stays exact, whatever the rounding.
+        impulses.apply(&self.factor, &self.held, x, &mut self.impulse);
+        // A velocity that a mode fixes stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x) {
             if let Some(velocity) = laws.fixed(mode) {
                 *x = velocity;
@@ -340,7 +341,7 @@ impl ImplicitSolver {
     }
 
     /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges because the
-    /// problem is convex. The surroundings push as they last did. The next step starts its guess afresh.
+    /// problem is convex. External impulses stay as they were last. The next step starts with fresh modes.
     fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;

@@ -1,161 +1,255 @@
-//! The robot alone, touching nothing: joint-space dynamics with drives, friction and limit stops, all implicit.
+//! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots with a
+//! fixed or a floating base.
 
 mod implicit;
-mod joint;
+mod integrator;
+mod step;
 
-use motorium_robots::{Dynamics, Model};
-use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
+use motorium_robots::{Dynamics, Kinematics};
+use nalgebra::{DMatrix, Isometry3, Point3, Vector3};
 
+use crate::contact::{Colliders, ContactScene};
+use crate::robot::{Robot, RobotSetup};
+use crate::simulation::{Engine, Simulation};
+use crate::{BuildError, BuildWarning, Contact, Options, StepError, StepReport, World};
+pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
-pub(crate) use implicit::{Alone, Coupling};
-use implicit::{ImplicitSolver, Start};
-pub use joint::JointProperties;
+pub use integrator::{JointEvents, JointSpaceIntegrator};
 
-use crate::JointCommand;
-
-/// The motion of a robot that touches nothing, one step at a time.
+/// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
 ///
-/// Semi-implicit Euler in the independent coordinates (mimic joints are exact: they have no coordinate of their own), after
-/// those of the base where it floats.
-/// The end velocity `v+` solves
+/// # Example
+///
+/// The catalogue's Panda, held by its default gains for a second, settles within a degree of home:
+///
+/// ```
+/// use std::path::Path;
+/// use motorium_physics::{ArticulatedSimulator, JointCommand, Options, Simulator, World};
+/// use motorium_robots::load;
+///
+/// let panda = load("panda", Path::new("."))?;
+/// let profile = panda.profile.ok_or("no profile")?;
+/// let (home, gains) = (profile.home(&panda.model)?, profile.gains(&panda.model)?);
+/// let mut simulation =
+///     ArticulatedSimulator::new(panda.model, World::default(), home.as_slice(), Options::default())?;
+/// for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
+///     *command = JointCommand::hold(home[i], gains.kp[i], gains.kd[i]);
+/// }
+/// for _ in 0..1000 {
+///     simulation.step(1e-3)?;
+/// }
+/// assert!(simulation.positions().iter().zip(&home).all(|(q, home)| (q - home).abs() < 0.0175));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub type ArticulatedSimulator = Simulation<Articulated>;
+
+/// The articulated engine: joint-space dynamics, drives and contacts solved together.
+///
+/// Each integration step of length h finds the end velocity `v+` of
 ///
 /// ```text
-/// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
+/// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+) + J' lambda / h
 /// q+ = q + h v+
 /// ```
 ///
-/// A floating base moves on a straight line and turns about a fixed axis for the step; its velocity is taken in axes that
-/// stand still meanwhile, so that turning by itself changes no velocity.
+/// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
+/// ([`JointSpaceIntegrator`] has the other terms). Free objects of the world are part of the same problem. The method
+/// is semi-implicit Euler, of first order in h.
 ///
-/// with the drive law of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic limit
-/// stops. Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and
-/// is unique whatever the gains (a strictly convex problem). It is found by an active set: a joint's drive is linear or
-/// saturated, its friction sticks or slips, its stop holds or not; the linear system of the current guess is solved
-/// until the guess explains itself, usually at once, since the last step's answer is the first guess.
+/// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
+/// outermost points of meshes, each against the surface of the other collider. Edges that cross far from any corner
+/// do not find each other, and a mesh is not touched by the points of another shape.
 ///
-/// Nothing allocates after [`new`](Self::new).
-#[derive(Clone, Debug)]
+/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
+/// step the velocity of the base is corrected by the momentum that the integration lost.
+///
+/// Nothing allocates after the simulation has been built.
 pub struct Articulated {
-    joints: Vec<JointProperties>,
+    options: Options,
+    integrator: JointSpaceIntegrator,
     dynamics: Dynamics,
-    mass: DMatrix<f64>,
-    bias: DVector<f64>,
-    v_next: DVector<f64>,
-    solver: ImplicitSolver,
+    /// Of the next state, between integration steps of one step.
+    kinematics: Kinematics,
+    scene: ContactScene,
+    /// Generalized force of the rotors (nv).
+    rotor_force: Vec<f64>,
+    frame_jacobian: DMatrix<f64>,
+    momentum_map: DMatrix<f64>,
+    /// Length of the last integration step \[s\].
+    h: f64,
 }
 
-/// What the step did to the joints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct JointEvents {
-    /// Joints whose drive is at its effort limit.
-    pub saturated: usize,
-    /// Joints held by a limit stop.
-    pub at_limit: usize,
+/// A contact force on a link of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkForce<'a> {
+    /// The link.
+    pub link: &'a str,
+    /// Point of application in the world \[m\].
+    pub point: Point3<f64>,
+    /// The force, friction included, world axes \[N\].
+    pub force: Vector3<f64>,
+}
+
+/// Links that start closer than this never touch each other \[m\].
+const TOO_CLOSE: f64 = 0.010;
+
+/// A link that starts deeper than this inside an object is worth a warning \[m\].
+const INSIDE: f64 = 1e-3;
+
+impl Engine for Articulated {
+    fn build(
+        setup: &RobotSetup,
+        robot: &Robot,
+        world: &World,
+        options: &Options,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> Result<Self, BuildError> {
+        let model = &robot.model;
+        let colliders = Colliders::new(model, &setup.collision_rules, world, options, warnings);
+        Ok(Self {
+            options: *options,
+            integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
+            dynamics: Dynamics::new(model),
+            kinematics: Kinematics::new(model),
+            scene: ContactScene::new(model, colliders, world),
+            rotor_force: vec![0.0; model.nv()],
+            frame_jacobian: DMatrix::zeros(6, model.nv()),
+            momentum_map: DMatrix::zeros(6, model.nv()),
+            h: 1e-3,
+        })
+    }
+
+    fn reset(&mut self, robot: &Robot, world: &World) {
+        self.integrator.forget();
+        self.scene.restart(world);
+        self.scene.place(&robot.kinematics, &robot.base_pose());
+    }
+
+    fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
+        // The detection keeps a limited number of points: where it took some out there may be more.
+        loop {
+            let close = self.close_links(warnings);
+            if close.is_empty() {
+                return;
+            }
+            self.scene.exclude(&close);
+            self.scene.place(&robot.kinematics, &robot.base_pose());
+        }
+    }
+
+    fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
+        self.advance_by(robot, dt)
+    }
+
+    fn commit(&mut self) {
+        self.scene.objects.commit();
+    }
+
+    fn discard(&mut self) {}
+
+    fn diverged_object(&self) -> Option<usize> {
+        self.scene.objects.diverged()
+    }
+
+    fn object_pose(&self, index: usize) -> Isometry3<f64> {
+        self.scene.object_pose(index)
+    }
+
+    fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
+        self.scene.set_object_pose(index, pose);
+    }
+
+    fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
+        self.scene.object_velocity(index)
+    }
+
+    fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
+        for (index, point, first, second) in self.scene.points() {
+            let force = self.scene.impulses.normal(index) / self.h;
+            if point.distance > 0.0 && force <= 0.0 {
+                continue;
+            }
+            visit(&Contact {
+                first: &second.name,
+                second: &first.name,
+                point: point.point,
+                normal: point.normal,
+                depth: (-point.distance).max(0.0),
+                force,
+            });
+        }
+    }
 }
 
 impl Articulated {
-    /// A workspace for `model` with the passive properties `joints`, one per independent joint.
-    pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
-        assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
-        let n = model.nv();
-        Self {
-            joints,
-            dynamics: Dynamics::new(model),
-            mass: DMatrix::zeros(n, n),
-            bias: DVector::zeros(n),
-            v_next: DVector::zeros(n),
-            solver: ImplicitSolver::new(model),
-        }
-    }
-
-    /// Passive properties of the joints.
-    pub fn joints(&self) -> &[JointProperties] {
-        &self.joints
-    }
-
-    /// Forgets the modes of the last step, so that the next depends on its arguments alone.
-    pub fn forget(&mut self) {
-        self.solver.forget();
-    }
-
-    /// Moves `q` (nq) and `v` (nv) on by `h` \[s\] and gives the efforts `tau` the drives apply on the way; commands and
-    /// efforts are one per independent joint.
-    ///
-    /// # Errors
-    ///
-    /// [`Singular`] when something that moves has no inertia; `q` and `v` are then as before, `tau` unspecified.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "a step maps (q, v, command) to (q, v, tau); bundling hides that"
-    )]
-    pub fn advance(
-        &mut self,
-        model: &Model,
-        q: &mut [f64],
-        v: &mut [f64],
-        commands: &[JointCommand],
-        gravity: Vector3<f64>,
-        h: f64,
-        tau: &mut [f64],
-    ) -> Result<JointEvents, Singular> {
-        self.advance_among(model, (q, v), commands, (gravity, &[]), h, &mut Alone, tau)
-    }
-
-    /// [`advance`](Self::advance) among things that push: `outside` is a generalized force besides gravity (nv, or
-    /// empty), `coupling` answers the motion.
-    #[expect(clippy::too_many_arguments, reason = "as advance")]
-    pub(crate) fn advance_among(
-        &mut self,
-        model: &Model,
-        (q, v): (&mut [f64], &mut [f64]),
-        commands: &[JointCommand],
-        (gravity, outside): (Vector3<f64>, &[f64]),
-        h: f64,
-        coupling: &mut impl Coupling,
-        tau: &mut [f64],
-    ) -> Result<JointEvents, Singular> {
-        self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
-        for (bias, outside) in self.bias.iter_mut().zip(outside) {
-            *bias -= outside;
-        }
-        self.dynamics.crba(model, q, &mut self.mass);
-        let offset = model.nv() - self.joints.len();
-        for (index, joint) in self.joints.iter().enumerate() {
-            self.mass[(offset + index, offset + index)] += joint.armature;
-        }
-        if model.base().floating {
-            // In axes that stand still the base's velocity does not turn with it: what the body's axes add goes.
-            let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
-            for (row, bias) in self.bias.iter_mut().enumerate() {
-                *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
+    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
+    fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
+        let mut close = Vec::new();
+        self.scene.detect(TOO_CLOSE);
+        for (_, point, ..) in self.scene.points() {
+            let (a, b) = point.colliders;
+            let pair = [a.min(b), a.max(b)];
+            let colliders = self.scene.colliders();
+            let name = |index: usize| colliders.colliders[index].name.clone();
+            let (first, second) = (name(pair[0]), name(pair[1]));
+            if colliders.both_links(pair) {
+                if close.contains(&pair) {
+                    continue;
+                }
+                close.push(pair);
+                // Links of several shapes are named once.
+                let named = |warning: &BuildWarning| {
+                    matches!(warning, BuildWarning::SelfCollisionOff { first: a, second: b, .. }
+                        if (a, b) == (&first, &second))
+                };
+                if !warnings.iter().any(named) {
+                    let distance = point.distance.max(0.0);
+                    warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+                }
+            } else if pair[0] < colliders.first_object && point.distance < -INSIDE {
+                let warning = BuildWarning::StartsInside { link: first, other: second };
+                if !warnings.contains(&warning) {
+                    warnings.push(warning);
+                }
             }
         }
-        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
-        let x = self.v_next.as_mut_slice();
-        let events = self.solver.solve((&self.joints, commands), &start, coupling, x, tau)?;
-        move_on(model, q, x, h);
-        v.copy_from_slice(x);
-        Ok(events)
+        close
     }
 }
 
-/// `q` after moving with the end velocity `x` for `h`; `x`, given in the base's axes of the start, comes out in those of the
-/// end.
-fn move_on(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
-    let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
-    for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {
-        *q += h * x;
+impl Simulation<Articulated> {
+    /// Moves a floating base up or down until the robot stands on the ground plane, or on the plane z = 0 without
+    /// one, and stops it. A robot without collision shapes stays where it is.
+    pub fn place_on_ground(&mut self) {
+        let height = self.world.ground.map_or(0.0, |ground| ground.height);
+        let lowest = self.engine.scene.lowest();
+        let robot = &mut self.robot;
+        if robot.model.base().floating && lowest.is_finite() {
+            robot.state.q[2] += height - lowest;
+            robot.state.v.fill(0.0);
+            robot.refresh();
+            self.engine.scene.place(&robot.kinematics, &robot.base_pose());
+        }
     }
-    if !model.base().floating {
-        return;
+
+    /// Sum of the contact forces on the robot, those between its own links excepted, during the last integration step
+    /// \[N\], world axes.
+    pub fn contact_force(&self) -> Vector3<f64> {
+        self.engine.scene.force_on_robot(self.engine.h)
     }
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
-    let linear = Vector3::from_column_slice(&x[..3]);
-    let turn = UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(&x[3..6]) * h);
-    for (q, moved) in q.iter_mut().zip((rotation * linear).iter()) {
-        *q += h * moved;
+
+    /// Passes each contact force on a moving link of the robot, friction included, of the last integration step to
+    /// `visit`. A force between two of its links is passed twice, once for each.
+    pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
+        let scene = &self.engine.scene;
+        for (index, contact, first, second) in scene.points() {
+            let (point, force) = (contact.point, scene.impulses.vector(index) / self.engine.h);
+            if contact.owners.0.is_robot() {
+                visit(&LinkForce { link: &first.name, point, force });
+            }
+            if contact.owners.1.is_robot() {
+                visit(&LinkForce { link: &second.name, point, force: -force });
+            }
+        }
     }
-    let rotation = UnitQuaternion::new_normalize((rotation * turn).into_inner());
-    q[3..7].copy_from_slice(rotation.coords.as_slice());
-    x[..3].copy_from_slice((turn.inverse() * linear).as_slice());
 }

@@ -1,4 +1,4 @@
-//! The `config` table of `physics.rapier`.
+//! The `config` table of the physics kinds.
 
 use motorium::declare::ConfigError;
 use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
@@ -11,23 +11,24 @@ use crate::{BuildError, Options, World};
 /// Configuration of a simulated robot.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct RapierConfig {
-    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or, for a robot without
-    /// a profile, all joints at zero (at the middle of their range where zero is outside).
+pub struct PhysicsConfig {
+    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or,
+    /// for a robot without a profile, all joints at zero (at the middle of their range where zero is outside).
     pub pose: Option<String>,
     /// Joint positions to start at, in the order of the robot's joints (rad or m). Instead of `pose`.
     pub position: Option<Vec<f64>>,
-    /// Whether the root link moves freely. Without it: as the robot's profile and URDF say.
+    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile and file
+    /// say. `physics.rapier` simulates fixed bases only.
     pub floating: Option<bool>,
-    /// Where a floating base starts. Without it: where the profile has it in the pose, or standing on the ground.
+    /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
     pub base: Option<BaseStart>,
-    /// What surrounds the robot.
+    /// Gravity, ground and objects around the robot.
     pub world: World,
     /// Settings of the engine.
     pub solver: Options,
 }
 
-/// Where a floating base starts.
+/// Start pose of a floating base.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BaseStart {
@@ -38,8 +39,8 @@ pub struct BaseStart {
     pub rpy: [f64; 3],
 }
 
-impl RapierConfig {
-    /// What becomes of the root link.
+impl PhysicsConfig {
+    /// Fixed or floating base.
     pub(super) fn base_mode(&self) -> BaseMode {
         match self.floating {
             None => BaseMode::AsFile,
@@ -48,11 +49,11 @@ impl RapierConfig {
         }
     }
 
-    /// Where a floating base starts, if it is said somewhere.
+    /// Start pose of a floating base, where the configuration, the profile or the SRDF gives one.
     pub(super) fn base_start(&self, robot: &Loaded) -> Result<Option<Isometry3<f64>>, ConfigError> {
         if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
             if !robot.model.base().floating {
-                return Err(ConfigError::key("base", "a place for a base that is fixed to the world")
+                return Err(ConfigError::key("base", "a start pose for a base that is fixed to the world")
                     .advise("leave it out, or set `floating = true`"));
             }
             if ![x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) {
@@ -75,7 +76,7 @@ impl RapierConfig {
         Ok(named.map(BasePose::isometry).or_else(of_srdf))
     }
 
-    /// Where the joints start.
+    /// Start positions of the joints.
     pub(super) fn start(&self, robot: &Loaded) -> Result<Vec<f64>, ConfigError> {
         let model = &robot.model;
         let named = |error: motorium_robots::ProfileError| ConfigError::key("pose", error.to_string());
@@ -117,7 +118,7 @@ fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
     robot.postures.iter().find(|posture| posture.name == name)
 }
 
-/// What to write instead of a pose that is not there.
+/// Advice for a pose that does not exist.
 fn advice(robot: &Loaded) -> String {
     let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
     if names.is_empty() {
@@ -149,13 +150,17 @@ fn rest_position(low: f64, high: f64) -> f64 {
     }
 }
 
-/// Which key is to blame.
+/// The configuration error of a build error, at the key at fault.
 pub(super) fn refused(error: BuildError) -> ConfigError {
     let message = error.to_string();
     match error {
         BuildError::World(_) => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
-        BuildError::FloatingBase { .. } => ConfigError::new(message),
+        BuildError::FloatingBase { robot } => {
+            let message =
+                format!("robot `{robot}` has a floating base, which `physics.rapier` cannot simulate");
+            ConfigError::new(message).advise("use `kind = \"physics.articulated\"`")
+        }
     }
 }

@@ -1,41 +1,45 @@
-//! `physics.rapier`: the rapier simulation as a component of a graph.
+//! `physics.articulated` and `physics.rapier`: simulations as components of a graph.
 
+mod build;
 mod config;
-mod engine;
 mod safe;
 
 use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGuard, Judgement};
-use motorium::state::{BaseState, JointCommand as CommandBuffer, JointState as StateBuffer};
+use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
 use serde_json::json;
 
-use crate::{JointCommand, StepReport};
-pub use config::RapierConfig;
-use engine::{Engine, build};
+use crate::{Articulated, JointCommand, Rapier, Simulation, Simulator, StepReport};
+pub use build::PhysicsEngine;
+use build::build;
+pub use config::PhysicsConfig;
 use safe::SafeStates;
 
-/// A simulated robot that publishes its joint state and obeys joint commands.
+/// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
+pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
+
+/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside
+/// rapier are counted apart.
+pub type RapierPhysics = PhysicsComponent<Rapier>;
+
+/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
+/// too.
 ///
-/// Every step judges the newest command, moves the world on by the time since the last step, and publishes the state at
-/// its end. A command that is stale, has another number of joints, or asks for a negative gain is not applied: the safe
-/// state is, as it is before the first command. When steps were skipped the simulation makes up for up to four of them,
-/// so that the robot does not stand still while its clock goes on.
+/// Every step checks the newest command, advances the simulation by the time since the last step, and publishes the
+/// state at its end. A command that is stale, is for another number of joints, or has a negative gain is not applied:
+/// the safe state is, as it is before the first command. When steps were skipped the simulation makes up for up to
+/// four of them, so that the robot does not stand still while its clock goes on.
 ///
-/// A robot with a fixed base is moved by [`Rapier`](crate::Rapier), one whose base floats by
-/// [`Floating`](crate::Floating); the latter's base state is published, too.
-///
-/// After a crash the robot goes on from where it was, the objects from the start.
-///
-/// Heap allocations inside rapier (see [`Contacts`](crate::Contacts)) are counted apart.
-pub struct RapierPhysics {
-    command: Input<CommandBuffer>,
-    state: Output<StateBuffer>,
+/// After a crash the robot goes on from its last published state, the objects from the start.
+pub struct PhysicsComponent<E> {
+    command: Input<state::JointCommand>,
+    state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
     guard: CommandGuard,
-    simulation: Engine,
+    simulation: Simulation<E>,
     dynamics: Dynamics,
     safe: SafeStates,
     checkpoint: Checkpoint,
@@ -45,7 +49,7 @@ pub struct RapierPhysics {
     totals: Totals,
 }
 
-/// What the whole run saw.
+/// Counts of the whole run.
 #[derive(Clone, Copy, Debug)]
 struct Totals {
     steps: u64,
@@ -60,33 +64,33 @@ struct Totals {
     highest: f64,
 }
 
-/// Skipped steps made up for at once.
+/// Largest number of skipped steps that are made up for at once.
 const CATCH_UP: u64 = 4;
 
-impl Component for RapierPhysics {
-    const KIND: &'static str = "physics.rapier";
-    const SUMMARY: &'static str = "simulates a robot in a world of simple objects, with contacts";
-    type Config = RapierConfig;
+impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
+    const KIND: &'static str = E::KIND;
+    const SUMMARY: &'static str = E::SUMMARY;
+    type Config = PhysicsConfig;
 
-    fn declare(config: &RapierConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.actuator();
-        declare.input::<CommandBuffer>("joint_command", "what the drives are told to do");
-        declare.output::<StateBuffer>("joint_state", "positions, velocities and efforts after the step");
+        declare.input::<state::JointCommand>("joint_command", "commands of the drives");
+        declare.output::<JointState>("joint_state", "positions, velocities and efforts after the step");
         let robot = declare.robot().ok_or_else(|| {
             ConfigError::new("it simulates a robot, but the component names none")
                 .advise("add `robot = \"NAME\"`")
         })?;
         // Everything that could be refused later is refused now.
-        let (_, robot) = build(config, robot)?;
+        let (_, robot) = build::<E>(config, robot)?;
         if robot.model.base().floating {
-            declare.output::<BaseState>("base_state", "where the base is after the step, and how it moves");
+            declare.output::<BaseState>("base_state", "pose and velocity of the base after the step");
         }
         Ok(())
     }
 
-    fn configure(config: RapierConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let (mut simulation, robot) = build(&config, &robot)?;
+        let (mut simulation, robot) = build::<E>(&config, &robot)?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
         let mut checkpoint = setup.checkpoint(nq + nv)?;
         if let Some(state) = checkpoint.resume() {
@@ -100,7 +104,7 @@ impl Component for RapierPhysics {
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
             guard: setup.command_guard(),
             dynamics: Dynamics::new(simulation.model()),
-            safe: SafeStates::new(&*simulation, robot.profile.as_ref()),
+            safe: SafeStates::new(&simulation, robot.profile.as_ref()),
             start: simulation.base_pose().translation.vector.into(),
             simulation,
             checkpoint,
@@ -110,7 +114,7 @@ impl Component for RapierPhysics {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.obey();
+        self.apply_command();
         let steps = self.steps_due(tick);
         for _ in 0..steps {
             let report =
@@ -152,10 +156,10 @@ impl Component for RapierPhysics {
         });
         if self.base_state.is_some() {
             let pose = self.simulation.base_pose();
-            let place = pose.translation.vector;
+            let position = pose.translation.vector;
             let (roll, pitch, yaw) = pose.rotation.euler_angles();
-            let (dx, dy) = (place.x - self.start[0], place.y - self.start[1]);
-            result["base_position"] = json!([place.x, place.y, place.z]);
+            let (dx, dy) = (position.x - self.start[0], position.y - self.start[1]);
+            result["base_position"] = json!([position.x, position.y, position.z]);
             result["base_rpy"] = json!([roll, pitch, yaw]);
             result["base_height_lowest_m"] = json!(totals.lowest);
             result["base_height_highest_m"] = json!(totals.highest);
@@ -166,9 +170,9 @@ impl Component for RapierPhysics {
     }
 }
 
-impl RapierPhysics {
-    /// Gives the drives the newest command, or the safe state.
-    fn obey(&mut self) {
+impl<E: PhysicsEngine> PhysicsComponent<E> {
+    /// Applies the newest command, or the safe state.
+    fn apply_command(&mut self) {
         let judgement = self.guard.judge(&mut self.command);
         let state = match judgement {
             Judgement::Apply(command) => {
@@ -182,10 +186,10 @@ impl RapierPhysics {
             Judgement::Safe { state, .. } => Some(state),
         };
         self.totals.safe += 1;
-        self.safe.apply(state, &mut *self.simulation, &mut self.dynamics);
+        self.safe.apply(state, &mut self.simulation, &mut self.dynamics);
     }
 
-    /// How many periods have passed since the last step.
+    /// Periods since the last step, at most [`CATCH_UP`] more than one.
     fn steps_due(&mut self, tick: &Tick) -> u64 {
         let period = tick.period.as_nanos().max(1) as u64;
         let elapsed = self.last_ns.map_or(period, |last| tick.time_ns.saturating_sub(last));
@@ -219,8 +223,8 @@ impl Totals {
     }
 }
 
-/// Copies the command, if the drives can follow it as a whole.
-fn apply(buffer: &CommandBuffer, commands: &mut [JointCommand]) -> bool {
+/// Copies the command; false, and nothing copied, when its count or a gain is wrong.
+fn apply(buffer: &state::JointCommand, commands: &mut [JointCommand]) -> bool {
     let gains = buffer.kp().iter().chain(buffer.kd());
     if buffer.count() != commands.len() || gains.clone().any(|gain| *gain < 0.0) {
         return false;

@@ -1,17 +1,17 @@
-//! What the drives do when no command may be applied.
+//! The safe states of the drives, in force when no command may be applied.
 
 use motorium::plan::SafeState;
 use motorium_robots::{Dynamics, Model, Profile};
 
 use crate::{JointCommand, Simulator};
 
-/// Damping of the brake \[Nms/rad or Ns/m\]: whatever the speed, the effort limit acts until the joint stands.
+/// Damping of the brake \[Nms/rad or Ns/m\]: so large that the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
 
-/// A joint slower than this stands \[rad/s or m/s\].
+/// A joint slower than this counts as standing \[rad/s or m/s\].
 const STANDS: f64 = 1e-3;
 
-/// Knows the safe states and which one is in force.
+/// The safe state in force and the gains it holds with.
 pub(super) struct SafeStates {
     /// Gains where the last command had none, per joint: those of the robot's profile.
     gains: Vec<(f64, f64)>,
@@ -31,7 +31,7 @@ impl SafeStates {
         Self { gains, in_force: None, gravity: vec![0.0; model.nv()] }
     }
 
-    /// Of a braked robot, holds each joint where it has come to stand.
+    /// Holds each joint of a braked robot that has come to stand.
     fn hold_what_stands(&self, simulation: &mut dyn Simulator) {
         for (i, (kp, kd)) in self.gains.iter().copied().enumerate() {
             let (position, velocity) = (simulation.positions()[i], simulation.velocities()[i]);
@@ -43,12 +43,12 @@ impl SafeStates {
         }
     }
 
-    /// What carries drive `i` against gravity; nothing for a rotor.
+    /// Effort of drive `i` against gravity \[Nm or N\]; zero for a rotor.
     fn effort(&self, model: &Model, i: usize) -> f64 {
         model.joints_of_v(&self.gravity).get(i).copied().unwrap_or(0.0)
     }
 
-    /// A command was applied.
+    /// Leaves the safe state: a command was applied.
     pub(super) fn leave(&mut self) {
         self.in_force = None;
     }
@@ -77,7 +77,7 @@ impl SafeStates {
             let effort = self.effort(simulation.model(), i);
             let command = &mut simulation.commands_mut()[i];
             *command = match state {
-                // Gravity is carried as well, or the arm would sag by as much as the gains are soft.
+                // With gravity compensation, or soft gains would let the arm sag.
                 SafeState::Hold => {
                     let (kp, kd) = if command.kp > 0.0 { (command.kp, command.kd) } else { (kp, kd) };
                     JointCommand { effort, ..JointCommand::hold(position, kp, kd) }

@@ -1,22 +1,27 @@
-//! Where surfaces touch, or soon may.
+//! Contact generation: the points where colliders touch, or soon may.
 
+use std::cell::Cell;
+
+use motorium_robots::{Collisions, ConvexShape};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::pieces::{Owner, Piece};
-use super::solid::{Feature, Solid};
+use super::colliders::{Collider, Colliders, Owner};
+use super::features::{ContactGeometry, Feature};
 
-/// Touches kept at once. Of more, the deepest.
+/// Contact points kept at once. Of more, the deepest.
 const MOST: usize = 96;
 
-/// A point where two surfaces touch or soon may.
+/// A point where two surfaces touch, or soon may.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Touch {
-    /// The same number for the same features of the same two pieces.
+pub(crate) struct ContactPoint {
+    /// The same number for the same features of the same two colliders.
     pub(crate) key: u64,
-    /// The two pieces: the normal points from the second to the first.
-    pub(crate) pieces: (usize, usize),
+    /// Indices of the two colliders: the normal points from the second to the first.
+    pub(crate) colliders: (usize, usize),
     pub(crate) owners: (Owner, Owner),
+    /// In the world \[m\], halfway between the surfaces.
     pub(crate) point: Point3<f64>,
+    /// Unit vector in the world.
     pub(crate) normal: Vector3<f64>,
     /// Between the surfaces \[m\], negative where they overlap.
     pub(crate) distance: f64,
@@ -26,141 +31,194 @@ pub(crate) struct Touch {
 
 #[derive(Clone, Copy, Debug)]
 struct Pair {
+    /// Index in the pairs of the collision model.
+    index: usize,
     first: usize,
     second: usize,
-    /// Origins farther apart than this are not near one another \[m\]; infinite with the ground.
+    /// Origins farther apart than this are not near one another \[m\]; for a half-space, height of the origin above it.
     reach: f64,
+    half_space: bool,
 }
 
-/// Looks for touches. Allocates nothing after [`new`](Self::new).
-#[derive(Clone, Debug)]
+/// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
+const MISSED: f64 = 1e-4;
+
+/// Number of the nearest points among the features of a pair.
+const NEAREST: u32 = u32::MAX >> 1;
+
+/// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
+///
+/// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other.
+/// Where these miss the contact, as between edges that cross or on a hull, it is found at the nearest points of the
+/// two.
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     poses: Vec<Isometry3<f64>>,
-    touches: Vec<Touch>,
+    points: Vec<ContactPoint>,
+    distances: Collisions,
+    /// The points are all that are closer than this as the colliders stand \[m\]; zero when that is not known.
+    complete_within: f64,
 }
 
 impl Detector {
-    /// For all pairs of `pieces` that are `allowed`.
-    pub(crate) fn new(pieces: &[Piece], allowed: impl Fn(usize, usize) -> bool) -> Self {
-        let mut pairs = Vec::new();
-        for first in 0..pieces.len() {
-            for second in first + 1..pieces.len() {
-                if allowed(first, second) {
-                    let reach = pieces[first].solid.reach() + pieces[second].solid.reach();
-                    pairs.push(Pair { first, second, reach });
-                }
-            }
-        }
-        let poses = pieces.iter().map(|piece| piece.placement).collect();
-        Self { pairs, poses, touches: Vec::with_capacity(MOST) }
+    /// For all pairs of the collision model. A half-space is the second of its pairs.
+    pub(crate) fn new(Colliders { colliders, model, .. }: &Colliders) -> Self {
+        let mut pairs: Vec<_> = model
+            .pairs()
+            .iter()
+            .enumerate()
+            .map(|(index, &[first, second])| {
+                let half_space = colliders[second].shape == ConvexShape::HalfSpace;
+                let (a, b) = (&colliders[first].shape, &colliders[second].shape);
+                let reach = a.bounding_radius() + if half_space { 0.0 } else { b.bounding_radius() };
+                Pair { index, first, second, reach, half_space }
+            })
+            .collect();
+        pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
+        let poses = colliders.iter().map(|collider| collider.placement).collect();
+        let points = Vec::with_capacity(MOST);
+        Self { pairs, poses, points, distances: Collisions::new(model), complete_within: 0.0 }
     }
 
-    /// Room for as many touches.
+    /// Largest number of contact points.
     pub(crate) fn capacity(&self) -> usize {
         MOST
     }
 
-    /// What was found last.
-    pub(crate) fn touches(&self) -> &[Touch] {
-        &self.touches
+    /// The points found last.
+    pub(crate) fn points(&self) -> &[ContactPoint] {
+        &self.points
     }
 
-    /// Places a piece of the world.
-    pub(crate) fn set_pose(&mut self, piece: usize, pose: Isometry3<f64>) {
-        self.poses[piece] = pose;
+    /// Forgets the last step.
+    pub(crate) fn forget(&mut self) {
+        self.points.clear();
+        self.distances.forget();
+        self.complete_within = 0.0;
     }
 
-    /// Takes note of where everything is.
-    pub(crate) fn place(&mut self, pieces: &[Piece], pose: impl Fn(Owner) -> Isometry3<f64>) {
-        for (piece, place) in pieces.iter().zip(&mut self.poses) {
-            if piece.owner != Owner::World {
-                *place = pose(piece.owner) * piece.placement;
+    /// Places a collider of the world.
+    pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
+        self.poses[collider] = pose;
+        self.distances.place(collider, &pose);
+        self.complete_within = 0.0;
+    }
+
+    /// Places all colliders whose owner moves; `pose` is that of an owner in the world.
+    pub(crate) fn place(&mut self, colliders: &[Collider], pose: impl Fn(Owner) -> Isometry3<f64>) {
+        for (index, (collider, place)) in colliders.iter().zip(&mut self.poses).enumerate() {
+            if collider.owner != Owner::World {
+                *place = pose(collider.owner) * collider.placement;
+                self.distances.place(index, place);
             }
         }
+        self.complete_within = 0.0;
     }
 
-    /// Height of the lowest point of the robot \[m\]; infinite without pieces.
-    pub(crate) fn lowest(&self, pieces: &[Piece]) -> f64 {
+    /// Height of the lowest point of the robot \[m\]; infinite without colliders.
+    pub(crate) fn lowest(&self, colliders: &[Collider]) -> f64 {
         let mut lowest = f64::INFINITY;
-        for (piece, pose) in pieces.iter().zip(&self.poses).filter(|(piece, _)| piece.owner.is_robot()) {
+        for (collider, pose) in
+            colliders.iter().zip(&self.poses).filter(|(collider, _)| collider.owner.is_robot())
+        {
             let down = pose.rotation.inverse_transform_vector(&-Vector3::z());
-            piece.solid.features(&down, &mut |feature| {
+            collider.shape.features(&down, &mut |feature| {
                 lowest = lowest.min((pose * Point3::from(feature.point)).z - feature.radius);
             });
         }
         lowest
     }
 
-    /// Finds all touches closer than `margin` \[m\].
-    pub(crate) fn detect(&mut self, pieces: &[Piece], margin: f64) -> &[Touch] {
-        let Self { pairs, poses, touches } = self;
-        touches.clear();
+    /// Finds all contact points closer than `margin` \[m\].
+    pub(crate) fn detect(
+        &mut self,
+        Colliders { colliders, model, .. }: &Colliders,
+        margin: f64,
+    ) -> &[ContactPoint] {
+        if margin <= self.complete_within {
+            // Nothing has moved since a look farther around.
+            self.points.retain(|point| point.distance < margin);
+            self.complete_within = margin;
+            return &self.points;
+        }
+        let Self { pairs, poses, points, distances, .. } = self;
+        points.clear();
         for (index, pair) in pairs.iter().enumerate() {
             let (a, b) = (&poses[pair.first], &poses[pair.second]);
-            let far = if pair.reach.is_finite() {
+            let far = if pair.half_space {
+                let up = b.rotation * Vector3::z();
+                (a.translation.vector - b.translation.vector).dot(&up) > pair.reach + margin
+            } else {
                 let apart = a.translation.vector - b.translation.vector;
                 apart.norm_squared() > (pair.reach + margin).powi(2)
-            } else {
-                // One of them is the ground, which is the last of all pieces.
-                a.translation.z - b.translation.z > pieces[pair.first].solid.reach() + margin
             };
             if far {
                 continue;
             }
-            let (first, second) = (&pieces[pair.first], &pieces[pair.second]);
+            let (first, second) = (&colliders[pair.first], &colliders[pair.second]);
             let friction = 0.5 * (first.friction + second.friction);
             let restitution = 0.5 * (first.restitution + second.restitution);
+            let least = Cell::new(margin);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
-                let pieces = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
+                least.set(least.get().min(distance));
+                let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
                 let key = (index as u64) << 32 | u64::from(swapped) << 31 | u64::from(feature);
-                let touch = Touch { key, pieces, owners, point, normal, distance, friction, restitution };
-                keep(touches, touch);
+                let point =
+                    ContactPoint { key, colliders, owners, point, normal, distance, friction, restitution };
+                keep(points, point);
             };
             // A sphere has one feature, which finds all there is.
-            let round = |piece: &Piece| matches!(piece.solid, Solid::Sphere { .. });
+            let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
             if !round(second) || round(first) {
                 search((first, a), (second, b), margin, |f, p, n, d| found(false, f, p, n, d));
             }
             if !round(first) {
                 search((second, b), (first, a), margin, |f, p, n, d| found(true, f, p, n, d));
             }
+            if !pair.half_space
+                && let Some(nearest) = distances.distance_within(model, pair.index, margin)
+                && nearest.distance < least.get() - MISSED
+            {
+                let [p, q] = nearest.points;
+                let point = nalgebra::center(&p, &q);
+                found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
+            }
         }
-        touches
+        self.complete_within = if self.points.len() < MOST { margin } else { 0.0 };
+        &self.points
     }
 }
 
 /// The features of `from` that are near the surface of `onto`.
 fn search(
-    (from, from_pose): (&Piece, &Isometry3<f64>),
-    (onto, onto_pose): (&Piece, &Isometry3<f64>),
+    (from, from_pose): (&Collider, &Isometry3<f64>),
+    (onto, onto_pose): (&Collider, &Isometry3<f64>),
     margin: f64,
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) {
     let relative = onto_pose.inv_mul(from_pose);
-    let Some((_, away)) = onto.solid.surface(&relative.translation.vector) else { return };
+    let Some((_, away)) = onto.shape.surface(&relative.translation.vector) else { return };
     let towards = relative.rotation.inverse_transform_vector(&-away);
-    from.solid.features(&towards, &mut |Feature { index, point, radius }| {
+    from.shape.features(&towards, &mut |Feature { index, point, radius }| {
         let place = relative * Point3::from(point);
-        let Some((height, normal)) = onto.solid.surface_towards(&place.coords, &away) else { return };
+        let Some((height, normal)) = onto.shape.surface_towards(&place.coords, &away) else { return };
         let distance = height - radius;
         if distance < margin {
-            // Halfway between the surfaces.
             let middle = place - normal * (radius + 0.5 * distance);
             found(index, onto_pose * middle, onto_pose * normal, distance);
         }
     });
 }
 
-/// Adds a touch; where there is no room it takes the place of the shallowest.
-fn keep(touches: &mut Vec<Touch>, touch: Touch) {
-    if touches.len() < MOST {
-        touches.push(touch);
+/// Adds a contact point; where there is no room it takes the place of the shallowest.
+fn keep(points: &mut Vec<ContactPoint>, point: ContactPoint) {
+    if points.len() < MOST {
+        points.push(point);
         return;
     }
-    let shallowest = touches.iter_mut().max_by(|a, b| a.distance.total_cmp(&b.distance));
-    if let Some(shallowest) = shallowest.filter(|other| other.distance > touch.distance) {
-        *shallowest = touch;
+    let shallowest = points.iter_mut().max_by(|a, b| a.distance.total_cmp(&b.distance));
+    if let Some(shallowest) = shallowest.filter(|other| other.distance > point.distance) {
+        *shallowest = point;
     }
 }

@@ -1,12 +1,12 @@
-//! The impulses at all touches of a step, found together.
+//! The impulses at all contact points of a step, found together.
 
 use motorium_robots::MassFactor;
 use nalgebra::Vector3;
 
-use super::detect::Touch;
+use super::colliders::Owner;
+use super::detect::ContactPoint;
 use super::objects::FreeBody;
-use super::pieces::Owner;
-use crate::articulated::Coupling;
+use crate::articulated::ExternalImpulses;
 
 /// Overlap decays at this rate \[1/s\].
 const RECOVERY_RATE: f64 = 50.0;
@@ -14,37 +14,42 @@ const RECOVERY_RATE: f64 = 50.0;
 /// And no faster than this \[m/s\].
 const FASTEST_RECOVERY: f64 = 0.5;
 
-/// Give of a touch as a share of its own resistance: where a rigid robot stands on more points than determine their
-/// forces, this decides.
-const GIVE: f64 = 1e-6;
+/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid robot stands
+/// on more points than determine them.
+const COMPLIANCE: f64 = 1e-6;
 
-/// Sweeps over all touches, at most.
+/// Smallest mobility of a contact point (its diagonal entry of W) relative to that of a free body of the robot's
+/// mass. Below it the joints hold the point, which needs no impulse.
+const IMMOVABLE: f64 = 1e-9;
+
+/// Largest number of sweeps over all contact points.
 const SWEEPS: usize = 200;
 
-/// Change of a velocity \[m/s\] in a sweep that ends the sweeps.
+/// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
 const SETTLED: f64 = 1e-8;
 
 /// Contact impulses of one step, by block Gauss-Seidel over the Delassus matrix `W = J A^-1 J'`.
 ///
-/// For each touch with normal n and relative velocity w of the surfaces at the end of the step
+/// For each contact point with normal n and relative velocity w of the surfaces at the end of the step
 ///
 /// ```text
-/// 0 <= lambda_n  complementary to  w_n - target + give lambda_n >= 0        target = -distance / h, apart
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0      target = -distance / h, apart
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
-/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s. The impulses of the last step are the first
-/// guess. Nothing allocates after [`new`](Self::new).
+/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
+/// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
+/// step are the first guess. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     n: usize,
-    touches: usize,
-    /// Rows of J over the robot's velocity: the normal's, then two across, for each touch.
+    points: usize,
+    /// Rows of J over the robot's velocity: the normal's, then two tangents', for each contact point.
     jacobian: Vec<f64>,
     /// Rows of `J A^-1`.
     reduced: Vec<f64>,
-    /// What the rows have of free objects, first and second of the touch.
+    /// Rows of J over the velocities of free objects: of the first and of the second collider of the contact point.
     objects: Vec<[Option<ObjectRow>; 2]>,
     directions: Vec<Vector3<f64>>,
     delassus: Vec<f64>,
@@ -53,6 +58,10 @@ pub(crate) struct Impulses {
     /// Velocities that the objects' fall alone gives.
     falling: Vec<f64>,
     target: Vec<f64>,
+    /// Per contact point: the surfaces overlap, so that the target is a speed of recovery.
+    overlapping: Vec<bool>,
+    /// Inverse of the robot's mass \[1/kg\].
+    inverse_mass: f64,
     friction: Vec<f64>,
     lambda: Vec<f64>,
     keys: Vec<u64>,
@@ -65,16 +74,16 @@ struct ObjectRow {
     object: usize,
     linear: Vector3<f64>,
     angular: Vector3<f64>,
-    yields: (Vector3<f64>, Vector3<f64>),
+    response: (Vector3<f64>, Vector3<f64>),
 }
 
 impl Impulses {
-    /// For a robot of `n` velocities and up to `touches` touches.
-    pub(crate) fn new(n: usize, touches: usize) -> Self {
-        let rows = 3 * touches;
+    /// For a robot of `n` velocities and of `mass` \[kg\], and up to `most` contact points.
+    pub(crate) fn new(n: usize, mass: f64, most: usize) -> Self {
+        let rows = 3 * most;
         Self {
             n,
-            touches: 0,
+            points: 0,
             jacobian: vec![0.0; rows * n],
             reduced: vec![0.0; rows * n],
             objects: vec![[None; 2]; rows],
@@ -82,41 +91,43 @@ impl Impulses {
             delassus: vec![0.0; rows * rows],
             velocity: vec![0.0; rows],
             falling: vec![0.0; rows],
-            target: vec![0.0; touches],
-            friction: vec![0.0; touches],
+            target: vec![0.0; most],
+            overlapping: vec![false; most],
+            inverse_mass: 1.0 / mass.max(f64::MIN_POSITIVE),
+            friction: vec![0.0; most],
             lambda: vec![0.0; rows],
-            keys: Vec::with_capacity(touches),
-            last: Vec::with_capacity(touches),
+            keys: Vec::with_capacity(most),
+            last: Vec::with_capacity(most),
         }
     }
 
     /// Forgets the last step.
     pub(crate) fn forget(&mut self) {
-        self.touches = 0;
+        self.points = 0;
         self.keys.clear();
         self.last.clear();
     }
 
-    /// Impulse at touch `index` along its normal \[Ns\].
+    /// Impulse at contact point `index` along its normal \[Ns\].
     pub(crate) fn normal(&self, index: usize) -> f64 {
         self.lambda[3 * index]
     }
 
-    /// Impulse at touch `index` in the world \[Ns\], on the first of its two pieces.
+    /// Impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
     pub(crate) fn vector(&self, index: usize) -> Vector3<f64> {
         (3 * index..3 * index + 3).map(|row| self.directions[row] * self.lambda[row]).sum()
     }
 
-    /// Sets up the touches of a step of `h` \[s\]. `slope(owner, touch, direction, row)` adds to `row` how fast the robot's
-    /// part of a touch moves along `direction`; `v` is the robot's velocity now, `before` and `falling` the objects' now
-    /// and after falling for the step.
+    /// Sets up the contact points of a step of `h` \[s\]. `slope(owner, point, direction, sign, row)` adds to `row`
+    /// (nv) `sign` times the Jacobian of the velocity along `direction` of the robot's part there; `v` (nv) is the
+    /// robot's velocity now, `before` and `falling` the objects' now and after falling for the step.
     pub(crate) fn prepare(
         &mut self,
-        touches: &[Touch],
+        points: &[ContactPoint],
         h: f64,
         v: &[f64],
         (before, falling): (&[FreeBody], &[FreeBody]),
-        mut slope: impl FnMut(Owner, &Touch, &Vector3<f64>, f64, &mut [f64]),
+        mut slope: impl FnMut(Owner, &ContactPoint, &Vector3<f64>, f64, &mut [f64]),
     ) {
         self.last.clear();
         for (index, key) in self.keys.iter().enumerate() {
@@ -124,56 +135,58 @@ impl Impulses {
             self.last.push((*key, lambda));
         }
         self.keys.clear();
-        self.touches = touches.len();
+        self.points = points.len();
         let n = self.n;
-        for (index, touch) in touches.iter().enumerate() {
-            let (one, other) = across(&touch.normal);
-            for (part, direction) in [touch.normal, one, other].into_iter().enumerate() {
+        for (index, point) in points.iter().enumerate() {
+            let (one, other) = tangents(&point.normal);
+            for (part, direction) in [point.normal, one, other].into_iter().enumerate() {
                 let row = 3 * index + part;
                 self.directions[row] = direction;
                 let entries = &mut self.jacobian[row * n..][..n];
                 entries.fill(0.0);
-                slope(touch.owners.0, touch, &direction, 1.0, entries);
-                slope(touch.owners.1, touch, &direction, -1.0, entries);
+                slope(point.owners.0, point, &direction, 1.0, entries);
+                slope(point.owners.1, point, &direction, -1.0, entries);
                 let object = |owner: Owner, sign: f64| {
                     let Owner::Object(object) = owner else { return None };
                     let body = &falling[object];
                     let linear = direction * sign;
-                    let angular = (touch.point.coords - body.pose.translation.vector).cross(&linear);
-                    let yields = (linear / body.mass, body.yield_to(&angular));
-                    Some(ObjectRow { object, linear, angular, yields })
+                    let angular = (point.point.coords - body.pose.translation.vector).cross(&linear);
+                    let response = (linear / body.mass, body.inverse_inertia_times(&angular));
+                    Some(ObjectRow { object, linear, angular, response })
                 };
-                self.objects[row] = [object(touch.owners.0, 1.0), object(touch.owners.1, -1.0)];
+                self.objects[row] = [object(point.owners.0, 1.0), object(point.owners.1, -1.0)];
                 self.falling[row] = speed(&self.objects[row], falling);
             }
-            self.keys.push(touch.key);
-            let warm = self.last.iter().find(|(key, _)| *key == touch.key).map_or([0.0; 3], |last| last.1);
+            self.keys.push(point.key);
+            let warm = self.last.iter().find(|(key, _)| *key == point.key).map_or([0.0; 3], |last| last.1);
             self.lambda[3 * index..][..3].copy_from_slice(&warm);
-            self.friction[index] = touch.friction;
+            self.friction[index] = point.friction;
             let now = dot(&self.jacobian[3 * index * n..][..n], v) + speed(&self.objects[3 * index], before);
-            self.target[index] = if touch.distance + h * now < 0.0 && now * touch.restitution < -0.01 {
-                -touch.restitution * now
-            } else if touch.distance > 0.0 {
-                -touch.distance / h
+            self.overlapping[index] = false;
+            self.target[index] = if point.distance + h * now < 0.0 && now * point.restitution < -0.01 {
+                -point.restitution * now
+            } else if point.distance > 0.0 {
+                -point.distance / h
             } else {
-                (-touch.distance * RECOVERY_RATE).min(FASTEST_RECOVERY)
+                self.overlapping[index] = true;
+                (-point.distance * RECOVERY_RATE).min(FASTEST_RECOVERY)
             };
         }
     }
 
     /// Gives the objects the velocities that the impulses lead to.
     pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
-        for row in 0..3 * self.touches {
+        for row in 0..3 * self.points {
             for part in self.objects[row].iter().flatten() {
-                bodies[part.object].linear += part.yields.0 * self.lambda[row];
-                bodies[part.object].angular += part.yields.1 * self.lambda[row];
+                bodies[part.object].linear += part.response.0 * self.lambda[row];
+                bodies[part.object].angular += part.response.1 * self.lambda[row];
             }
         }
     }
 
     /// The Delassus matrix and the velocities without impulses.
     fn assemble(&mut self, factor: &MassFactor, held: &[bool], x: &[f64]) {
-        let (n, rows) = (self.n, 3 * self.touches);
+        let (n, rows) = (self.n, 3 * self.points);
         for row in 0..rows {
             let own = &self.jacobian[row * n..][..n];
             self.velocity[row] = dot(own, x) + self.falling[row];
@@ -191,7 +204,7 @@ impl Impulses {
                 let mut entry = dot(reduced, &self.jacobian[other * n..][..n]);
                 for a in self.objects[row].iter().flatten() {
                     for b in self.objects[other].iter().flatten().filter(|b| b.object == a.object) {
-                        entry += a.yields.0.dot(&b.linear) + a.yields.1.dot(&b.angular);
+                        entry += a.response.0.dot(&b.linear) + a.response.1.dot(&b.angular);
                     }
                 }
                 self.delassus[row * rows + other] = entry;
@@ -200,16 +213,33 @@ impl Impulses {
         }
     }
 
-    /// Sweeps over the touches until nothing changes.
+    /// The target of contact point `index`, `stiff` being its diagonal entry of W.
+    fn target(&self, index: usize, stiff: f64) -> f64 {
+        let share = if self.overlapping[index] { (stiff / self.inverse_mass).min(1.0).sqrt() } else { 1.0 };
+        share * self.target[index]
+    }
+
+    /// True when no impulse moves contact point `index`.
+    fn is_immovable(&self, index: usize, rows: usize) -> bool {
+        let row = 3 * index;
+        self.delassus[row * rows + row] < IMMOVABLE * self.inverse_mass
+    }
+
+    /// Sweeps over the contact points until nothing changes.
     fn sweep(&mut self) {
-        let rows = 3 * self.touches;
+        let rows = 3 * self.points;
+        for index in 0..self.points {
+            if self.is_immovable(index, rows) {
+                self.lambda[3 * index..][..3].fill(0.0);
+            }
+        }
         for row in 0..rows {
             let pushes = &self.delassus[row * rows..][..rows];
             self.velocity[row] += dot(pushes, &self.lambda[..rows]);
         }
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;
-            for index in 0..self.touches {
+            for index in 0..self.points {
                 change = change.max(self.relax(index, rows));
             }
             if change < SETTLED {
@@ -218,30 +248,36 @@ impl Impulses {
         }
     }
 
-    /// Solves one touch, the others standing as they are. Gives the largest change of its velocity.
+    /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
     fn relax(&mut self, index: usize, rows: usize) -> f64 {
+        if self.is_immovable(index, rows) {
+            return 0.0;
+        }
         let at = 3 * index;
         let w = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
-        let stiff = w(0, 0).max(f64::MIN_POSITIVE);
+        let stiff = w(0, 0);
         let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
-        let give = GIVE * stiff;
-        let missing = self.velocity[at] - self.target[index] + give * old[0];
-        let normal = (old[0] - missing / (stiff + give)).max(0.0);
-        // What the new normal impulse does across.
+        let compliance = COMPLIANCE * stiff;
+        let missing = self.velocity[at] - self.target(index, stiff) + compliance * old[0];
+        let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
+        // Slip with the new normal impulse.
         let step = normal - old[0];
         let slip = [self.velocity[at + 1] + w(1, 0) * step, self.velocity[at + 2] + w(2, 0) * step];
-        let (a, b, c) = (w(1, 1) * (1.0 + GIVE), w(1, 2), w(2, 2) * (1.0 + GIVE));
+        // Along a tangent that the joints hold, one of them may be zero.
+        let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
+        let (a, b, c) = (w(1, 1) + soft, w(1, 2), w(2, 2) + soft);
         let bound = self.friction[index] * normal;
         let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
         let mut tangent = [
             old[1] - (c * slip[0] - b * slip[1]) / determinant,
             old[2] - (a * slip[1] - b * slip[0]) / determinant,
         ];
-        if tangent[0].hypot(tangent[1]) > bound {
+        let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
+        if squared(&tangent) > bound * bound {
             // It slips: a projected step along the slip, whose fixed point opposes it.
-            let pace = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
-            tangent = [old[1] - slip[0] / pace, old[2] - slip[1] / pace];
-            let size = tangent[0].hypot(tangent[1]);
+            let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
+            tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
+            let size = squared(&tangent).sqrt();
             if size > bound {
                 tangent = tangent.map(|part| part * bound / size);
             }
@@ -263,16 +299,16 @@ impl Impulses {
     }
 }
 
-/// The impulses as an answer to the robot's motion.
-pub(crate) struct Response<'a>(pub(crate) &'a mut Impulses);
+/// The contact impulses as external impulses of the robot's step.
+pub(crate) struct ContactResponse<'a>(pub(crate) &'a mut Impulses);
 
-impl Coupling for Response<'_> {
-    fn respond(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]) {
+impl ExternalImpulses for ContactResponse<'_> {
+    fn apply(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]) {
         let impulses = &mut *self.0;
         impulses.assemble(factor, held, x);
         impulses.sweep();
         let n = impulses.n;
-        for row in 0..3 * impulses.touches {
+        for row in 0..3 * impulses.points {
             let lambda = impulses.lambda[row];
             if lambda != 0.0 {
                 let entries = impulses.jacobian[row * n..][..n].iter().zip(&impulses.reduced[row * n..][..n]);
@@ -297,9 +333,9 @@ fn speed(parts: &[Option<ObjectRow>; 2], bodies: &[FreeBody]) -> f64 {
     parts.iter().flatten().map(part).sum()
 }
 
-/// Two unit vectors across `normal` and one another. They turn with it without a jump wherever it is far from the axis
-/// that is chosen.
-fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+/// Two unit vectors square to `normal` and to one another. They are continuous in it except where the chosen axis
+/// changes.
+fn tangents(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let axis = if normal.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() };
     let one = (axis - normal * normal.dot(&axis)).normalize();
     (one, normal.cross(&one))

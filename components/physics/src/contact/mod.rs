@@ -1,16 +1,17 @@
 //! Contact of a robot and of free objects with the ground, fixed objects and one another.
 //!
-//! Three steps, each with a file: convex [solids](solid) know their surface and the points with which they touch others
-//! first; [detection](detect) finds where those come near another surface; [impulses](impulses) finds what pushes there,
-//! so that nothing comes closer than touching and friction stays in its cone.
+//! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
+//! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
+//! where they come near another surface; [impulses](impulses) solves for the impulses there, so that surfaces do not
+//! overlap and friction stays in its cone. A [scene] holds all of these.
 
+mod colliders;
 mod detect;
+mod features;
 mod impulses;
 mod objects;
-mod pieces;
-mod solid;
+mod scene;
 
-pub(crate) use detect::{Detector, Touch};
-pub(crate) use impulses::{Impulses, Response};
-pub(crate) use objects::Objects;
-pub(crate) use pieces::{Owner, Piece, list, may_touch};
+pub(crate) use colliders::{Collider, Colliders, Owner};
+pub(crate) use impulses::ContactResponse;
+pub(crate) use scene::ContactScene;

@@ -8,9 +8,9 @@ use crate::World;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FreeBody {
     pub(crate) pose: Isometry3<f64>,
-    /// Of its centre \[m/s\], world axes.
+    /// Velocity of its centre \[m/s\], world axes.
     pub(crate) linear: Vector3<f64>,
-    /// World axes \[rad/s\].
+    /// Angular velocity \[rad/s\], world axes.
     pub(crate) angular: Vector3<f64>,
     pub(crate) mass: f64,
     /// Principal moments of inertia, along its own axes \[kg m2\].
@@ -18,8 +18,8 @@ pub(crate) struct FreeBody {
 }
 
 impl FreeBody {
-    /// `I^-1 x`, both in world axes.
-    pub(crate) fn yield_to(&self, torque: &Vector3<f64>) -> Vector3<f64> {
+    /// `I^-1 torque`, both in world axes.
+    pub(crate) fn inverse_inertia_times(&self, torque: &Vector3<f64>) -> Vector3<f64> {
         let own = self.pose.rotation.inverse_transform_vector(torque).component_div(&self.inertia);
         self.pose.rotation * own
     }
@@ -29,7 +29,7 @@ impl FreeBody {
         (self.pose, self.linear, self.angular) = (pose, Vector3::zeros(), Vector3::zeros());
     }
 
-    /// Moves it on for `h` \[s\] without any force but gravity: its velocity, at the end of the step.
+    /// Velocity after `h` \[s\] under gravity alone.
     fn fall(&mut self, gravity: &Vector3<f64>, h: f64) {
         self.linear += gravity * h;
         // One Newton step of the implicit gyroscopic torque, in the body's axes (Catto, GDC 2015): stable at any spin.
@@ -52,14 +52,14 @@ impl FreeBody {
     }
 }
 
-/// All of them, with room for their next state.
+/// All objects that move, with room for their next state.
 #[derive(Clone, Debug)]
 pub(crate) struct Objects {
     pub(crate) now: Vec<FreeBody>,
     pub(crate) next: Vec<FreeBody>,
     /// The next state before it fell.
     pub(crate) before: Vec<FreeBody>,
-    /// Of every object of the world: its place here, if it moves.
+    /// Per object of the world: its index among those that move.
     pub(crate) movable: Vec<Option<usize>>,
 }
 
@@ -86,7 +86,7 @@ impl Objects {
         std::mem::swap(&mut self.now, &mut self.next);
     }
 
-    /// Takes note of the next state as it is.
+    /// Stores the next state as `before`.
     pub(crate) fn before_fall(&mut self) {
         self.before.copy_from_slice(&self.next);
     }
@@ -101,8 +101,8 @@ impl Objects {
         self.next.iter_mut().for_each(|body| body.move_on(h));
     }
 
-    /// The first object of the world whose next state is no number any more.
-    pub(crate) fn broken(&self) -> Option<usize> {
+    /// The first object of the world whose next state is not finite or out of all bounds.
+    pub(crate) fn diverged(&self) -> Option<usize> {
         let sound = |body: &FreeBody| {
             let numbers = body.pose.translation.vector.iter().chain(&body.linear).chain(&body.angular);
             numbers.into_iter().all(|x| x.abs() < 1e9)

@@ -1,328 +1,197 @@
-//! The rapier engine: `rapier3d` in its f64 form, the robot a reduced-coordinate multibody built from our own model.
+//! The rapier engine: `rapier3d` in its f64 form, a robot with a fixed base as a reduced-coordinate multibody.
 //!
-//! While the robot touches nothing and nothing is near, its multibody is switched off and the joint-space integrator of
-//! [`crate::articulated`] moves it (see [`Contacts`]): the same equations without rapier's heap allocations. Rapier's
-//! multibody allocates at every integration step, in the LU factorisation of its mass matrix and in its solver vectors,
-//! and there is no setting that avoids it. Objects are always rapier's; once all have come to rest, away from the robot,
-//! they are left alone.
+//! Rapier's pipeline allocates at every step, in the LU factorisation of the multibody's mass matrix and in its solver
+//! vectors; no setting avoids it.
 //!
-//! The same program on the same machine gives the same bits, in every process: rapier's feature `enhanced-determinism`
-//! adds agreement between kinds of machines, at the price of slower trigonometry for everybody, and is not enabled.
-//!
-//! What it does not do: collision meshes are ignored (with a warning), the robot's base stands at the origin of the world,
-//! and continuous collision detection is off (nothing slower than 5 m/s passes through 5 mm at 1 kHz).
+//! The same program on the same machine gives the same bits, in every process. Rapier's feature `enhanced-determinism`
+//! adds agreement between kinds of machines, at the price of slower trigonometry; it is not enabled.
 
-mod arm;
-mod build;
 mod convert;
+mod drives;
 mod inertia;
-mod proximity;
+mod multibody;
 mod scene;
 mod shapes;
-mod surfaces;
 
-use motorium_robots::{FrameId, Kinematics, Model};
+use motorium_robots::Collisions;
 use nalgebra::{Isometry3, Vector3};
 
-use crate::articulated::{Articulated, Singular};
-use crate::{
-    BuildWarning, Contact, Contacts, JointCommand, ObjectId, Options, ResetError, Simulator, StepError,
-    StepReport, World,
-};
-use arm::{Arm, DriveAction};
-use proximity::{ENTER, LEAVE, Proximity};
+use crate::articulated::JointSpaceIntegrator;
+use crate::contact::{Colliders, Owner};
+use crate::robot::{Robot, RobotSetup};
+use crate::simulation::{Engine, Simulation};
+use crate::{BuildError, BuildWarning, Contact, Options, StepError, StepReport, World};
+use multibody::Multibody;
 pub use scene::Enclose;
 use scene::Scene;
-use surfaces::{Owner, PairTable, Surface};
+use shapes::{PairTable, rapier_shape};
 
-/// A robot in a world, simulated by rapier.
+/// A robot with a fixed base in a world, simulated by the [`Rapier`] engine.
+pub type RapierSimulator = Simulation<Rapier>;
+
+/// The rapier engine.
+///
+/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's contact
+/// solver; it cannot tell steps near a contact from others, so `substeps` must be 1.
+///
+/// A robot with a floating base is refused. The robot's base stands at the origin of the world. Continuous collision
+/// detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort limits: a drive
+/// is taken to be saturated when it would be without contacts or when the last step pushed it beyond its limit, so an
+/// impact may exceed the limit for one step.
 pub struct Rapier {
-    model: Model,
     options: Options,
-    world: World,
-    warnings: Vec<BuildWarning>,
-    gravity: Vector3<f64>,
-    state: State,
-    commands: Vec<JointCommand>,
-    articulated: Articulated,
-    kinematics: Kinematics,
-    surfaces: Vec<Surface>,
+    colliders: Colliders,
     pairs: PairTable,
-    proximity: Proximity,
+    integrator: JointSpaceIntegrator,
     scene: Scene,
-    arm: Arm,
-    /// The contact solver moves the robot.
-    near: bool,
-    /// The multibody does not stand where the state says.
+    multibody: Multibody,
+    /// The multibody must be placed at the robot's state before the next step.
     stale: bool,
-    /// Joints whose drive the last contact step pushed beyond its limit: next, the limit itself acts.
+    /// Per joint: the last step pushed its drive beyond its limit, so that in the next the limit itself acts.
     overdriven: Vec<bool>,
     /// Length of the last step \[s\].
     dt: f64,
 }
 
-/// Positions, velocities and efforts, with room for the next ones: a step that fails leaves no trace.
-struct State {
-    q: Vec<f64>,
-    v: Vec<f64>,
-    tau: Vec<f64>,
-    q_next: Vec<f64>,
-    v_next: Vec<f64>,
-    tau_next: Vec<f64>,
-}
+/// Links that start closer than this never touch each other \[m\].
+const TOO_CLOSE: f64 = 0.010;
 
-impl State {
-    fn new(n: usize) -> Self {
-        let zero = || vec![0.0; n];
-        Self { q: zero(), v: zero(), tau: zero(), q_next: zero(), v_next: zero(), tau_next: zero() }
-    }
-
-    fn begin(&mut self) {
-        self.q_next.copy_from_slice(&self.q);
-        self.v_next.copy_from_slice(&self.v);
-    }
-
-    fn commit(&mut self) {
-        std::mem::swap(&mut self.q, &mut self.q_next);
-        std::mem::swap(&mut self.v, &mut self.v_next);
-        std::mem::swap(&mut self.tau, &mut self.tau_next);
-    }
-}
-
-impl Rapier {
-    /// The settings.
-    pub fn options(&self) -> &Options {
-        &self.options
-    }
-
-    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart,
-    /// for one. The pipeline runs while the robot is near a contact, or an object moves.
-    pub fn enclose_rapier(&mut self, enclose: Enclose) {
-        self.scene.set_enclosure(enclose);
-    }
-
-    fn step_free(&mut self, dt: f64) -> Result<StepReport, StepError> {
-        let h = dt / self.options.substeps as f64;
-        let mut report = StepReport::default();
-        for _ in 0..self.options.substeps {
-            let State { q_next: q, v_next: v, tau_next: tau, .. } = &mut self.state;
-            let events = self.articulated.advance(&self.model, q, v, &self.commands, self.gravity, h, tau);
-            let events = events.map_err(|Singular(joint)| StepError::singular(&self.model, joint))?;
-            report.saturated = report.saturated.max(events.saturated);
-            report.at_limit = events.at_limit;
+impl Engine for Rapier {
+    fn build(
+        setup: &RobotSetup,
+        robot: &Robot,
+        world: &World,
+        options: &Options,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> Result<Self, BuildError> {
+        let model = &robot.model;
+        if model.base().floating {
+            return Err(BuildError::FloatingBase { robot: model.name().to_owned() });
         }
-        self.stale = true;
-        Ok(report)
-    }
-
-    fn step_contact(&mut self, dt: f64) -> Result<StepReport, StepError> {
-        let mut report = StepReport { near_contact: true, ..StepReport::default() };
-        self.scene.disturb();
-        self.arm.set_enabled(&mut self.scene, true);
-        if self.stale {
-            self.arm.place(&self.model, &mut self.scene, &self.state.q);
-            self.overdriven.fill(false);
+        if options.substeps != 1 {
+            let (value, expected) =
+                (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
+            return Err(BuildError::Option { name: "substeps", value, expected });
         }
-        self.stale = true;
-        self.arm.set_velocity(&self.model, &mut self.scene, &self.state.v);
-        let h = self.scene.substep(dt);
-        self.drive(h)?;
-        self.scene.step(dt, &self.gravity, &self.pairs);
-        let State { q_next, v_next, tau_next, .. } = &mut self.state;
-        self.arm.read(&self.model, &self.scene, q_next, v_next);
-        for (i, joint) in self.articulated.joints().iter().enumerate() {
-            let c = &self.commands[i];
-            let law = c.kp * (c.position - q_next[i]) + c.kd * (c.velocity - v_next[i]) + c.effort;
-            let beyond = law.abs() > joint.effort_limit;
-            // A drive that was already at its limit applied what `drive` left in `tau_next`.
-            let constant = self.overdriven[i];
-            if !constant {
-                tau_next[i] = law;
-            }
-            self.overdriven[i] = beyond;
-            report.saturated += usize::from(constant || beyond);
-            report.at_limit += usize::from(q_next[i] <= joint.lower || q_next[i] >= joint.upper);
-        }
-        self.stale = false;
-        Ok(report)
-    }
-
-    /// Decides for each drive whether its law or its limit acts. `overdriven` then marks the latter, and `tau_next` holds
-    /// its effort.
-    ///
-    /// The contact solver knows no effort limits. A drive is taken to be saturated when it would be without contacts,
-    /// or when the last step, contacts included, pushed it beyond: then an impact may exceed the limit for one step,
-    /// and what is reported is what acted.
-    fn drive(&mut self, h: f64) -> Result<(), StepError> {
-        let State { q, v, q_next, v_next, tau_next, .. } = &mut self.state;
-        q_next.copy_from_slice(q);
-        v_next.copy_from_slice(v);
-        let free =
-            self.articulated.advance(&self.model, q_next, v_next, &self.commands, self.gravity, h, tau_next);
-        free.map_err(|Singular(joint)| StepError::singular(&self.model, joint))?;
-        for (i, joint) in self.articulated.joints().iter().enumerate() {
-            let c = self.commands[i];
-            let limit = joint.effort_limit;
-            let law = c.kp * (c.position - q[i]) + c.kd * (c.velocity - v[i]) + c.effort;
-            if self.overdriven[i] && law.abs() > limit {
-                tau_next[i] = limit.copysign(law);
-            }
-            self.overdriven[i] = tau_next[i].abs() >= limit;
-            let action =
-                if self.overdriven[i] { DriveAction::Constant(tau_next[i]) } else { DriveAction::Law(c) };
-            self.arm.drive(&self.model, &mut self.scene, (i, q[i]), action);
-        }
-        Ok(())
-    }
-
-    /// Looks around and decides who moves the robot.
-    fn look(&mut self) {
-        self.near = match self.options.contacts {
-            Contacts::Always => true,
-            Contacts::WhenNear => {
-                self.place_surfaces();
-                self.proximity.any_within(&self.surfaces, if self.near { LEAVE } else { ENTER })
-            }
-        };
-    }
-
-    /// Refuses the end of a step of `dt` that means nothing any more.
-    fn verify(&self, dt: f64) -> Result<(), StepError> {
-        for (i, joint) in self.articulated.joints().iter().enumerate() {
-            let (v, bound) = (self.state.v_next[i], joint.divergence_bound());
-            // The way travelled too: the contact solver may stop a joint that has already jumped.
-            let travel = (self.state.q_next[i] - self.state.q[i]) / dt;
-            // Written so that NaN fails.
-            if !(v.abs() < bound && travel.abs() < bound && self.state.tau_next[i].is_finite()) {
-                let name = self.model.joint_names()[i].clone();
-                let velocity = if travel.abs() < bound { v } else { travel };
-                return Err(StepError::Diverged { joint: i, name, velocity, bound });
+        let colliders = Colliders::new(model, &setup.collision_rules, world, options, warnings);
+        for collider in &colliders.colliders {
+            if rapier_shape(&collider.shape).is_none() {
+                let reason = "its mesh has no volume, which rapier needs".to_owned();
+                warnings.push(BuildWarning::ShapeIgnored { link: collider.name.clone(), reason });
             }
         }
-        Ok(())
-    }
-}
-
-impl Simulator for Rapier {
-    fn model(&self) -> &Model {
-        &self.model
-    }
-
-    fn warnings(&self) -> &[BuildWarning] {
-        &self.warnings
-    }
-
-    fn configuration(&self) -> &[f64] {
-        &self.state.q
+        let (scene, multibody) = populate(robot, world, options, &colliders, |call| call());
+        Ok(Self {
+            pairs: PairTable::new(colliders.colliders.len(), colliders.model.pairs()),
+            integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
+            overdriven: vec![false; robot.joints.len()],
+            stale: true,
+            dt: 1e-3,
+            options: *options,
+            colliders,
+            scene,
+            multibody,
+        })
     }
 
-    fn velocity(&self) -> &[f64] {
-        &self.state.v
-    }
-
-    fn joint_names(&self) -> &[String] {
-        self.model.joint_names()
-    }
-
-    fn positions(&self) -> &[f64] {
-        &self.state.q
-    }
-
-    fn velocities(&self) -> &[f64] {
-        &self.state.v
-    }
-
-    fn efforts(&self) -> &[f64] {
-        &self.state.tau
-    }
-
-    fn commands_mut(&mut self) -> &mut [JointCommand] {
-        &mut self.commands
-    }
-
-    fn step(&mut self, dt: f64) -> Result<StepReport, StepError> {
-        if !(dt > 0.0 && dt.is_finite()) {
-            return Err(StepError::InvalidStep(dt));
-        }
-        StepError::of_commands(&self.commands, self.model.joint_names())?;
-        self.look();
-        self.state.begin();
-        self.dt = dt;
-        let mut report = if self.near {
-            self.step_contact(dt)?
-        } else {
-            let report = self.step_free(dt)?;
-            self.arm.set_enabled(&mut self.scene, false);
-            if !self.scene.is_at_rest() {
-                self.scene.step(dt, &self.gravity, &self.pairs);
-            }
-            report
-        };
-        if let Err(error) = self.verify(dt) {
-            self.stale = true;
-            return Err(error);
-        }
-        if let Some(object) = self.scene.broken_object() {
-            self.stale = true;
-            return Err(StepError::ObjectDiverged { object: self.world.objects[object].name.clone() });
-        }
-        self.state.commit();
-        self.kinematics.update(&self.model, &self.state.q);
-        let limits = self.articulated.joints().iter().map(|joint| joint.velocity_limit);
-        report.overspeed = self.state.v.iter().zip(limits).filter(|(v, limit)| v.abs() > *limit).count();
-        Ok(report)
-    }
-
-    fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        ResetError::of_state(&self.model, q, v)?;
-        self.state.q.copy_from_slice(q);
-        self.state.v.copy_from_slice(v);
-        self.state.tau.fill(0.0);
-        self.commands.fill(JointCommand::default());
-        self.kinematics.update(&self.model, q);
-        self.articulated.forget();
+    fn reset(&mut self, robot: &Robot, world: &World) {
+        self.integrator.forget();
         // A fresh scene: rapier warm-starts from old contacts, and a run must depend on its start alone.
         let enclose = self.scene.enclosure();
-        (self.scene, self.arm) =
-            build::populate(&self.model, &self.world, &self.options, &self.surfaces, enclose);
-        self.near = false;
+        (self.scene, self.multibody) = populate(robot, world, &self.options, &self.colliders, enclose);
         self.stale = true;
-        Ok(())
     }
 
-    fn gravity(&self) -> Vector3<f64> {
-        self.gravity
+    fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
+        let model = &self.colliders.model;
+        let mut distances = Collisions::new(model);
+        distances.update(model, &robot.kinematics);
+        let mut close = Vec::new();
+        for proximity in distances.within(model, TOO_CLOSE) {
+            let pair = model.pairs()[proximity.pair];
+            let [first, second] = pair.map(|index| model.link(index).to_owned());
+            if self.colliders.both_links(pair) {
+                close.push(pair);
+                let distance = proximity.distance.max(0.0);
+                warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+            } else if pair[0] < self.colliders.first_object && proximity.distance <= 0.0 {
+                warnings.push(BuildWarning::StartsInside { link: first, other: second });
+            }
+        }
+        self.colliders.exclude(&close);
+        self.pairs = PairTable::new(self.colliders.colliders.len(), self.colliders.model.pairs());
     }
 
-    fn set_gravity(&mut self, gravity: Vector3<f64>) {
-        self.gravity = gravity;
-        self.scene.disturb();
+    fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
+        self.dt = dt;
+        let mut report = StepReport { near_contact: true, ..StepReport::default() };
+        if self.stale {
+            self.multibody.place(&robot.model, &mut self.scene, &robot.state.q);
+            self.overdriven.fill(false);
+        }
+        self.stale = false;
+        self.multibody.set_velocity(&robot.model, &mut self.scene, &robot.state.v);
+        self.command_drives(robot, self.scene.substep(dt))?;
+        self.scene.step(dt, &robot.gravity, &self.pairs);
+        self.read_state(robot, &mut report);
+        Ok(report)
     }
 
-    fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {
-        self.kinematics.pose(&self.model, frame)
+    fn commit(&mut self) {}
+
+    fn discard(&mut self) {
+        self.stale = true;
     }
 
-    fn object(&self, name: &str) -> Option<ObjectId> {
-        self.world.objects.iter().position(|object| object.name == name).map(ObjectId)
+    fn diverged_object(&self) -> Option<usize> {
+        self.scene.diverged_object()
     }
 
-    fn object_pose(&self, object: ObjectId) -> Isometry3<f64> {
-        self.scene.object_pose(object.0)
+    fn object_pose(&self, index: usize) -> Isometry3<f64> {
+        self.scene.object_pose(index)
     }
 
-    fn set_object_pose(&mut self, object: ObjectId, pose: Isometry3<f64>) {
-        self.scene.set_object_pose(object.0, &pose);
+    fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
+        self.scene.set_object_pose(index, pose);
     }
 
-    fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>) {
-        self.scene.object_velocity(object.0)
+    fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
+        self.scene.object_velocity(index)
     }
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
-        let robot = |index: usize| matches!(self.surfaces[index].owner, Owner::Body(_));
-        // Away from everything, what rapier remembers of the robot is of an earlier step.
-        let current = |first: usize, second: usize| self.near || !(robot(first) || robot(second));
-        self.scene.visit_contacts(&self.surfaces, self.dt, current, visit);
+        self.scene.visit_contacts(&self.colliders.colliders, self.dt, visit);
     }
+}
+
+impl Simulation<Rapier> {
+    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart,
+    /// for one.
+    pub fn enclose_rapier(&mut self, enclose: Enclose) {
+        self.engine.scene.set_enclosure(enclose);
+    }
+}
+
+/// Rapier's sets with the objects at their start.
+fn populate(
+    robot: &Robot,
+    world: &World,
+    options: &Options,
+    colliders: &Colliders,
+    enclose: Enclose,
+) -> (Scene, Multibody) {
+    let mut scene = Scene::new(world, options.contact_iterations, enclose);
+    let multibody = Multibody::new(&robot.model, &robot.joints, &mut scene);
+    for (index, collider) in colliders.colliders.iter().enumerate() {
+        let Some((shape, frame)) = rapier_shape(&collider.shape) else { continue };
+        let (body, placement) = match (collider.owner, index.checked_sub(colliders.first_object)) {
+            (Owner::Body(body), _) => (Some(multibody.links[body]), collider.placement),
+            (_, Some(object)) if object < scene.objects.len() => {
+                (Some(scene.objects[object]), Isometry3::identity())
+            }
+            _ => (None, collider.placement),
+        };
+        scene.attach(index, collider, (shape, placement * frame), body);
+    }
+    (scene, multibody)
 }

@@ -1,27 +1,24 @@
-//! Rapier's side: all its sets in one place, with the objects in them.
+//! Rapier's sets of bodies, colliders and joints, with the objects of the world.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rapier3d_f64::dynamics::{
     CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,
     MultibodyJointSet, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet, SpringCoefficients,
 };
-use rapier3d_f64::geometry::{BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NarrowPhase};
+use rapier3d_f64::geometry::{
+    BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NarrowPhase, SharedShape,
+};
 use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::{ActiveHooks, PhysicsPipeline};
 
 use super::convert;
 use super::inertia::{MILLIGRAMS, mass_properties};
-use super::surfaces::{PairTable, Surface};
+use super::shapes::PairTable;
+use crate::contact::Collider;
 use crate::{Contact, World};
 
-/// Runs the call it is given. A caller may so see rapier's own doings apart, its allocations above all.
+/// A function that runs the call it is given, such as one that counts its allocations apart.
 pub type Enclose = fn(&mut dyn FnMut());
-
-/// Objects slower than this (m/s, rad/s) count as still.
-const STILL: (f64, f64) = (1e-3, 1e-2);
-
-/// Objects still for this long \[s\] rest until something changes.
-const REST_AFTER: f64 = 0.5;
 
 /// Rapier's world.
 pub(super) struct Scene {
@@ -29,10 +26,6 @@ pub(super) struct Scene {
     pub(super) colliders: ColliderSet,
     pub(super) multibodies: MultibodyJointSet,
     pub(super) objects: Vec<RigidBodyHandle>,
-    /// Objects that can move.
-    movable: Vec<RigidBodyHandle>,
-    /// How long no object has moved \[s\].
-    quiet: f64,
     enclose: Enclose,
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
@@ -45,10 +38,11 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// Rapier with the objects of `world`, without their surfaces.
+    /// Rapier with the objects of `world`, without their colliders.
     pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
-        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g sink
-        // in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms, without bouncing.
+        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g
+        // sink in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms,
+        // without bouncing.
         let softness = SpringCoefficients::new(500.0, 5.0);
         let parameters = IntegrationParameters {
             num_solver_iterations: contact_iterations,
@@ -88,13 +82,7 @@ impl Scene {
             bodies,
             colliders: ColliderSet::new(),
             multibodies: MultibodyJointSet::new(),
-            movable: objects
-                .iter()
-                .zip(&world.objects)
-                .filter_map(|(handle, object)| object.is_dynamic().then_some(*handle))
-                .collect(),
             objects,
-            quiet: 0.0,
             enclose,
             parameters,
             pipeline: PhysicsPipeline::new(),
@@ -107,25 +95,26 @@ impl Scene {
         }
     }
 
-    /// Fixes surface number `index` to `body`, or to the world.
+    /// Fixes collider `index` with its shape and placement to `body`, or to the world.
     pub(super) fn attach(
         &mut self,
         index: usize,
-        surface: &Surface,
+        collider: &Collider,
+        (shape, placement): (SharedShape, Isometry3<f64>),
         body: Option<RigidBodyHandle>,
     ) -> ColliderHandle {
-        let collider = ColliderBuilder::new(surface.shape.clone())
-            .position(convert::pose(&surface.placement))
+        let builder = ColliderBuilder::new(shape)
+            .position(convert::pose(&placement))
             .density(0.0)
-            .friction(surface.friction)
-            .restitution(surface.restitution)
+            .friction(collider.friction)
+            .restitution(collider.restitution)
             .friction_combine_rule(CoefficientCombineRule::Average)
             .restitution_combine_rule(CoefficientCombineRule::Average)
             .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS)
             .user_data(index as u128);
         match body {
-            Some(body) => self.colliders.insert_with_parent(collider, body, &mut self.bodies),
-            None => self.colliders.insert(collider),
+            Some(body) => self.colliders.insert_with_parent(builder, body, &mut self.bodies),
+            None => self.colliders.insert(builder),
         }
     }
 
@@ -151,23 +140,6 @@ impl Scene {
                 &(),
             );
         });
-        let still = |handle: &RigidBodyHandle| {
-            let body = &self.bodies[*handle];
-            body.linvel().length() < STILL.0 && body.angvel().length() < STILL.1
-        };
-        self.quiet = if self.movable.iter().all(still) { self.quiet + dt } else { 0.0 };
-    }
-
-    /// Whether the objects, left alone by the robot, stay as they are: none can move, or all have come to rest.
-    ///
-    /// Rapier's own sleeping would do the same, but its pipeline allocates even when all sleep.
-    pub(super) fn is_at_rest(&self) -> bool {
-        self.movable.is_empty() || self.quiet >= REST_AFTER
-    }
-
-    /// Something changed: what rests must show again that it does.
-    pub(super) fn disturb(&mut self) {
-        self.quiet = 0.0;
     }
 
     pub(super) fn enclosure(&self) -> Enclose {
@@ -189,8 +161,7 @@ impl Scene {
 
     pub(super) fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         let body = &self.bodies[self.objects[index]];
-        let moving = if self.is_at_rest() { 0.0 } else { 1.0 };
-        (convert::vector_back(body.linvel()) * moving, convert::vector_back(body.angvel()) * moving)
+        (convert::vector_back(body.linvel()), convert::vector_back(body.angvel()))
     }
 
     /// Places an object and stops it.
@@ -201,11 +172,10 @@ impl Scene {
         body.set_position(convert::pose(pose), true);
         body.set_linvel(Vector::ZERO, true);
         body.set_angvel(Vector::ZERO, true);
-        self.disturb();
     }
 
-    /// The first object whose state is not a number any more.
-    pub(super) fn broken_object(&self) -> Option<usize> {
+    /// The first object whose state is not finite.
+    pub(super) fn diverged_object(&self) -> Option<usize> {
         self.objects.iter().position(|handle| {
             let body = &self.bodies[*handle];
             !body.is_enabled()
@@ -215,22 +185,18 @@ impl Scene {
         })
     }
 
-    /// Shows the contact points of the last step, which was `dt` \[s\] long; pairs that `current` denies are left out.
+    /// Passes the contact points of the last step, of `dt` \[s\], to `visit`.
     pub(super) fn visit_contacts(
         &self,
-        surfaces: &[Surface],
+        colliders: &[Collider],
         dt: f64,
-        current: impl Fn(usize, usize) -> bool,
         visit: &mut dyn FnMut(&Contact<'_>),
     ) {
         for pair in self.narrow_phase.contact_pairs() {
-            let surface = |handle| self.colliders.get(handle).map(|collider| collider.user_data as usize);
-            let (Some(first), Some(second)) = (surface(pair.collider1), surface(pair.collider2)) else {
+            let index = |handle| self.colliders.get(handle).map(|collider| collider.user_data as usize);
+            let (Some(first), Some(second)) = (index(pair.collider1), index(pair.collider2)) else {
                 continue;
             };
-            if !current(first, second) {
-                continue;
-            }
             for manifold in pair.manifolds() {
                 for point in &manifold.points {
                     // Rapier also keeps points that may touch soon.
@@ -239,8 +205,8 @@ impl Scene {
                     }
                     let on_first = self.colliders[pair.collider1].position() * point.local_p1;
                     visit(&Contact {
-                        first: &surfaces[first].name,
-                        second: &surfaces[second].name,
+                        first: &colliders[first].name,
+                        second: &colliders[second].name,
                         point: convert::point_back(on_first),
                         normal: convert::vector_back(manifold.data.normal),
                         depth: (-point.dist).max(0.0),

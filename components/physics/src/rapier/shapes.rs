@@ -1,44 +1,60 @@
-//! Shapes of robots and objects as rapier's.
+//! Convex shapes as rapier's, and rapier's filter for pairs of them.
 
 use std::f64::consts::FRAC_PI_2;
 
-use motorium_robots::Geometry;
+use motorium_robots::ConvexShape;
 use nalgebra::{Isometry3, Vector3};
-use rapier3d_f64::geometry::SharedShape;
+use rapier3d_f64::geometry::{ColliderHandle, SharedShape};
+use rapier3d_f64::math::Vector;
+use rapier3d_f64::pipeline::{PairFilterContext, PhysicsHooks};
+use rapier3d_f64::prelude::SolverFlags;
 
-use crate::ObjectShape;
+use super::convert;
 
-/// The shape and its frame in that of the geometry; `None` for a mesh.
-pub(super) fn of_geometry(geometry: &Geometry) -> Option<(SharedShape, Isometry3<f64>)> {
-    match geometry {
-        Geometry::Box { size } => Some(cuboid(size)),
-        Geometry::Cylinder { radius, length } => Some(cylinder(*radius, *length)),
-        Geometry::Sphere { radius } => Some(sphere(*radius)),
-        Geometry::Capsule { radius, length } => {
-            Some((SharedShape::capsule_z(0.5 * length, *radius), Isometry3::identity()))
+/// The shape and its frame in that of `shape`; `None` for a hull without volume.
+pub(super) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
+    let upright = match shape {
+        ConvexShape::Sphere { radius } => SharedShape::ball(*radius),
+        ConvexShape::Box { half } => SharedShape::cuboid(half.x, half.y, half.z),
+        ConvexShape::Capsule { radius, half_length } => SharedShape::capsule_z(*half_length, *radius),
+        ConvexShape::Hull { points } => {
+            let points: Vec<Vector> = points.iter().map(convert::vector).collect();
+            SharedShape::convex_hull(&points)?
         }
-        Geometry::Mesh { .. } => None,
+        ConvexShape::HalfSpace => SharedShape::halfspace(Vector::Z),
+        ConvexShape::Cylinder { radius, half_length } => {
+            // Rapier's cylinders stand along y.
+            let shape = SharedShape::cylinder(*half_length, *radius);
+            return Some((shape, Isometry3::rotation(Vector3::x() * FRAC_PI_2)));
+        }
+    };
+    Some((upright, Isometry3::identity()))
+}
+
+/// The pairs of colliders that may touch, as a table.
+#[derive(Clone, Debug)]
+pub(super) struct PairTable {
+    count: usize,
+    allowed: Vec<bool>,
+}
+
+impl PairTable {
+    /// For `count` colliders of which these pairs may touch.
+    pub(super) fn new(count: usize, pairs: &[[usize; 2]]) -> Self {
+        let mut allowed = vec![false; count * count];
+        for [a, b] in pairs {
+            allowed[a * count + b] = true;
+            allowed[b * count + a] = true;
+        }
+        Self { count, allowed }
     }
 }
 
-/// The shape and its frame in that of the object.
-pub(super) fn of_object(shape: &ObjectShape) -> (SharedShape, Isometry3<f64>) {
-    match *shape {
-        ObjectShape::Box { size } => cuboid(&Vector3::from(size)),
-        ObjectShape::Sphere { radius } => sphere(radius),
-        ObjectShape::Cylinder { radius, length } => cylinder(radius, length),
+/// Rapier asks about every pair whose bounding boxes overlap. The user data of a collider is its index.
+impl PhysicsHooks for PairTable {
+    fn filter_contact_pair(&self, context: &PairFilterContext<'_>) -> Option<SolverFlags> {
+        let index = |handle: ColliderHandle| context.colliders[handle].user_data as usize;
+        let (first, second) = (index(context.collider1), index(context.collider2));
+        self.allowed[first * self.count + second].then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
     }
-}
-
-fn cuboid(size: &Vector3<f64>) -> (SharedShape, Isometry3<f64>) {
-    (SharedShape::cuboid(0.5 * size.x, 0.5 * size.y, 0.5 * size.z), Isometry3::identity())
-}
-
-fn sphere(radius: f64) -> (SharedShape, Isometry3<f64>) {
-    (SharedShape::ball(radius), Isometry3::identity())
-}
-
-/// Rapier's cylinders stand along y, ours along z.
-fn cylinder(radius: f64, length: f64) -> (SharedShape, Isometry3<f64>) {
-    (SharedShape::cylinder(0.5 * length, radius), Isometry3::rotation(Vector3::x() * FRAC_PI_2))
 }

@@ -23,6 +23,8 @@ pub(super) struct Parts<'g, 'i> {
     pub scheduling: Scheduling,
     pub parameters: Vec<Vec<ParameterPlan>>,
     pub latencies: Latencies,
+    /// Values kept for taps, by topic.
+    pub histories: Vec<usize>,
     pub safety: SafetyPlan,
     pub order: Vec<usize>,
 }
@@ -119,6 +121,7 @@ impl Parts<'_, '_> {
             writer: writer.component,
             triggers: (0..self.drafts.len()).filter(triggered).collect(),
             readers,
+            history: self.histories[topic],
         })
     }
 }

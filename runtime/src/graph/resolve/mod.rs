@@ -6,6 +6,7 @@
 mod assemble;
 mod declare;
 mod exec;
+mod history;
 mod latency;
 mod order;
 mod parameters;
@@ -88,12 +89,23 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
     let parameters = parameters::resolve(&drafts, report);
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
+    let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, report);
     if report.has_errors() {
         return None;
     }
     let order = order::of(&timing);
-    let parts = assemble::Parts { drafts, wiring, timing, scheduling, parameters, latencies, safety, order };
+    let parts = assemble::Parts {
+        drafts,
+        wiring,
+        timing,
+        scheduling,
+        parameters,
+        latencies,
+        histories,
+        safety,
+        order,
+    };
     let plan = parts.assemble(graph, context);
     Some(plan.expect("every part of a graph without errors is resolved"))
 }

@@ -145,6 +145,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             writer: topic,
             readers: triggers.clone(),
             triggers,
+            history: 0,
         }
     });
     Plan {

@@ -1,4 +1,4 @@
-//! Work put off to the end of a step: wake-ups on the same core, mirrors, records of ages.
+//! Work put off to the end of a step: wake-ups on the same core, slots for the next publications, records of ages.
 
 use std::cell::RefCell;
 use std::fmt::Debug;
@@ -14,8 +14,8 @@ pub(crate) trait AfterStep: Debug {
     /// Wakes the components that the step has triggered.
     fn wake(&self);
 
-    /// Sends what the step has published to readers outside of the graph.
-    fn echo(&self);
+    /// Chooses the memory of the next publication.
+    fn prepare(&self);
 }
 
 /// The work of one component that is put off to the end of its steps.
@@ -55,7 +55,7 @@ impl Deferred {
 
     /// Does the rest of the work put off.
     pub(crate) fn finish(&self) {
-        self.outputs.borrow().iter().for_each(|output| output.echo());
+        self.outputs.borrow().iter().for_each(|output| output.prepare());
         for (edge, age_ns) in self.ages.borrow_mut().drain(..) {
             self.region.edges()[edge].age.record(age_ns);
         }

@@ -12,7 +12,8 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use iceoryx2::node::Node;
 
-use super::{Bell, PortError, Shared, open_bell};
+use super::latest::TopicMemory;
+use super::{PortError, Shared};
 use crate::os::current_core;
 use crate::plan::{Activation, OnOverrun, Plan, TopicPlan};
 use crate::region::{Command, ComponentBlock, Region};
@@ -41,8 +42,8 @@ pub struct Context {
     signals: Arc<Signals>,
     /// The core found by the last look-up, and the number of requests so far.
     core: Cell<(usize, u32)>,
-    /// The notifiers of the topics that the ports have joined, by the name of the topic.
-    bells: RefCell<Vec<(String, Weak<Bell>)>>,
+    /// The memory of the topics that the ports have joined, by the name of the topic.
+    topics: RefCell<Vec<(String, Weak<TopicMemory>)>>,
 }
 
 impl Context {
@@ -59,7 +60,7 @@ impl Context {
             deferred: Deferred::new(region.clone()),
             signals: Arc::default(),
             core: Cell::new((0, 0)),
-            bells: RefCell::default(),
+            topics: RefCell::default(),
             region,
         }
     }
@@ -115,17 +116,21 @@ impl Context {
         core
     }
 
-    /// The notifier of a topic, mapped once for all ports of the component.
-    pub(crate) fn bell(&self, node: &Node<Shared>, topic: &TopicPlan) -> Result<Rc<Bell>, PortError> {
-        let mut bells = self.bells.borrow_mut();
-        let open = bells.iter().find(|(name, _)| *name == topic.name).and_then(|(_, bell)| bell.upgrade());
-        if let Some(bell) = open {
-            return Ok(bell);
+    /// The memory of a topic, mapped once for all ports of the component.
+    pub(crate) fn memory(
+        &self,
+        node: &Node<Shared>,
+        topic: &TopicPlan,
+    ) -> Result<Rc<TopicMemory>, PortError> {
+        let mut topics = self.topics.borrow_mut();
+        let open = topics.iter().find(|(name, _)| *name == topic.name).and_then(|(_, open)| open.upgrade());
+        if let Some(memory) = open {
+            return Ok(memory);
         }
-        let bell = Rc::new(open_bell(node, topic)?);
-        bells.retain(|(name, _)| *name != topic.name);
-        bells.push((topic.name.clone(), Rc::downgrade(&bell)));
-        Ok(bell)
+        let memory = Rc::new(TopicMemory::open(node, topic)?);
+        topics.retain(|(name, _)| *name != topic.name);
+        topics.push((topic.name.clone(), Rc::downgrade(&memory)));
+        Ok(memory)
     }
 
     /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step before.

@@ -1,4 +1,4 @@
-//! What the model of a robot leaves out of its URDF: colours, and the order of joints that Pinocchio uses.
+//! The URDF text of a robot, and the colours in it, which its model leaves out.
 
 use std::collections::BTreeMap;
 
@@ -45,41 +45,6 @@ pub(super) fn colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
         .collect()
 }
 
-/// The names of the joints that are not fixed as Pinocchio orders them: depth first, the joints below one link in
-/// alphabetical order.
-pub(super) fn depth_first(text: &str) -> Vec<String> {
-    let Ok(document) = Document::parse(text) else { return Vec::new() };
-    let mut below: BTreeMap<&str, BTreeMap<&str, (&str, bool)>> = BTreeMap::new();
-    let mut children = Vec::new();
-    for joint in elements(document.root_element(), "joint") {
-        let link = |role| element(joint, role).and_then(|element| element.attribute("link"));
-        let (Some(name), Some(parent), Some(child)) =
-            (joint.attribute("name"), link("parent"), link("child"))
-        else {
-            continue;
-        };
-        let moves = joint.attribute("type") != Some("fixed");
-        below.entry(parent).or_default().insert(name, (child, moves));
-        children.push(child);
-    }
-    let roots = elements(document.root_element(), "link").filter_map(|link| link.attribute("name"));
-    let mut open: Vec<&str> = roots.filter(|link| !children.contains(link)).collect();
-    let mut order = Vec::new();
-    // The joints to come, the next one last.
-    let mut waiting: Vec<(&str, (&str, bool))> = Vec::new();
-    loop {
-        if let Some(link) = open.pop() {
-            let joints = below.remove(link).unwrap_or_default();
-            waiting.extend(joints.into_iter().rev());
-        }
-        let Some((name, (child, moves))) = waiting.pop() else { return order };
-        if moves {
-            order.push(name.to_string());
-        }
-        open.push(child);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,17 +52,9 @@ mod tests {
     const TREE: &str = r#"<robot name="r">
       <material name="red"><color rgba="1 0 0 1"/></material>
       <link name="a"><visual><material name="red"/></visual><visual><material name="x"><color rgba="0 0.5 1 1"/></material></visual></link>
-      <link name="b"><visual/></link><link name="c"/><link name="d"/><link name="e"/>
+      <link name="b"><visual/></link>
       <joint name="z" type="fixed"><parent link="a"/><child link="b"/></joint>
-      <joint name="k" type="revolute"><parent link="b"/><child link="c"/></joint>
-      <joint name="m" type="revolute"><parent link="a"/><child link="d"/></joint>
-      <joint name="y" type="prismatic"><parent link="d"/><child link="e"/></joint>
     </robot>"#;
-
-    #[test]
-    fn joints_come_depth_first_and_fixed_ones_keep_their_place_in_the_alphabet() {
-        assert_eq!(depth_first(TREE), ["m", "y", "k"]);
-    }
 
     #[test]
     fn colours_are_found_by_name_and_in_place() {

@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use motorium::transport::Observed;
+use motorium::transport::Sample;
 use serde::Serialize;
 
 use super::decode::{Decoded, Decoder};
@@ -66,14 +66,14 @@ impl Echo {
         let run = self.run.open()?;
         let (_, topic) = find(&run.plan, &self.topic)?;
         let decoder = Decoder::new(&topic.layout)?;
-        let watch = Watch::open(&run, topic)?;
+        let mut watch = Watch::open(&run, topic)?;
         let interval = Duration::from_secs_f64(1.0 / self.rate);
         let period_ns = run.plan.components[topic.writer].period_ns();
         let poll = if self.every { poll_for(period_ns) } else { interval.min(Duration::from_millis(20)) };
         let mut pace = Pace::default();
         let (mut shown, mut due) = (0, Instant::now());
-        let mut newest: Option<Observed> = None;
-        let take = |samples: Vec<Observed>| {
+        let mut newest: Option<Sample> = None;
+        let take = |samples: Vec<Sample>| {
             for sample in &samples {
                 pace.see(&sample.stamp);
             }
@@ -104,7 +104,7 @@ impl Echo {
     }
 
     /// Prints a sample; false once the reader has closed the pipe.
-    fn print(&self, run: &LivingRun, decoder: &Decoder, sample: &Observed) -> anyhow::Result<bool> {
+    fn print(&self, run: &LivingRun, decoder: &Decoder, sample: &Sample) -> anyhow::Result<bool> {
         let value = match decoder.decode(&sample.bytes) {
             Ok(value) => value,
             Err(error) => {

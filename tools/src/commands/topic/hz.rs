@@ -51,7 +51,7 @@ impl Hz {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
         let (_, topic) = find(&run.plan, &self.topic)?;
-        let watch = Watch::open(&run, topic)?;
+        let mut watch = Watch::open(&run, topic)?;
         let poll = poll_for(run.plan.components[topic.writer].period_ns());
         let (mut pace, mut intervals) = (Pace::default(), Vec::new());
         let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), |samples| {

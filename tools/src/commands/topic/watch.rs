@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use motorium::plan::TopicPlan;
 use motorium::region::Phase;
-use motorium::transport::{Observed, Observer};
+use motorium::transport::{Sample, Tap};
 
 use crate::out::errln;
 use crate::runs::LivingRun;
@@ -35,35 +35,34 @@ pub(super) enum End {
 pub(super) struct Watch<'a> {
     run: &'a LivingRun,
     topic: &'a TopicPlan,
-    observer: Observer,
+    tap: Tap,
     interrupted: Arc<AtomicBool>,
 }
 
 impl<'a> Watch<'a> {
-    /// Joins a topic as an observer, away from the real-time cores. Signals from now on end the following in good
-    /// order, so that the place of the observer becomes free again.
+    /// Joins a topic as a tap, away from the real-time cores. Signals from now on end the following in good
+    /// order, so that the place of the tap becomes free again.
     pub(super) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
         run.stand_aside();
         let interrupted = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, interrupted.clone()).context("catching signals")?;
         }
-        let observer = Observer::open(&run.folder.domain()?, topic)
-            .context("a topic has places for four observers; is another `topic echo` still running?")?;
-        Ok(Self { run, topic, observer, interrupted })
+        let tap = Tap::open(&run.folder.domain()?, topic)?;
+        Ok(Self { run, topic, tap, interrupted })
     }
 
     /// Looks for new samples every `poll` and hands them, or none, to `take` until it returns false.
     pub(super) fn follow(
-        &self,
+        &mut self,
         poll: Duration,
         time: Option<Duration>,
-        mut take: impl FnMut(Vec<Observed>) -> anyhow::Result<bool>,
+        mut take: impl FnMut(Vec<Sample>) -> anyhow::Result<bool>,
     ) -> anyhow::Result<End> {
         let begin = Instant::now();
         let (mut checked, mut silent) = (begin, true);
         loop {
-            let samples: Vec<Observed> = core::iter::from_fn(|| self.observer.next_unread()).collect();
+            let samples: Vec<Sample> = core::iter::from_fn(|| self.tap.next_unread()).collect();
             silent &= samples.is_empty();
             if !take(samples)? {
                 return Ok(End::Enough);

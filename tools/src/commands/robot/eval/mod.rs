@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use comfy_table::CellAlignment;
-use motorium_robots::{JointKind, Loaded, MimicMode, Model};
+use motorium_robots::{JointKind, Loaded, MimicMode, Model, pinocchio_joint_order};
 use serde_json::{Value, json};
 
 use super::facts::short;
@@ -24,8 +24,9 @@ use states::States;
 /// Compute kinematics and dynamics of a robot at given states: frame poses, Jacobians, mass matrix, bias and gravity
 /// forces, inverse and forward dynamics, centre of mass, centroidal momentum, energies.
 ///
-/// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in Pinocchio's layout, or in
-/// the order `joints` lists. With --json the answer has one case for each; without, results that the states already hold are
+/// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in Pinocchio's layout,
+/// or in the order `joints` lists. Two kinds of joints differ from Pinocchio: `v`, `a` and `tau` of a planar joint are
+/// along the axes of its plane, and `q` of a floating base is its pose in the world even where its joint has an origin. With --json the answer has one case for each; without, results that the states already hold are
 /// compared with ours.
 ///
 /// Example: motorium robot eval arm.urdf --states states.json --json
@@ -76,7 +77,7 @@ impl Eval {
 
     fn states(&self, robot: &Loaded, document: &Value) -> anyhow::Result<States> {
         let urdf = super::urdf_text::text(robot)?;
-        let order = super::urdf_text::depth_first(&urdf);
+        let order = pinocchio_joint_order(&urdf);
         let layout = Layout::of(&robot.model, document, &order).context("reading `joints` of the states")?;
         states::read(&robot.model, layout, document, &self.frame)
     }

@@ -1,0 +1,176 @@
+//! The joint-space integrator: one step of the robot's motion with drives, friction and limit stops, all implicit.
+
+use motorium_robots::{Dynamics, Model};
+use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
+
+use super::implicit::{ExternalImpulses, ImplicitSolver, NoImpulses, Singular, Start};
+use crate::JointCommand;
+use crate::joint::JointProperties;
+
+/// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
+///
+/// Semi-implicit Euler, of first order, in the independent coordinates: mimic joints are exact, since they have no
+/// coordinate of their own. A floating base comes first. The end velocity `v+` of a step of length h solves
+///
+/// ```text
+/// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
+/// q+ = q + h v+
+/// ```
+///
+/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic
+/// limit stops. A floating base moves on a straight line and turns about a fixed axis during the step; its velocity
+/// is taken in axes that stand still meanwhile, so that its rotation alone changes no velocity.
+///
+/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and is
+/// unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear or saturated,
+/// its friction sticks or slips, its stop holds or not; the linear system of the current modes is solved until its
+/// solution confirms the modes. The modes of the last step are the first guess and nearly always right.
+///
+/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h Kp. A
+/// drive without damping therefore comes to rest.
+///
+/// Nothing allocates after [`new`](Self::new).
+///
+/// # Example
+///
+/// ```
+/// use std::path::Path;
+/// use motorium_physics::{JointCommand, JointProperties, JointSpaceIntegrator};
+/// use motorium_robots::load;
+/// use nalgebra::Vector3;
+///
+/// let model = load("panda", Path::new("."))?.model;
+/// let mut integrator = JointSpaceIntegrator::new(&model, JointProperties::of(&model, 0.0));
+/// let (mut q, mut v) = (model.neutral(), vec![0.0; model.nv()]);
+/// let commands = vec![JointCommand::default(); model.joint_count()];
+/// let mut tau = vec![0.0; model.joint_count()];
+/// let gravity = Vector3::new(0.0, 0.0, -9.81);
+/// integrator.advance(&model, &mut q, &mut v, &commands, gravity, 1e-3, &mut tau)?;
+/// assert!(v.iter().any(|v| v.abs() > 1e-3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct JointSpaceIntegrator {
+    joints: Vec<JointProperties>,
+    dynamics: Dynamics,
+    mass: DMatrix<f64>,
+    bias: DVector<f64>,
+    v_next: DVector<f64>,
+    solver: ImplicitSolver,
+}
+
+/// Counts of joints on a limit at the end of an integration step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct JointEvents {
+    /// Joints whose drive is at its effort limit.
+    pub saturated: usize,
+    /// Joints held by a limit stop.
+    pub at_limit: usize,
+}
+
+impl JointSpaceIntegrator {
+    /// A workspace for `model` with the passive properties `joints`, one per independent joint.
+    pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
+        assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
+        let n = model.nv();
+        Self {
+            joints,
+            dynamics: Dynamics::new(model),
+            mass: DMatrix::zeros(n, n),
+            bias: DVector::zeros(n),
+            v_next: DVector::zeros(n),
+            solver: ImplicitSolver::new(model),
+        }
+    }
+
+    /// Passive properties of the joints.
+    pub fn joints(&self) -> &[JointProperties] {
+        &self.joints
+    }
+
+    /// Resets the modes of the last step, so that the next step depends on its arguments alone.
+    pub fn forget(&mut self) {
+        self.solver.forget();
+    }
+
+    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply meanwhile to `tau`.
+    /// `commands` and `tau` have one entry per independent joint.
+    ///
+    /// # Errors
+    ///
+    /// [`Singular`] when a joint moves no inertia; `q` and `v` are then as before, `tau` is unspecified.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "a step maps (q, v, command) to (q, v, tau); bundling hides that"
+    )]
+    pub fn advance(
+        &mut self,
+        model: &Model,
+        q: &mut [f64],
+        v: &mut [f64],
+        commands: &[JointCommand],
+        gravity: Vector3<f64>,
+        h: f64,
+        tau: &mut [f64],
+    ) -> Result<JointEvents, Singular> {
+        self.advance_among(model, (q, v), commands, (gravity, &[]), h, &mut NoImpulses, tau)
+    }
+
+    /// [`advance`](Self::advance) with external loads: `force` is a generalized force besides gravity (nv, or empty),
+    /// `impulses` depend on the end velocity.
+    #[expect(clippy::too_many_arguments, reason = "as advance")]
+    pub(crate) fn advance_among(
+        &mut self,
+        model: &Model,
+        (q, v): (&mut [f64], &mut [f64]),
+        commands: &[JointCommand],
+        (gravity, force): (Vector3<f64>, &[f64]),
+        h: f64,
+        impulses: &mut impl ExternalImpulses,
+        tau: &mut [f64],
+    ) -> Result<JointEvents, Singular> {
+        self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
+        for (bias, force) in self.bias.iter_mut().zip(force) {
+            *bias -= force;
+        }
+        self.dynamics.crba(model, q, &mut self.mass);
+        let offset = model.nv() - self.joints.len();
+        for (index, joint) in self.joints.iter().enumerate() {
+            self.mass[(offset + index, offset + index)] += joint.armature;
+        }
+        if model.base().floating {
+            // In axes that stand still the base's velocity does not turn with it: remove the term of the turning axes.
+            let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
+            for (row, bias) in self.bias.iter_mut().enumerate() {
+                *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
+            }
+        }
+        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        let x = self.v_next.as_mut_slice();
+        let events = self.solver.solve((&self.joints, commands), &start, impulses, x, tau)?;
+        integrate_position(model, q, x, h);
+        v.copy_from_slice(x);
+        Ok(events)
+    }
+}
+
+/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start into
+/// those at the end.
+fn integrate_position(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
+    let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
+    for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {
+        *q += h * x;
+    }
+    if !model.base().floating {
+        return;
+    }
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
+    let linear = Vector3::from_column_slice(&x[..3]);
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(&x[3..6]) * h);
+    for (q, moved) in q.iter_mut().zip((rotation * linear).iter()) {
+        *q += h * moved;
+    }
+    let rotation = UnitQuaternion::new_normalize((rotation * turn).into_inner());
+    q[3..7].copy_from_slice(rotation.coords.as_slice());
+    x[..3].copy_from_slice((turn.inverse() * linear).as_slice());
+}

@@ -1,0 +1,143 @@
+//! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
+
+use motorium_robots::{
+    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, Geometry, MeshMode, Model,
+    Srdf,
+};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::{BuildWarning, ObjectShape, Options, World};
+
+/// The part of the simulation that a collider moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Owner {
+    /// The world: the ground, fixed objects, links that do not move.
+    World,
+    /// The moving base of the robot.
+    Base,
+    /// A body of the robot.
+    Body(usize),
+    /// An object that moves, by its index among those.
+    Object(usize),
+}
+
+impl Owner {
+    /// True for the moving parts of the robot.
+    pub(crate) fn is_robot(self) -> bool {
+        matches!(self, Self::Base | Self::Body(_))
+    }
+}
+
+/// A convex shape with surface properties, fixed to its owner.
+#[derive(Clone, Debug)]
+pub(crate) struct Collider {
+    /// Robot link, object, or `ground`.
+    pub(crate) name: String,
+    pub(crate) owner: Owner,
+    pub(crate) shape: ConvexShape,
+    /// Frame of the shape in that of its owner. Objects that move are placed at the origin of their own frame.
+    pub(crate) placement: Isometry3<f64>,
+    pub(crate) friction: f64,
+    pub(crate) restitution: f64,
+}
+
+/// All colliders, robot first, then objects, then the ground, and the pairs of them that may touch.
+pub(crate) struct Colliders {
+    pub(crate) colliders: Vec<Collider>,
+    /// Index of the collider of the first object of the world.
+    pub(crate) first_object: usize,
+    /// The collision model they come from: the same indices and pairs.
+    pub(crate) model: CollisionModel,
+}
+
+impl Colliders {
+    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the robot has
+    /// no self-collision; `rules` disable and enable further pairs. Shapes that cannot be used are left out with a
+    /// warning.
+    pub(crate) fn new(
+        robot: &Model,
+        rules: &Srdf,
+        world: &World,
+        options: &Options,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> Self {
+        let collision_options = CollisionOptions {
+            meshes: MeshMode::Outermost,
+            siblings: false,
+            self_collision: options.self_collision,
+            srdf: rules.clone(),
+            leave_out_defects: true,
+            ..CollisionOptions::default()
+        };
+        let mut model = CollisionModel::new(robot, &collision_options)
+            .expect("defects are left out, and nothing else can go wrong");
+        let first_object = model.solid_count();
+        warnings.extend(model.left_out().iter().map(|defect| match defect {
+            CollisionError::Solid { link, problem } => {
+                BuildWarning::ShapeIgnored { link: link.clone(), reason: problem.to_string() }
+            }
+            CollisionError::UnknownLink { .. } => BuildWarning::RuleIgnored { reason: defect.to_string() },
+        }));
+        for object in &world.objects {
+            let (geometry, pose) = (geometry(&object.shape), object.pose());
+            let added = if object.is_dynamic() {
+                model.add_free_object(&object.name, pose, geometry, MeshMode::Outermost)
+            } else {
+                model.add_obstacle(&object.name, pose, geometry, MeshMode::Outermost)
+            };
+            added.expect("the sizes of objects have been checked with the world");
+        }
+        if let Some(ground) = &world.ground {
+            model.add_half_space("ground", Isometry3::translation(0.0, 0.0, ground.height));
+        }
+        let floating = robot.base().floating;
+        let colliders: Vec<Collider> = (0..model.solid_count())
+            .map(|index| {
+                let object = index.checked_sub(first_object).map(|index| (index, world.objects.get(index)));
+                let free =
+                    |until: usize| world.objects[..until].iter().filter(|object| object.is_dynamic()).count();
+                let owner = match (model.attachment(index), object) {
+                    (_, Some((index, Some(object)))) if object.is_dynamic() => Owner::Object(free(index)),
+                    (Attachment::Body(body), None) => Owner::Body(body),
+                    (Attachment::Base, None) if floating => Owner::Base,
+                    _ => Owner::World,
+                };
+                let (friction, restitution) = match (object, &world.ground) {
+                    (Some((_, Some(object))), _) => (object.friction, object.restitution),
+                    (Some((_, None)), Some(ground)) => (ground.friction, ground.restitution),
+                    _ => (options.friction, 0.0),
+                };
+                let moves_freely = matches!(owner, Owner::Object(_));
+                Collider {
+                    name: model.link(index).to_owned(),
+                    owner,
+                    shape: model.convex_shape(index),
+                    placement: if moves_freely { Isometry3::identity() } else { model.placement(index) },
+                    friction,
+                    restitution,
+                }
+            })
+            .collect();
+        // Colliders of one owner, and two that never move, need no check.
+        model.retain_pairs(|&[a, b]| colliders[a].owner != colliders[b].owner);
+        Self { colliders, first_object, model }
+    }
+
+    /// True where both colliders are links of the robot, moving or not.
+    pub(crate) fn both_links(&self, pair: [usize; 2]) -> bool {
+        pair.iter().all(|&index| index < self.first_object)
+    }
+
+    /// Excludes pairs of colliders.
+    pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
+        self.model.retain_pairs(|pair| !pairs.contains(pair));
+    }
+}
+
+fn geometry(shape: &ObjectShape) -> Geometry {
+    match *shape {
+        ObjectShape::Box { size } => Geometry::Box { size: Vector3::from(size) },
+        ObjectShape::Sphere { radius } => Geometry::Sphere { radius },
+        ObjectShape::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
+    }
+}

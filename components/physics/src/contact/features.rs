@@ -1,0 +1,206 @@
+//! Surfaces of convex shapes, and the points with which they touch others first.
+
+use motorium_robots::ConvexShape;
+use nalgebra::{Unit, Vector3};
+
+/// A point of a shape that may touch: the surface is `radius` around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Feature {
+    /// The same number for the same part of the shape.
+    pub(crate) index: u32,
+    pub(crate) point: Vector3<f64>,
+    pub(crate) radius: f64,
+}
+
+/// Closer than this to an edge of a box, a point may belong to either face \[m\].
+const EDGE_BAND: f64 = 1e-3;
+
+/// The contact geometry of a convex shape.
+pub(crate) trait ContactGeometry {
+    /// Signed distance of `point` from the surface \[m\], negative inside, and the outward normal there. A hull has
+    /// none.
+    fn surface(&self, point: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
+
+    /// [`surface`](Self::surface) for a point of a body that lies in the direction `reference` (a unit vector,
+    /// outward). Within a millimetre of the edge of a box, `reference` decides which face the point touches: of two
+    /// boxes on one ground the lower edges meet exactly, and rounding must not decide.
+    fn surface_towards(&self, point: &Vector3<f64>, reference: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
+
+    /// Passes the points that may touch a body in the direction `towards` (a unit vector) to `visit`.
+    fn features(&self, towards: &Vector3<f64>, visit: &mut dyn FnMut(Feature));
+}
+
+impl ContactGeometry for ConvexShape {
+    fn surface(&self, point: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+        Some(match self {
+            Self::Sphere { radius } => from_core(point, &Vector3::zeros(), *radius),
+            Self::Capsule { radius, half_length: half } => {
+                from_core(point, &Vector3::new(0.0, 0.0, point.z.clamp(-half, *half)), *radius)
+            }
+            Self::Box { half } => {
+                let beyond = point.abs() - half;
+                let outside = beyond.sup(&Vector3::zeros());
+                if outside.norm_squared() > 0.0 {
+                    let normal = outside.component_mul(&point.map(f64::signum));
+                    (outside.norm(), normal / outside.norm())
+                } else {
+                    let face = beyond.imax();
+                    let mut normal = Vector3::zeros();
+                    normal[face] = point[face].signum();
+                    (beyond[face], normal)
+                }
+            }
+            Self::Cylinder { radius, half_length: half } => {
+                let away = Vector3::new(point.x, point.y, 0.0);
+                let side = Unit::try_new(away, 1e-12).unwrap_or(Vector3::x_axis()).into_inner();
+                let end = Vector3::new(0.0, 0.0, point.z.signum());
+                let (across, along) = (away.norm() - radius, point.z.abs() - half);
+                if across > 0.0 && along > 0.0 {
+                    let distance = across.hypot(along);
+                    (distance, (side * across + end * along) / distance)
+                } else if across > along {
+                    (across, side)
+                } else {
+                    (along, end)
+                }
+            }
+            Self::HalfSpace => (point.z, Vector3::z()),
+            Self::Hull { .. } => return None,
+        })
+    }
+
+    fn surface_towards(&self, point: &Vector3<f64>, reference: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+        if let Self::Box { half } = self {
+            let beyond = point.abs() - half;
+            if beyond.sup(&Vector3::zeros()).norm() < EDGE_BAND {
+                let outward = |axis: usize| reference[axis] * point[axis].signum();
+                let near = (0..3).filter(|axis| beyond[*axis] > beyond.max() - EDGE_BAND);
+                let face = near.max_by(|a, b| outward(*a).total_cmp(&outward(*b))).unwrap_or(beyond.imax());
+                let mut normal = Vector3::zeros();
+                normal[face] = point[face].signum();
+                return Some((beyond[face], normal));
+            }
+        }
+        self.surface(point)
+    }
+
+    fn features(&self, towards: &Vector3<f64>, visit: &mut dyn FnMut(Feature)) {
+        match self {
+            Self::Sphere { radius } => {
+                visit(Feature { index: 0, point: Vector3::zeros(), radius: *radius });
+            }
+            Self::Capsule { radius, half_length: half } => {
+                for (index, z) in [-half, *half].into_iter().enumerate() {
+                    visit(Feature { index: index as u32, point: Vector3::new(0.0, 0.0, z), radius: *radius });
+                }
+            }
+            Self::Box { half } => {
+                for index in 0..8_u32 {
+                    let sign = |bit: u32| if index >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                    let point = half.component_mul(&Vector3::new(sign(0), sign(1), sign(2)));
+                    visit(Feature { index, point, radius: 0.0 });
+                }
+            }
+            Self::Cylinder { radius, half_length: half } => {
+                // The outermost point of each rim, and three more around it that carry a standing cylinder.
+                let out = Vector3::new(towards.x, towards.y, 0.0);
+                let out = Unit::try_new(out, 1e-9).unwrap_or(Vector3::x_axis()).into_inner() * *radius;
+                let round = Vector3::new(-out.y, out.x, 0.0);
+                for (end, z) in [-half, *half].into_iter().enumerate() {
+                    for (turn, rim) in [out, round, -out, -round].into_iter().enumerate() {
+                        let point = Vector3::new(rim.x, rim.y, z);
+                        visit(Feature { index: (4 * end + turn) as u32, point, radius: 0.0 });
+                    }
+                }
+            }
+            Self::Hull { points } => {
+                for (index, point) in points.iter().enumerate() {
+                    visit(Feature { index: index as u32, point: *point, radius: 0.0 });
+                }
+            }
+            Self::HalfSpace => {}
+        }
+    }
+}
+
+/// Distance and normal of a sphere of `radius` around `core`.
+fn from_core(point: &Vector3<f64>, core: &Vector3<f64>, radius: f64) -> (f64, Vector3<f64>) {
+    let away = point - core;
+    let distance = away.norm();
+    let normal = if distance > 1e-12 { away / distance } else { Vector3::z() };
+    (distance - radius, normal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shapes() -> Vec<ConvexShape> {
+        vec![
+            ConvexShape::Sphere { radius: 0.3 },
+            ConvexShape::Box { half: Vector3::new(0.2, 0.3, 0.1) },
+            ConvexShape::Cylinder { radius: 0.2, half_length: 0.25 },
+            ConvexShape::Capsule { radius: 0.15, half_length: 0.2 },
+            ConvexShape::HalfSpace,
+        ]
+    }
+
+    #[test]
+    fn the_normal_is_the_slope_of_the_distance() {
+        for shape in shapes() {
+            for i in 0..60 {
+                let phase = f64::from(i);
+                let point = Vector3::new((1.3 * phase).sin(), (2.1 * phase).cos(), (0.7 * phase).sin()) * 0.4;
+                let (_, normal) = shape.surface(&point).unwrap();
+                for axis in 0..3 {
+                    let mut step = Vector3::zeros();
+                    step[axis] = 1e-6;
+                    let ahead = shape.surface(&(point + step)).unwrap().0;
+                    let behind = shape.surface(&(point - step)).unwrap().0;
+                    assert!((normal[axis] - (ahead - behind) / 2e-6).abs() < 1e-4, "{shape:?} at {point}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn at_an_edge_the_side_that_something_lies_on_decides() {
+        let shape = ConvexShape::Box { half: Vector3::new(0.2, 0.3, 0.1) };
+        for slip in [-1e-10, 0.0, 1e-10] {
+            let edge = Vector3::new(0.2 - 1e-9, 0.0, -0.1 + slip);
+            let (distance, normal) = shape.surface_towards(&edge, &Vector3::x()).unwrap();
+            assert_eq!(normal, Vector3::x());
+            assert!((distance + 1e-9).abs() < 1e-15, "{distance}");
+            assert_eq!(shape.surface_towards(&edge, &-Vector3::z()).unwrap().1, -Vector3::z());
+        }
+        // Away from edges nothing changes, and deep inside the nearest face counts.
+        for point in [Vector3::new(0.25, 0.0, 0.12), Vector3::new(0.1, 0.1, 0.09)] {
+            assert_eq!(shape.surface_towards(&point, &Vector3::x()), shape.surface(&point));
+        }
+    }
+
+    #[test]
+    fn the_outermost_feature_is_as_far_out_as_the_solid() {
+        for shape in shapes().into_iter().filter(|shape| *shape != ConvexShape::HalfSpace) {
+            for i in 0..40 {
+                let phase = f64::from(i);
+                let towards =
+                    Vector3::new((1.3 * phase).sin(), (2.1 * phase).cos(), (0.7 * phase).sin()).normalize();
+                let mut out = f64::MIN;
+                shape.features(&towards, &mut |f| out = out.max(f.point.dot(&towards) + f.radius));
+                // The support function, by its definition for each of them.
+                let across = towards.x.hypot(towards.y);
+                let expected = match &shape {
+                    ConvexShape::Sphere { radius } => *radius,
+                    ConvexShape::Box { half } => half.dot(&towards.abs()),
+                    ConvexShape::Cylinder { radius, half_length: half } => {
+                        radius * across + half * towards.z.abs()
+                    }
+                    ConvexShape::Capsule { radius, half_length: half } => radius + half * towards.z.abs(),
+                    _ => unreachable!(),
+                };
+                assert!((out - expected).abs() < 1e-12, "{shape:?} towards {towards}");
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Passive properties of joints.
+
+use motorium_robots::Model;
+
+/// Passive properties of one independent joint, with those of the joints that mimic it folded in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointProperties {
+    /// Lowest position \[rad or m\], -inf without a limit.
+    pub lower: f64,
+    /// Highest position \[rad or m\], +inf without a limit.
+    pub upper: f64,
+    /// Largest effort of the drive, either way \[Nm or N\].
+    pub effort_limit: f64,
+    /// Velocity limit \[rad/s or m/s\], +inf without a limit. It is counted, not enforced.
+    pub velocity_limit: f64,
+    /// Viscous damping \[Nms/rad or Ns/m\].
+    pub damping: f64,
+    /// Coulomb friction \[Nm or N\].
+    pub friction: f64,
+    /// Inertia of the rotor seen at the joint \[kg m2 or kg\].
+    pub armature: f64,
+}
+
+impl JointProperties {
+    /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
+    ///
+    /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
+    /// follows, and narrows its range to where its own limits hold.
+    pub fn of(model: &Model, armature: f64) -> Vec<Self> {
+        let mut joints: Vec<Self> = (0..model.joint_count())
+            .map(|index| Self {
+                lower: model.lower()[index],
+                upper: model.upper()[index],
+                effort_limit: model.effort_limit()[index],
+                velocity_limit: model.velocity_limit()[index],
+                damping: 0.0,
+                friction: 0.0,
+                armature,
+            })
+            .collect();
+        for body in model.bodies() {
+            let joint = &body.joint;
+            let (multiplier, offset) = (joint.coordinate.multiplier(), joint.coordinate.offset());
+            let own = &mut joints[joint.coordinate.index()];
+            own.damping += multiplier * multiplier * joint.dynamics.damping;
+            own.friction += multiplier.abs() * joint.dynamics.friction;
+            if multiplier != 0.0 {
+                let ends = [joint.limits.lower, joint.limits.upper].map(|end| (end - offset) / multiplier);
+                let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+                // A range that would leave the master no motion is ignored: some files limit a follower to a point.
+                if low.max(own.lower) <= high.min(own.upper) {
+                    own.lower = own.lower.max(low);
+                    own.upper = own.upper.min(high);
+                }
+            }
+        }
+        joints
+    }
+
+    /// Velocity beyond which the simulation no longer means anything \[rad/s or m/s\]: 20 times the limit and at least
+    /// 100, or 1000 without a limit.
+    pub fn divergence_bound(&self) -> f64 {
+        if self.velocity_limit.is_finite() { (20.0 * self.velocity_limit).max(100.0) } else { 1000.0 }
+    }
+}

@@ -1,0 +1,52 @@
+//! Drives with effort limits, which rapier does not have.
+
+use super::Rapier;
+use super::multibody::DriveAction;
+use crate::articulated::Singular;
+use crate::robot::{Robot, State};
+use crate::{StepError, StepReport};
+
+impl Rapier {
+    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven` then
+    /// marks the latter, and `tau_next` holds its effort.
+    pub(super) fn command_drives(&mut self, robot: &mut Robot, h: f64) -> Result<(), StepError> {
+        let Robot { model, joints, commands, state, gravity, .. } = robot;
+        let State { q, v, q_next, v_next, tau_next, .. } = state;
+        // The motion without contacts predicts which drives saturate.
+        let free = self.integrator.advance(model, q_next, v_next, commands, *gravity, h, tau_next);
+        free.map_err(|Singular(index)| StepError::singular(model, index))?;
+        for (i, joint) in joints.iter().enumerate() {
+            let c = commands[i];
+            let limit = joint.effort_limit;
+            let law = c.kp * (c.position - q[i]) + c.kd * (c.velocity - v[i]) + c.effort;
+            if self.overdriven[i] && law.abs() > limit {
+                tau_next[i] = limit.copysign(law);
+            }
+            self.overdriven[i] = tau_next[i].abs() >= limit;
+            let action =
+                if self.overdriven[i] { DriveAction::Constant(tau_next[i]) } else { DriveAction::Law(c) };
+            self.multibody.drive(model, &mut self.scene, (i, q[i]), action);
+        }
+        Ok(())
+    }
+
+    /// Reads the next state of the robot, and the efforts that acted.
+    pub(super) fn read_state(&mut self, robot: &mut Robot, report: &mut StepReport) {
+        let Robot { model, joints, commands, state, .. } = robot;
+        let State { q_next, v_next, tau_next, .. } = state;
+        self.multibody.read(model, &self.scene, q_next, v_next);
+        for (i, joint) in joints.iter().enumerate() {
+            let c = &commands[i];
+            let law = c.kp * (c.position - q_next[i]) + c.kd * (c.velocity - v_next[i]) + c.effort;
+            let beyond = law.abs() > joint.effort_limit;
+            // A drive that was already at its limit applied what `command_drives` left in `tau_next`.
+            let constant = self.overdriven[i];
+            if !constant {
+                tau_next[i] = law;
+            }
+            self.overdriven[i] = beyond;
+            report.saturated += usize::from(constant || beyond);
+            report.at_limit += usize::from(q_next[i] <= joint.lower || q_next[i] >= joint.upper);
+        }
+    }
+}

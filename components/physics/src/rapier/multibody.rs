@@ -1,0 +1,214 @@
+//! The robot as rapier's reduced-coordinate multibody.
+
+use motorium_robots::{Body, Coordinate, JointKind, Model};
+use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
+use rapier3d_f64::dynamics::{
+    GenericJoint, JointAxesMask, JointAxis, MultibodyDofCoupling, MultibodyJoint, MultibodyJointHandle,
+    RigidBodyBuilder, RigidBodyHandle, SpringCoefficients,
+};
+
+use super::convert;
+use super::inertia::{MILLIGRAMS, mass_properties};
+use super::scene::Scene;
+use crate::JointCommand;
+use crate::joint::JointProperties;
+
+/// The robot as rapier's multibody: handles of its parts.
+pub(super) struct Multibody {
+    /// One per body of the model.
+    pub(super) links: Vec<RigidBodyHandle>,
+    joints: Vec<MultibodyJointHandle>,
+    /// Displacement of every coordinate, in rapier's order.
+    displacement: Vec<f64>,
+}
+
+/// The law of a drive in the coming step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum DriveAction {
+    /// The impedance law of the command.
+    Law(JointCommand),
+    /// A constant effort \[Nm or N\].
+    Constant(f64),
+}
+
+/// Stiffness of the spring that stands in for a constant effort \[Nm/rad or N/m\]: over a millisecond at 10 rad/s the
+/// effort changes by a hundred-millionth.
+const CONSTANT: f64 = 1e-6;
+
+/// Rapier removes this share of a limit's violation per second \[1/s\], as the joint-space integrator does.
+const RECOVERY_RATE: f64 = 20.0;
+
+impl Multibody {
+    /// Builds the multibody at joint position zero. The caller attaches the colliders.
+    pub(super) fn new(model: &Model, joints: &[JointProperties], scene: &mut Scene) -> Self {
+        let base = scene.bodies.insert(RigidBodyBuilder::fixed());
+        let mut links = Vec::with_capacity(model.bodies().len());
+        let mut handles = Vec::with_capacity(model.bodies().len());
+        for body in model.bodies() {
+            let inertia = &body.inertia;
+            let mass = mass_properties(inertia.mass, &inertia.com, &inertia.rotational);
+            let builder = RigidBodyBuilder::dynamic().additional_mass_properties(mass).can_sleep(false);
+            let link = scene.bodies.insert(builder);
+            let parent = body.parent.map_or(base, |parent| links[parent]);
+            let handle = scene
+                .multibodies
+                .insert(parent, link, joint(body), true)
+                .expect("every body has one parent, which comes before it, so no loop can arise");
+            links.push(link);
+            handles.push(handle);
+        }
+        let mut multibody = Self { links, joints: handles, displacement: Vec::new() };
+        multibody.couple(model, scene);
+        multibody.set_passive(model, joints, scene);
+        multibody
+    }
+
+    /// Mimic joints: rapier keeps `q2 = multiplier q1 + offset` by a constraint.
+    fn couple(&mut self, model: &Model, scene: &mut Scene) {
+        for (index, body) in model.bodies().iter().enumerate() {
+            let Coordinate::Mimic { of, multiplier, offset } = body.joint.coordinate else { continue };
+            let master = model.joint_body(of);
+            let (_, link1) = self.link(scene, master);
+            let (multibody, link2) = self.link_mut(scene, index);
+            multibody.add_dof_coupling(MultibodyDofCoupling {
+                link1,
+                dof1: 0,
+                axis1: axis(model.bodies()[master].joint.kind) as usize,
+                link2,
+                dof2: 0,
+                axis2: axis(body.joint.kind) as usize,
+                coeff: multiplier,
+                offset,
+            });
+        }
+    }
+
+    /// Friction and armature. Damping follows with the drives' own.
+    fn set_passive(&mut self, model: &Model, joints: &[JointProperties], scene: &mut Scene) {
+        for (index, body) in model.bodies().iter().enumerate() {
+            let (multibody, link) = self.link_mut(scene, index);
+            let dof = dof(multibody, link);
+            multibody.frictions_mut()[dof] = MILLIGRAMS * body.joint.dynamics.friction;
+            multibody.damping_mut()[dof] = MILLIGRAMS * body.joint.dynamics.damping;
+            if let Coordinate::Independent(column) = body.joint.coordinate {
+                multibody.armature_mut()[dof] = MILLIGRAMS * joints[column].armature;
+            }
+        }
+        if let Some(handle) = self.joints.first() {
+            let (multibody, _) =
+                scene.multibodies.get_mut(*handle).expect("the multibody stays for the scene's lifetime");
+            // The joint set leaves the six freedoms of a free root in until it has seen that the base is fixed.
+            multibody.forward_kinematics(&scene.bodies, true);
+            self.displacement = vec![0.0; multibody.ndofs()];
+        }
+    }
+
+    /// Places the links at `q`.
+    pub(super) fn place(&mut self, model: &Model, scene: &mut Scene, q: &[f64]) {
+        let Some(first) = self.joints.first().copied() else { return };
+        for (index, body) in model.bodies().iter().enumerate() {
+            let (multibody, id) = self.link_mut(scene, index);
+            let dof = dof(multibody, id);
+            let link = multibody.link_mut(id).expect("the id is that of the joint's own link");
+            link.joint = MultibodyJoint::new(link.joint.data, false);
+            self.displacement[dof] = body.joint.coordinate.position(q);
+        }
+        let (multibody, _) = scene.multibodies.get_mut(first).expect("the multibody stays");
+        multibody.apply_displacements(&self.displacement);
+        multibody.forward_kinematics(&scene.bodies, true);
+        multibody.update_rigid_bodies(&mut scene.bodies, true);
+    }
+
+    /// Gives the joints the velocity `v`.
+    pub(super) fn set_velocity(&mut self, model: &Model, scene: &mut Scene, v: &[f64]) {
+        for (index, body) in model.bodies().iter().enumerate() {
+            let coordinate = &body.joint.coordinate;
+            let (multibody, id) = self.link_mut(scene, index);
+            let dof = dof(multibody, id);
+            multibody.generalized_velocity_mut()[dof] = coordinate.multiplier() * v[coordinate.index()];
+        }
+    }
+
+    /// Sets the drive of independent joint `column` at position `q`.
+    ///
+    /// The law becomes an implicit spring and damper in the mass matrix, which is exact and stable for any gains, where
+    /// rapier's motors would be rows of an iteration that has not converged. Velocity setpoint and feed-forward shift
+    /// the spring's rest position.
+    pub(super) fn drive(
+        &mut self,
+        model: &Model,
+        scene: &mut Scene,
+        (column, q): (usize, f64),
+        action: DriveAction,
+    ) {
+        let index = model.joint_body(column);
+        let joint = &model.bodies()[index].joint;
+        let (stiffness, rest, damping) = match action {
+            DriveAction::Law(c) => {
+                let stiffness = c.kp.max(CONSTANT);
+                let push = c.kp * (c.position - q) + c.kd * c.velocity + c.effort;
+                (stiffness, q + push / stiffness, c.kd)
+            }
+            DriveAction::Constant(effort) => (CONSTANT, q + effort / CONSTANT, 0.0),
+        };
+        let (multibody, id) = self.link_mut(scene, index);
+        let dof = dof(multibody, id);
+        multibody.damping_mut()[dof] = MILLIGRAMS * (joint.dynamics.damping + damping);
+        let link = multibody.link_mut(id).expect("the id is that of the joint's own link");
+        link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, rest);
+    }
+
+    /// Reads position and velocity of the independent joints.
+    pub(super) fn read(&self, model: &Model, scene: &Scene, q: &mut [f64], v: &mut [f64]) {
+        for (column, (q, v)) in q.iter_mut().zip(v).enumerate() {
+            let index = model.joint_body(column);
+            let (multibody, id) = self.link(scene, index);
+            let link = multibody.link(id).expect("the id is that of the joint's own link");
+            *q = link.joint().coords()[axis(model.bodies()[index].joint.kind) as usize];
+            *v = multibody.generalized_velocity()[link.assembly_id()];
+        }
+    }
+
+    fn link<'a>(&self, scene: &'a Scene, index: usize) -> (&'a rapier3d_f64::dynamics::Multibody, usize) {
+        scene.multibodies.get(self.joints[index]).expect("joints stay for the scene's lifetime")
+    }
+
+    fn link_mut<'a>(
+        &self,
+        scene: &'a mut Scene,
+        index: usize,
+    ) -> (&'a mut rapier3d_f64::dynamics::Multibody, usize) {
+        scene.multibodies.get_mut(self.joints[index]).expect("joints stay for the scene's lifetime")
+    }
+}
+
+/// Place of a link's only freedom in rapier's generalized vectors.
+fn dof(multibody: &rapier3d_f64::dynamics::Multibody, link: usize) -> usize {
+    multibody.link(link).expect("the id is that of the joint's own link").assembly_id()
+}
+
+fn axis(kind: JointKind) -> JointAxis {
+    if kind == JointKind::Prismatic { JointAxis::LinX } else { JointAxis::AngX }
+}
+
+/// Rapier's joint about or along its own x axis, which is turned onto the joint's.
+fn joint(body: &Body) -> GenericJoint {
+    let joint = &body.joint;
+    let turn = Isometry3::from_parts(Default::default(), onto(&joint.axis));
+    let axis = axis(joint.kind);
+    let mut rapier = GenericJoint::new(JointAxesMask::all() ^ JointAxesMask::from(axis));
+    rapier.set_local_frame1(convert::pose(&(joint.placement * turn)));
+    rapier.set_local_frame2(convert::pose(&turn));
+    if joint.limits.lower.is_finite() || joint.limits.upper.is_finite() {
+        rapier.set_limits(axis, [joint.limits.lower, joint.limits.upper]);
+    }
+    // A stiff limit whose violation decays at RECOVERY_RATE: rapier's default undoes it within one step, a blow.
+    let omega = 1e6 * std::f64::consts::TAU;
+    rapier.softness = SpringCoefficients::new(1e6, 0.5 * omega / RECOVERY_RATE);
+    rapier
+}
+
+/// The shortest rotation that takes x onto `axis`.
+fn onto(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
+    motorium_robots::lie::so3::least_rotation(&Vector3::x_axis(), axis)
+}

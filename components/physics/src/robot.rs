@@ -1,0 +1,202 @@
+//! The simulated robot: the part of a simulation that does not depend on the engine.
+
+use motorium_robots::{Kinematics, Loaded, Model, Srdf, UnknownFrame};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use crate::joint::JointProperties;
+use crate::{JointCommand, Options, ResetError, RotorDrive, StepError};
+
+/// The robot of a simulation: its model, its rotors and its collision rules.
+///
+/// A bare [`Model`] converts into one without rotors and rules.
+#[derive(Clone, Debug)]
+pub struct RobotSetup {
+    /// Links, joints, inertias and collision shapes.
+    pub model: Model,
+    /// Drives that pull at the robot instead of turning a joint.
+    pub rotors: Vec<RotorDrive>,
+    /// Pairs of links that never touch one another, and exceptions from the engine's own rules.
+    pub collision_rules: Srdf,
+}
+
+impl From<Model> for RobotSetup {
+    fn from(model: Model) -> Self {
+        Self { model, rotors: Vec::new(), collision_rules: Srdf::default() }
+    }
+}
+
+impl RobotSetup {
+    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only.
+    ///
+    /// # Errors
+    ///
+    /// [`UnknownFrame`] when the profile names a frame that the robot does not have.
+    pub fn of(robot: &Loaded) -> Result<Self, UnknownFrame> {
+        let model = robot.model.clone();
+        let rotors = match &robot.profile {
+            Some(profile) if model.base().floating => RotorDrive::of(&model, profile)?,
+            _ => Vec::new(),
+        };
+        Ok(Self { model, rotors, collision_rules: robot.exclusions.clone() })
+    }
+}
+
+/// Speed \[m/s\] and rate of turn \[rad/s\] of a base beyond which the simulation no longer means anything.
+pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
+
+/// Model, state, commands and kinematics of a simulated robot, shared by all engines.
+pub struct Robot {
+    pub(crate) model: Model,
+    pub(crate) rotors: Vec<RotorDrive>,
+    /// One per independent joint.
+    pub(crate) joints: Vec<JointProperties>,
+    /// Names of the drives: joints, then rotors.
+    pub(crate) names: Vec<String>,
+    /// One per drive.
+    pub(crate) commands: Vec<JointCommand>,
+    pub(crate) state: State,
+    /// Poses and velocities of the links in the current state.
+    pub(crate) kinematics: Kinematics,
+    /// Acceleration of free fall \[m/s2\].
+    pub(crate) gravity: Vector3<f64>,
+}
+
+/// The state of the robot and room for the next one: a step that fails leaves no trace.
+pub(crate) struct State {
+    /// nq.
+    pub(crate) q: Vec<f64>,
+    /// nv.
+    pub(crate) v: Vec<f64>,
+    pub(crate) q_next: Vec<f64>,
+    pub(crate) v_next: Vec<f64>,
+    /// Per drive, as are velocities and efforts. A rotor has neither position nor velocity: both are zero.
+    positions: Vec<f64>,
+    velocities: Vec<f64>,
+    efforts: Vec<f64>,
+    pub(crate) tau_next: Vec<f64>,
+}
+
+impl State {
+    fn new(model: &Model, drives: usize) -> Self {
+        let (q, v, drive) = (model.neutral(), vec![0.0; model.nv()], vec![0.0; drives]);
+        Self {
+            q_next: q.clone(),
+            v_next: v.clone(),
+            q,
+            v,
+            positions: drive.clone(),
+            velocities: drive.clone(),
+            efforts: drive.clone(),
+            tau_next: drive,
+        }
+    }
+}
+
+impl Robot {
+    pub(crate) fn new(setup: RobotSetup, options: &Options, gravity: Vector3<f64>) -> Self {
+        let RobotSetup { model, rotors, .. } = setup;
+        let names = model.joint_names().iter().chain(rotors.iter().map(|rotor| &rotor.name));
+        let drives = model.joint_count() + rotors.len();
+        Self {
+            names: names.cloned().collect(),
+            state: State::new(&model, drives),
+            joints: JointProperties::of(&model, options.armature),
+            kinematics: Kinematics::new(&model),
+            commands: vec![JointCommand::default(); drives],
+            gravity,
+            rotors,
+            model,
+        }
+    }
+
+    pub(crate) fn positions(&self) -> &[f64] {
+        &self.state.positions
+    }
+
+    pub(crate) fn velocities(&self) -> &[f64] {
+        &self.state.velocities
+    }
+
+    pub(crate) fn efforts(&self) -> &[f64] {
+        &self.state.efforts
+    }
+
+    /// Pose of the base in the world.
+    pub(crate) fn base_pose(&self) -> Isometry3<f64> {
+        if self.model.base().floating { base_pose(&self.state.q) } else { Isometry3::identity() }
+    }
+
+    /// Starts the next state from the current one.
+    pub(crate) fn begin(&mut self) {
+        let State { q, v, q_next, v_next, .. } = &mut self.state;
+        q_next.copy_from_slice(q);
+        v_next.copy_from_slice(v);
+    }
+
+    /// Makes the next state the current one.
+    pub(crate) fn commit(&mut self) {
+        let state = &mut self.state;
+        std::mem::swap(&mut state.q, &mut state.q_next);
+        std::mem::swap(&mut state.v, &mut state.v_next);
+        std::mem::swap(&mut state.efforts, &mut state.tau_next);
+        self.refresh();
+    }
+
+    /// Sets the current state; efforts and commands become zero.
+    pub(crate) fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        ResetError::check(&self.model, q, v)?;
+        self.state.q.copy_from_slice(q);
+        self.state.v.copy_from_slice(v);
+        self.state.efforts.fill(0.0);
+        self.commands.fill(JointCommand::default());
+        self.refresh();
+        Ok(())
+    }
+
+    /// Recomputes all that depends on the current q and v.
+    pub(crate) fn refresh(&mut self) {
+        let Self { model, state, kinematics, .. } = self;
+        let (q, v) = (model.joints_of_q(&state.q), model.joints_of_v(&state.v));
+        state.positions[..q.len()].copy_from_slice(q);
+        state.velocities[..v.len()].copy_from_slice(v);
+        kinematics.update_with_velocity(model, &state.q, &state.v);
+    }
+
+    /// Number of joints above their velocity limit in the current state.
+    pub(crate) fn overspeed(&self) -> usize {
+        let speeds = self.model.joints_of_v(&self.state.v).iter();
+        let limits = self.joints.iter().map(|joint| joint.velocity_limit);
+        speeds.zip(limits).filter(|(v, limit)| v.abs() > *limit).count()
+    }
+
+    /// Refuses the next state at the end of a step of `dt` \[s\] when it means nothing any more.
+    pub(crate) fn verify(&self, dt: f64) -> Result<(), StepError> {
+        let State { q, q_next, v_next, tau_next, .. } = &self.state;
+        let (before, after) = (self.model.joints_of_q(q), self.model.joints_of_q(q_next));
+        let v = self.model.joints_of_v(v_next);
+        for (i, joint) in self.joints.iter().enumerate() {
+            let bound = joint.divergence_bound();
+            // The distance travelled, too: an engine may stop a joint that has already jumped.
+            let travel = (after[i] - before[i]) / dt;
+            // Written so that NaN fails.
+            if !(v[i].abs() < bound && travel.abs() < bound && tau_next[i].is_finite()) {
+                let velocity = if travel.abs() < bound { v[i] } else { travel };
+                return Err(StepError::Diverged { joint: i, name: self.names[i].clone(), velocity, bound });
+            }
+        }
+        if self.model.base().floating {
+            let linear = Vector3::from_column_slice(&v_next[..3]).norm();
+            let angular = Vector3::from_column_slice(&v_next[3..6]).norm();
+            if !(linear < BASE_BOUND.0 && angular < BASE_BOUND.1) {
+                return Err(StepError::BaseDiverged { linear, angular });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Pose of a floating base in the world.
+pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(q[6], q[3], q[4], q[5]));
+    Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)
+}

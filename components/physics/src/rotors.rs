@@ -1,0 +1,43 @@
+//! Rotors: drives that pull at the robot instead of turning a joint.
+
+use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
+
+use crate::JointCommand;
+
+/// A rotor that pulls along the z axis of its frame by the effort of its command \[N\], from zero to its limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RotorDrive {
+    /// Name of the drive.
+    pub name: String,
+    /// Frame it pulls at.
+    pub frame: FrameId,
+    /// Largest thrust \[N\].
+    pub max_thrust: f64,
+    /// Drag torque about z per thrust \[m\], positive when it turns the robot counterclockwise.
+    pub torque_per_thrust: f64,
+}
+
+impl RotorDrive {
+    /// The rotors of a profile, in the alphabetical order of their names.
+    ///
+    /// # Errors
+    ///
+    /// [`UnknownFrame`] when the profile names a frame that `model` does not have.
+    pub fn of(model: &Model, profile: &Profile) -> Result<Vec<Self>, UnknownFrame> {
+        let rotors = profile.rotors.iter().map(|(name, rotor)| {
+            let sign = if rotor.spin == Spin::Clockwise { 1.0 } else { -1.0 };
+            Ok(Self {
+                name: name.clone(),
+                frame: model.frame(&rotor.frame)?,
+                max_thrust: rotor.max_thrust,
+                torque_per_thrust: sign * rotor.torque_per_thrust,
+            })
+        });
+        rotors.collect()
+    }
+
+    /// Thrust \[N\]: the effort of the command, clamped to what the rotor can do.
+    pub(crate) fn thrust(&self, command: &JointCommand) -> f64 {
+        command.effort.clamp(0.0, self.max_thrust)
+    }
+}

@@ -1,0 +1,216 @@
+//! The simulation of a robot in a world, generic over the engine that moves it.
+
+use motorium_robots::{FrameId, Model};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::robot::{Robot, RobotSetup};
+use crate::{
+    BuildError, BuildWarning, Contact, JointCommand, ObjectId, Options, ResetError, Simulator, StepError,
+    StepReport, World,
+};
+
+/// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
+///
+/// The robot's state, commands and limits, the checks before and after a step and the description of the world are
+/// those of the simulation; an engine holds the objects of the world and its own workspace.
+pub trait Engine: Sized {
+    /// Sets the engine up for `robot` in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
+    /// follows. Doubtful input that can still be simulated is added to `warnings`.
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError`] when the engine cannot simulate this robot, or an option does not apply to it.
+    fn build(
+        setup: &RobotSetup,
+        robot: &Robot,
+        world: &World,
+        options: &Options,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> Result<Self, BuildError>;
+
+    /// Starts from the robot's current state, the objects at rest where the world description has them.
+    fn reset(&mut self, robot: &Robot, world: &World);
+
+    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside something.
+    fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
+
+    /// Computes the robot's next state, `dt` \[s\] after the current one, and that of the objects.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`]; [`discard`](Self::discard) follows.
+    fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
+
+    /// Makes the next state of the objects the current one.
+    fn commit(&mut self);
+
+    /// Drops the next state: the robot stays in its current one.
+    fn discard(&mut self);
+
+    /// Index of the first object whose next state is not finite.
+    fn diverged_object(&self) -> Option<usize>;
+
+    /// Pose in the world of object `index` of the world description.
+    fn object_pose(&self, index: usize) -> Isometry3<f64>;
+
+    /// Places object `index`, at rest.
+    fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>);
+
+    /// Velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
+
+    /// Passes every contact point of the last step to `visit`.
+    fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
+}
+
+/// A robot in a world, moved by an engine `E`.
+///
+/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator) and
+/// [`RapierSimulator`](crate::RapierSimulator), and the trait [`Simulator`].
+pub struct Simulation<E> {
+    pub(crate) robot: Robot,
+    pub(crate) engine: E,
+    options: Options,
+    pub(crate) world: World,
+    warnings: Vec<BuildWarning>,
+}
+
+impl<E: Engine> Simulation<E> {
+    /// A simulation of `robot` in `world`, at rest at `q` (nq \[rad or m\]).
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError`]. Doubtful input that can still be simulated is in [`warnings`](Simulator::warnings).
+    pub fn new(
+        robot: impl Into<RobotSetup>,
+        world: World,
+        q: &[f64],
+        options: Options,
+    ) -> Result<Self, BuildError> {
+        let setup = robot.into();
+        options.check()?;
+        world.check(setup.model.frames().iter().map(|frame| frame.name.as_str()))?;
+        let robot = Robot::new(setup.clone(), &options, Vector3::from(world.gravity));
+        let mut warnings = Vec::new();
+        let engine = E::build(&setup, &robot, &world, &options, &mut warnings)?;
+        let mut simulation = Self { robot, engine, options, world, warnings };
+        simulation.reset(q, &vec![0.0; setup.model.nv()])?;
+        let Self { robot, engine, warnings, .. } = &mut simulation;
+        engine.exclude_start_overlaps(robot, warnings);
+        BuildWarning::of_joints(&robot.model, &robot.joints, robot.model.joints_of_q(q), warnings);
+        Ok(simulation)
+    }
+
+    /// The settings.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+}
+
+impl<E: Engine> Simulator for Simulation<E> {
+    fn model(&self) -> &Model {
+        &self.robot.model
+    }
+
+    fn warnings(&self) -> &[BuildWarning] {
+        &self.warnings
+    }
+
+    fn configuration(&self) -> &[f64] {
+        &self.robot.state.q
+    }
+
+    fn velocity(&self) -> &[f64] {
+        &self.robot.state.v
+    }
+
+    fn joint_names(&self) -> &[String] {
+        &self.robot.names
+    }
+
+    fn positions(&self) -> &[f64] {
+        self.robot.positions()
+    }
+
+    fn velocities(&self) -> &[f64] {
+        self.robot.velocities()
+    }
+
+    fn efforts(&self) -> &[f64] {
+        self.robot.efforts()
+    }
+
+    fn commands_mut(&mut self) -> &mut [JointCommand] {
+        &mut self.robot.commands
+    }
+
+    fn step(&mut self, dt: f64) -> Result<StepReport, StepError> {
+        if !(dt > 0.0 && dt.is_finite()) {
+            return Err(StepError::InvalidStep(dt));
+        }
+        let Self { robot, engine, world, .. } = self;
+        StepError::check_commands(&robot.commands, &robot.names)?;
+        robot.begin();
+        let result = engine.advance(robot, dt).and_then(|report| {
+            robot.verify(dt)?;
+            match engine.diverged_object() {
+                Some(object) => Err(StepError::ObjectDiverged { object: world.objects[object].name.clone() }),
+                None => Ok(report),
+            }
+        });
+        match result {
+            Ok(mut report) => {
+                robot.commit();
+                engine.commit();
+                report.overspeed = robot.overspeed();
+                Ok(report)
+            }
+            Err(error) => {
+                engine.discard();
+                Err(error)
+            }
+        }
+    }
+
+    fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        self.robot.reset(q, v)?;
+        self.engine.reset(&self.robot, &self.world);
+        Ok(())
+    }
+
+    fn gravity(&self) -> Vector3<f64> {
+        self.robot.gravity
+    }
+
+    fn set_gravity(&mut self, gravity: Vector3<f64>) {
+        self.robot.gravity = gravity;
+    }
+
+    fn base_pose(&self) -> Isometry3<f64> {
+        self.robot.base_pose()
+    }
+
+    fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {
+        self.robot.kinematics.pose(&self.robot.model, frame)
+    }
+
+    fn object(&self, name: &str) -> Option<ObjectId> {
+        self.world.objects.iter().position(|object| object.name == name).map(ObjectId)
+    }
+
+    fn object_pose(&self, object: ObjectId) -> Isometry3<f64> {
+        self.engine.object_pose(object.0)
+    }
+
+    fn set_object_pose(&mut self, object: ObjectId, pose: Isometry3<f64>) {
+        self.engine.set_object_pose(object.0, &pose);
+    }
+
+    fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>) {
+        self.engine.object_velocity(object.0)
+    }
+
+    fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
+        self.engine.visit_contacts(visit);
+    }
+}

@@ -1,0 +1,24 @@
+//! Tests of the simulators, of their components in graphs, and of the two engines against each other.
+
+mod allocations;
+mod axes;
+mod catalogue;
+mod component;
+mod contacts;
+mod determinism;
+mod drives;
+mod engines;
+mod first_step;
+mod floating;
+mod floating_catalogue;
+mod gait;
+mod integrator;
+mod legged;
+mod panda;
+mod standing;
+mod world_file;
+
+use motorium::telemetry::CountingAllocator;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;

@@ -1,0 +1,108 @@
+//! Convex shapes as physics engines see them.
+
+use nalgebra::Vector3;
+
+/// A convex shape about the origin of its own frame. Lengths in metres, axes of revolution along z.
+///
+/// # Example
+///
+/// ```
+/// use std::path::Path;
+/// use motorium_robots::{CollisionModel, CollisionOptions, ConvexShape, load};
+///
+/// let panda = load("panda", Path::new("."))?;
+/// let solids = CollisionModel::new(&panda.model, &CollisionOptions::default())?;
+/// let capsules = (0..solids.solid_count())
+///     .filter(|&solid| matches!(solids.convex_shape(solid), ConvexShape::Capsule { .. }))
+///     .count();
+/// assert!(capsules > 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum ConvexShape {
+    /// A sphere.
+    Sphere {
+        /// Radius \[m\].
+        radius: f64,
+    },
+    /// A box.
+    Box {
+        /// Half sides along x, y and z \[m\].
+        half: Vector3<f64>,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// Radius \[m\].
+        radius: f64,
+        /// Half its length \[m\].
+        half_length: f64,
+    },
+    /// All points within `radius` of a segment.
+    Capsule {
+        /// Radius \[m\].
+        radius: f64,
+        /// Half the length of the segment \[m\].
+        half_length: f64,
+    },
+    /// The convex hull of points.
+    Hull {
+        /// The points \[m\].
+        points: Vec<Vector3<f64>>,
+    },
+    /// All points with z <= 0.
+    HalfSpace,
+}
+
+impl ConvexShape {
+    /// Radius of the smallest sphere about the origin that holds the shape \[m\]; infinite for a half-space.
+    pub fn bounding_radius(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } => *radius,
+            Self::Box { half } => half.norm(),
+            Self::Cylinder { radius, half_length } => radius.hypot(*half_length),
+            Self::Capsule { radius, half_length } => radius + half_length,
+            Self::Hull { points } => points.iter().map(|point| point.norm()).fold(0.0, f64::max),
+            Self::HalfSpace => f64::INFINITY,
+        }
+    }
+}
+
+/// The points that are outermost towards the faces, edges and corners of a cube: at most 26.
+pub(super) fn outermost(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mut chosen: Vec<usize> = Vec::new();
+    for x in [-1.0, 0.0, 1.0] {
+        for y in [-1.0, 0.0, 1.0] {
+            for z in [-1.0, 0.0, 1.0] {
+                let direction = Vector3::new(x, y, z);
+                if direction == Vector3::zeros() {
+                    continue;
+                }
+                let height = |index: &usize| points[*index].dot(&direction);
+                let best = (0..points.len()).max_by(|a, b| height(a).total_cmp(&height(b)));
+                if let Some(best) = best.filter(|best| !chosen.contains(best)) {
+                    chosen.push(best);
+                }
+            }
+        }
+    }
+    chosen.into_iter().map(|index| points[index]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_outermost_points_of_a_box_are_its_corners() {
+        let mut points = vec![Vector3::zeros(), Vector3::new(0.05, 0.0, 0.0)];
+        for corner in 0..8_u32 {
+            let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            points.push(Vector3::new(0.2 * sign(0), 0.3 * sign(1), 0.1 * sign(2)));
+        }
+        let kept = outermost(&points);
+        for corner in &points[2..] {
+            assert!(kept.contains(corner), "{corner}");
+        }
+        assert_eq!(kept.len(), 8);
+    }
+}

@@ -1,0 +1,168 @@
+//! The atomic operations of the protocols in shared memory, so that each protocol is written once.
+//!
+//! [`Native`] are the processor's own. The models in `runtime/src/model` run the same protocol code over loom's atomics,
+//! which try every interleaving and every value that a weakly ordered processor may show. Each place where a protocol
+//! relies on an ordering is named by a [`Site`]: a model can weaken one of them at a time and must then find a fault.
+
+use core::fmt::Debug;
+use std::sync::atomic::Ordering::{self, Relaxed, Release, SeqCst};
+
+/// A place in a protocol whose ordering the protocol relies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Site {
+    /// A writer announces the value in a slot as the newest one.
+    Publish,
+    /// A writer names the publication that a slot holds, for taps.
+    Mark,
+    /// A writer, having taken the mark off a slot, before it asks who has pinned it.
+    Claim,
+    /// A writer asks which slots are pinned.
+    Scan,
+    /// A reader pins a slot, which ends its use of the one before.
+    Pin,
+    /// A reader, having pinned a slot, before it asks whether the slot is still the one it wanted.
+    Pinned,
+    /// A reader looks for the newest value.
+    Look,
+    /// A writer, having published, before it asks whether anybody sleeps.
+    Notify,
+    /// A waiter, having counted itself as sleeping, before it looks for a publication once more.
+    Sleep,
+    /// A writer leaves the time of a publication.
+    Time,
+    /// A waiter, having read a time, before it asks whether that is still the newest publication's.
+    TimeRead,
+    /// A component completes a checkpoint.
+    Save,
+    /// A restarted component asks which checkpoint is complete.
+    Load,
+}
+
+/// An unsigned number that several threads or processes use at once.
+pub(crate) trait Word<V: Copy>: Debug {
+    /// A word that holds this value. Words in shared memory begin as zero bytes instead.
+    #[cfg(test)]
+    fn new(value: V) -> Self;
+    /// Reads the word.
+    fn load(&self, ordering: Ordering) -> V;
+    /// Writes the word.
+    fn store(&self, value: V, ordering: Ordering);
+    /// Writes the word in one go with reading it; returns the value before.
+    fn swap(&self, value: V, ordering: Ordering) -> V;
+    /// Adds, wrapping; returns the value before.
+    fn fetch_add(&self, value: V, ordering: Ordering) -> V;
+    /// Subtracts, wrapping; returns the value before.
+    fn fetch_sub(&self, value: V, ordering: Ordering) -> V;
+    /// Writes `new` if the word holds `current`; whether it did.
+    fn replace(&self, current: V, new: V) -> bool;
+}
+
+/// One family of atomic types and their fences.
+pub(crate) trait Atomics: Debug + 'static {
+    /// A word of 32 bits.
+    type U32: Word<u32>;
+    /// A word of 64 bits.
+    type U64: Word<u64>;
+
+    /// The ordering to use at a site; `strong` unless a model weakens it.
+    fn at(site: Site, strong: Ordering) -> Ordering;
+
+    /// A sequentially consistent fence.
+    fn fence(site: Site);
+
+    /// A sequentially consistent fence after a [`swap`](Word::swap) of the same thread, which may be all that it takes.
+    #[inline(always)]
+    fn fence_after_swap(site: Site) {
+        Self::fence(site);
+    }
+
+    /// A fence that keeps what is read before it before what is read after it.
+    fn read_fence(site: Site);
+
+    /// Stores with release ordering at `site`, followed by the fence at `fence`.
+    #[inline(always)]
+    fn store_fenced(word: &Self::U32, value: u32, site: Site, fence: Site) {
+        word.store(value, Self::at(site, Release));
+        Self::fence(fence);
+    }
+}
+
+/// The processor's own atomics.
+#[derive(Debug)]
+pub(crate) enum Native {}
+
+macro_rules! native {
+    ($($value:ty => $word:ty),*) => { $(
+        impl Word<$value> for $word {
+            #[cfg(test)]
+            fn new(value: $value) -> Self {
+                Self::new(value)
+            }
+
+            #[inline(always)]
+            fn load(&self, ordering: Ordering) -> $value {
+                self.load(ordering)
+            }
+
+            #[inline(always)]
+            fn store(&self, value: $value, ordering: Ordering) {
+                self.store(value, ordering);
+            }
+
+            #[inline(always)]
+            fn swap(&self, value: $value, ordering: Ordering) -> $value {
+                self.swap(value, ordering)
+            }
+
+            #[inline(always)]
+            fn fetch_add(&self, value: $value, ordering: Ordering) -> $value {
+                self.fetch_add(value, ordering)
+            }
+
+            #[inline(always)]
+            fn fetch_sub(&self, value: $value, ordering: Ordering) -> $value {
+                self.fetch_sub(value, ordering)
+            }
+
+            #[inline(always)]
+            fn replace(&self, current: $value, new: $value) -> bool {
+                self.compare_exchange(current, new, SeqCst, Relaxed).is_ok()
+            }
+        }
+    )* };
+}
+native!(u32 => core::sync::atomic::AtomicU32, u64 => core::sync::atomic::AtomicU64);
+
+impl Atomics for Native {
+    type U32 = core::sync::atomic::AtomicU32;
+    type U64 = core::sync::atomic::AtomicU64;
+
+    #[inline(always)]
+    fn at(_: Site, strong: Ordering) -> Ordering {
+        strong
+    }
+
+    #[inline(always)]
+    fn fence(_: Site) {
+        core::sync::atomic::fence(SeqCst);
+    }
+
+    #[inline(always)]
+    fn read_fence(_: Site) {
+        core::sync::atomic::fence(Ordering::Acquire);
+    }
+
+    // An exchange is a full barrier on x86, and costs half of a store and a fence.
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[inline(always)]
+    fn fence_after_swap(_: Site) {
+        core::sync::atomic::compiler_fence(SeqCst);
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[inline(always)]
+    fn store_fenced(word: &Self::U32, value: u32, _: Site, _: Site) {
+        word.swap(value, SeqCst);
+        core::sync::atomic::compiler_fence(SeqCst);
+    }
+}

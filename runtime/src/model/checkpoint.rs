@@ -1,0 +1,31 @@
+//! Checkpoints that outlive their writer.
+
+use loom::sync::Arc;
+use loom::thread;
+
+use super::{Modelled, holds_only_with};
+use crate::atomics::Site;
+use crate::region::Checkpoints;
+
+/// Whatever a writer had got to, what is found is one checkpoint, whole.
+fn a_checkpoint_is_whole() {
+    let block = Arc::new(Checkpoints::<Modelled, 2>::empty());
+    let successor = {
+        let block = block.clone();
+        thread::spawn(move || {
+            let mut words = [0; 2];
+            if block.load(&mut words) {
+                assert!(words[0] > 0 && words[1] == 10 * words[0], "{words:?}");
+            }
+        })
+    };
+    for number in 1..=2 {
+        assert!(block.save([number, 10 * number].into_iter()));
+    }
+    successor.join().unwrap();
+}
+
+#[test]
+fn a_checkpoint_is_found_whole_or_not_at_all() {
+    holds_only_with(&[Site::Save, Site::Load], 3, a_checkpoint_is_whole);
+}

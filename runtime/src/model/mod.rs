@@ -1,0 +1,170 @@
+//! Models of the protocols in shared memory: the same code over loom's atomics, in every interleaving.
+//!
+//! Each protocol must hold with the orderings it names, and each weakened ordering ([`Site`]) must be found out: a model
+//! that passes with an ordering taken away would prove nothing about it.
+
+mod checkpoint;
+mod notify;
+mod pins;
+mod tap;
+
+use std::cell::Cell;
+use std::sync::atomic::Ordering::{self, Relaxed, SeqCst};
+
+use crate::atomics::{Atomics, Site, Word};
+use crate::transport::latest::protocol::{Head, Pin, Words};
+
+thread_local! {
+    /// The ordering that is taken away; loom runs all threads of a model on one thread of the system.
+    static WEAKENED: Cell<Option<Site>> = const { Cell::new(None) };
+}
+
+/// Loom's atomics.
+#[derive(Debug)]
+pub(crate) enum Modelled {}
+
+macro_rules! modelled {
+    ($($value:ty => $word:ty),*) => { $(
+        impl Word<$value> for $word {
+            fn new(value: $value) -> Self {
+                Self::new(value)
+            }
+
+            fn load(&self, ordering: Ordering) -> $value {
+                self.load(ordering)
+            }
+
+            fn store(&self, value: $value, ordering: Ordering) {
+                self.store(value, ordering);
+            }
+
+            fn swap(&self, value: $value, ordering: Ordering) -> $value {
+                self.swap(value, ordering)
+            }
+
+            fn fetch_add(&self, value: $value, ordering: Ordering) -> $value {
+                self.fetch_add(value, ordering)
+            }
+
+            fn fetch_sub(&self, value: $value, ordering: Ordering) -> $value {
+                self.fetch_sub(value, ordering)
+            }
+
+            fn replace(&self, current: $value, new: $value) -> bool {
+                self.compare_exchange(current, new, SeqCst, Relaxed).is_ok()
+            }
+        }
+    )* };
+}
+modelled!(u32 => loom::sync::atomic::AtomicU32, u64 => loom::sync::atomic::AtomicU64);
+
+impl Atomics for Modelled {
+    type U32 = loom::sync::atomic::AtomicU32;
+    type U64 = loom::sync::atomic::AtomicU64;
+
+    fn at(site: Site, strong: Ordering) -> Ordering {
+        if WEAKENED.get() == Some(site) { Relaxed } else { strong }
+    }
+
+    fn fence(site: Site) {
+        if WEAKENED.get() != Some(site) {
+            loom::sync::atomic::fence(SeqCst);
+        }
+    }
+
+    fn read_fence(site: Site) {
+        if WEAKENED.get() != Some(site) {
+            loom::sync::atomic::fence(Ordering::Acquire);
+        }
+    }
+}
+
+/// The words of a topic, and a number in each slot in place of a value. Loom finds every access to a number that could
+/// fall together with a write.
+struct Topic {
+    head: Head<Modelled>,
+    pins: Vec<Pin<Modelled>>,
+    marks: Vec<loom::sync::atomic::AtomicU64>,
+    values: Vec<loom::cell::UnsafeCell<u64>>,
+}
+
+impl Topic {
+    fn new(pins: usize, slots: usize) -> Self {
+        use loom::sync::atomic::{AtomicU32, AtomicU64};
+        Self {
+            head: Head {
+                newest: AtomicU64::new(0),
+                times: [AtomicU64::new(0), AtomicU64::new(0)],
+                sleepers: AtomicU32::new(0),
+                core: AtomicU32::new(0),
+            },
+            pins: (0..pins).map(|_| Pin { slot: AtomicU32::new(0), owner: AtomicU32::new(0) }).collect(),
+            marks: (0..slots).map(|_| AtomicU64::new(0)).collect(),
+            values: (0..slots).map(|_| loom::cell::UnsafeCell::new(0)).collect(),
+        }
+    }
+
+    #[allow(unsafe_code)]
+    fn write(&self, slot: usize, value: u64) {
+        // SAFETY: loom itself checks that nobody else uses the cell meanwhile; that is the point of the model.
+        self.values[slot].with_mut(|cell| unsafe { *cell = value });
+    }
+
+    #[allow(unsafe_code)]
+    fn read(&self, slot: usize) -> u64 {
+        // SAFETY: as in `write`.
+        self.values[slot].with(|cell| unsafe { *cell })
+    }
+}
+
+impl Words<Modelled> for Topic {
+    fn head(&self) -> &Head<Modelled> {
+        &self.head
+    }
+
+    fn pins(&self) -> &[Pin<Modelled>] {
+        &self.pins
+    }
+
+    fn slots(&self) -> usize {
+        self.marks.len()
+    }
+
+    fn mark(&self, slot: usize) -> &loom::sync::atomic::AtomicU64 {
+        &self.marks[slot]
+    }
+}
+
+/// Runs a model in every interleaving with at most so many preemptions.
+fn explore(preemptions: usize, model: impl Fn() + Sync + Send + 'static) {
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = Some(preemptions);
+    builder.check(model);
+}
+
+/// Asserts that a model holds, and that it fails with each of these orderings taken away.
+///
+/// A model that finds a fault may abort, so each of these runs in a process of its own: this test again, told by the
+/// environment which ordering to take away.
+fn holds_only_with(sites: &[Site], preemptions: usize, model: fn()) {
+    const WEAKENED_SITE: &str = "MOTORIUM_MODEL_WITHOUT";
+    if let Ok(site) = std::env::var(WEAKENED_SITE) {
+        WEAKENED.set(sites.iter().copied().find(|candidate| format!("{candidate:?}") == site));
+        assert!(WEAKENED.get().is_some(), "{site} is no site of this model");
+        return explore(preemptions, model);
+    }
+    explore(preemptions, model);
+    let test = std::thread::current().name().map(str::to_string).unwrap_or_default();
+    for site in sites {
+        let found = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", &test, "--test-threads=1"])
+            .env(WEAKENED_SITE, format!("{site:?}"))
+            .env("RUST_BACKTRACE", "0")
+            .output()
+            .unwrap();
+        assert!(!found.status.success(), "without the ordering at {site:?} the model found no fault");
+        let text =
+            String::from_utf8_lossy(&found.stdout).into_owned() + &String::from_utf8_lossy(&found.stderr);
+        assert!(!text.contains("is no site of this model"), "{text}");
+    }
+}

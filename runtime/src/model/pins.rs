@@ -1,0 +1,102 @@
+//! Pinning and publishing.
+
+use loom::sync::Arc;
+use loom::thread;
+
+use super::{Topic, holds_only_with};
+use crate::atomics::Site;
+use crate::transport::latest::protocol::{Reuse, Writer, pin_newest};
+
+fn write(topic: &Topic, publications: u64) {
+    let mut writer = Writer::new(topic, Reuse::First);
+    for _ in 0..publications {
+        let (slot, number) = (writer.slot(topic), writer.number());
+        topic.write(slot, number);
+        writer.publish(topic, number);
+    }
+}
+
+/// Looks so many times; every value is the publication's that was pinned, and none is older than the one before.
+fn read(topic: &Topic, pin: usize, looks: usize) {
+    let mut last = 0;
+    for _ in 0..looks {
+        if let Some(pinned) = pin_newest(topic, &topic.pins[pin], last, |_| {}) {
+            assert!(pinned.number() > last);
+            assert_eq!(topic.read(pinned.slot()), pinned.number());
+            last = pinned.number();
+        }
+    }
+}
+
+fn one_reader() {
+    let topic = Arc::new(Topic::new(1, 3));
+    let reader = {
+        let topic = topic.clone();
+        thread::spawn(move || read(&topic, 0, 2))
+    };
+    write(&topic, 3);
+    reader.join().unwrap();
+}
+
+fn two_readers() {
+    let topic = Arc::new(Topic::new(2, 4));
+    let readers: Vec<_> = (0..2)
+        .map(|pin| {
+            let topic = topic.clone();
+            thread::spawn(move || read(&topic, pin, 1))
+        })
+        .collect();
+    write(&topic, 3);
+    readers.into_iter().for_each(|reader| reader.join().unwrap());
+}
+
+/// A reader was killed while it had the newest value pinned; its successor takes the pin over.
+fn a_killed_reader() {
+    let topic = Arc::new(Topic::new(1, 3));
+    write(&topic, 1);
+    assert!(pin_newest(&*topic, &topic.pins[0], 0, |_| {}).is_some());
+    let successor = {
+        let topic = topic.clone();
+        thread::spawn(move || read(&topic, 0, 1))
+    };
+    write(&topic, 2);
+    successor.join().unwrap();
+}
+
+/// A writer was killed while it filled a slot; its successor goes on, and the value stays whole meanwhile.
+fn a_killed_writer() {
+    let topic = Arc::new(Topic::new(1, 3));
+    write(&topic, 1);
+    let slot = Writer::new(&*topic, Reuse::First).slot(&*topic);
+    topic.write(slot, u64::MAX);
+    let reader = {
+        let topic = topic.clone();
+        thread::spawn(move || read(&topic, 0, 2))
+    };
+    let mut successor = Writer::new(&*topic, Reuse::First);
+    let slot = successor.slot(&*topic);
+    topic.write(slot, 2);
+    successor.publish(&*topic, 2);
+    reader.join().unwrap();
+}
+
+#[test]
+fn a_pinned_value_is_whole_and_never_written_to() {
+    let sites = [Site::Publish, Site::Claim, Site::Scan, Site::Pin, Site::Pinned];
+    holds_only_with(&sites, 4, one_reader);
+}
+
+#[test]
+fn two_readers_leave_the_writer_a_slot() {
+    holds_only_with(&[], 2, two_readers);
+}
+
+#[test]
+fn the_successor_of_a_killed_reader_takes_its_pin_over() {
+    holds_only_with(&[], 3, a_killed_reader);
+}
+
+#[test]
+fn the_last_whole_value_outlives_a_writer_killed_in_the_middle_of_the_next() {
+    holds_only_with(&[], 3, a_killed_writer);
+}

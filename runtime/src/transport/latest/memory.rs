@@ -1,0 +1,354 @@
+//! The shared memory of one topic.
+
+#![allow(unsafe_code)] // the one place where mapped bytes become the words and slots of a topic
+
+use core::ptr::NonNull;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicU32, AtomicU64};
+
+use iceoryx2::node::Node;
+use iceoryx2_bb_posix::access_mode::AccessMode;
+use iceoryx2_cal::named_concept::{
+    NamedConceptBuilder as _, NamedConceptConfiguration as _, NamedConceptMgmt,
+};
+use iceoryx2_cal::shared_memory::{SharedMemory as _, SharedMemoryBuilder as _};
+use iceoryx2_cal::shm_allocator::bump_allocator::{self, BumpAllocator};
+
+use super::notify::{self, Futex};
+use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
+use crate::atomics::Native;
+use crate::declare::TopicPattern;
+use crate::os::{futex_wait, futex_wake};
+use crate::plan::TopicPlan;
+use crate::state::{Digest, Stamp};
+use crate::transport::{PortError, Shared, topic::refused};
+
+/// iceoryx2's own shared memory, so that names, permissions and cleaning up are iceoryx2's.
+type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
+type Configuration = <Storage as NamedConceptMgmt>::Configuration;
+
+/// Pins of a topic beyond those of its readers, for tools that look on.
+pub(crate) const SIDE_PINS: usize = 4;
+/// First word of a topic's memory; the low digits are the version of its layout.
+const MAGIC: u64 = 0x6d6f_746f_746f_0001;
+const LINE: usize = 64;
+const PAGE: usize = 4096;
+
+/// The first words of the memory: what it holds.
+#[derive(Debug)]
+#[repr(C, align(64))]
+struct Preface {
+    magic: AtomicU64,
+    dimensions: AtomicU64,
+    waiting: AtomicU32,
+}
+
+/// The words before each value.
+#[derive(Debug)]
+#[repr(C, align(64))]
+struct Slot {
+    mark: AtomicU64,
+    stamp: Stamp,
+}
+
+/// Bytes of the words before each value: they share a cache line with its beginning.
+const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
+
+/// Where things lie in the memory of a topic, computed from the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Dimensions {
+    pins: usize,
+    slots: usize,
+    /// From the beginning of a slot to its value, bytes.
+    value: usize,
+    /// From slot to slot, bytes.
+    stride: usize,
+    /// Bytes of a value.
+    size: usize,
+}
+
+impl Dimensions {
+    fn of(topic: &TopicPlan) -> Self {
+        let pins = topic.readers.len() + SIDE_PINS;
+        let value = SLOT_WORDS.next_multiple_of(topic.layout.alignment.max(1));
+        let slots = match topic.pattern {
+            TopicPattern::State => pins + 2 + topic.history,
+            TopicPattern::Stream { .. } => 0,
+        };
+        let stride = (value + topic.layout.size).next_multiple_of(LINE);
+        Self { pins, slots, value, stride, size: topic.layout.size }
+    }
+
+    /// A number that differs where the plans of two processes do.
+    fn hash(self, topic: &TopicPlan) -> u64 {
+        let mut digest = Digest::default();
+        digest.write(topic.layout.hash().as_bytes());
+        let numbers = [self.pins, self.slots, self.value, self.stride];
+        numbers.iter().for_each(|number| digest.write_u64(*number as u64));
+        digest.finish()
+    }
+
+    fn pins_at(self) -> usize {
+        (size_of::<Preface>() + size_of::<Head<Native>>()).next_multiple_of(align_of::<Pin<Native>>())
+    }
+
+    fn slots_at(self) -> usize {
+        self.pins_at() + self.pins * size_of::<Pin<Native>>()
+    }
+
+    fn bytes(self) -> usize {
+        self.slots_at() + self.slots * self.stride
+    }
+}
+
+impl TopicPlan {
+    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
+    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
+    pub fn slots(&self) -> usize {
+        match self.pattern {
+            TopicPattern::State => Dimensions::of(self).slots,
+            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
+            TopicPattern::Stream { capacity } => 2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2,
+        }
+    }
+
+    /// The shared memory that the topic takes, bytes, in whole pages.
+    pub fn memory_bytes(&self) -> usize {
+        let queues = match self.pattern {
+            TopicPattern::State => 0,
+            TopicPattern::Stream { .. } => {
+                self.slots() * (self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE)
+            }
+        };
+        (Dimensions::of(self).bytes() + PAGE + queues).next_multiple_of(PAGE)
+    }
+}
+
+/// The mapped memory of a topic: words that any process may use at any time, and slots whose values are used under the
+/// pin protocol alone.
+#[derive(Debug)]
+pub(crate) struct TopicMemory {
+    base: NonNull<u8>,
+    dimensions: Dimensions,
+    _storage: Storage,
+}
+
+impl TopicMemory {
+    /// Makes the memory of a topic, all of it reserved: on a full file system this fails, instead of a later access.
+    pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
+        let refuse = refused(&topic.name, "making its shared memory");
+        let dimensions = Dimensions::of(topic);
+        let storage = builder(node, topic, &refuse)?
+            .has_ownership(true)
+            .size(dimensions.bytes() + PAGE)
+            .create(&bump_allocator::Config::default())
+            .map_err(|error| refuse(&error))?;
+        let memory = Self::map(storage, dimensions).ok_or_else(|| refuse(&"it is too small"))?;
+        memory.reserve().map_err(|error| refuse(&error))?;
+        memory.preface().dimensions.store(dimensions.hash(topic), Relaxed);
+        memory.preface().magic.store(MAGIC, Release);
+        Ok(memory)
+    }
+
+    /// Opens the memory of a topic that the launcher has made.
+    pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
+        let refuse = refused(&topic.name, "opening its shared memory");
+        let dimensions = Dimensions::of(topic);
+        let storage =
+            builder(node, topic, &refuse)?.open(AccessMode::ReadWrite).map_err(|error| refuse(&error))?;
+        let memory = Self::map(storage, dimensions).ok_or_else(|| refuse(&"it was cut short"))?;
+        let preface = memory.preface();
+        if preface.magic.load(Acquire) != MAGIC || preface.dimensions.load(Relaxed) != dimensions.hash(topic)
+        {
+            return Err(refuse(&"it was made by another version of motorium, or for another type"));
+        }
+        Ok(memory)
+    }
+
+    fn map(storage: Storage, dimensions: Dimensions) -> Option<Self> {
+        let address = storage.payload_start_address();
+        let base = address.next_multiple_of(align_of::<Pin<Native>>());
+        let fits = storage.size() >= base - address + dimensions.bytes();
+        let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
+        Some(Self { base, dimensions, _storage: storage })
+    }
+
+    /// Has the system find every page now.
+    fn reserve(&self) -> std::io::Result<()> {
+        let first = self.base.as_ptr() as usize & !(PAGE - 1);
+        let bytes = self.base.as_ptr() as usize + self.dimensions.bytes() - first;
+        let advice = rustix::mm::Advice::LinuxPopulateWrite;
+        // SAFETY: the range lies in the mapping, which begins on a page; populating it changes no byte.
+        match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
+            // Systems before Linux 5.14 do not know the advice: pages are found when they are first used.
+            Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
+            Err(_) => Err(std::io::Error::other("the memory could not be reserved: /dev/shm is full")),
+        }
+    }
+
+    fn preface(&self) -> &Preface {
+        // SAFETY: the memory begins with the preface, aligned (see `map`); all of it are atomics, valid for any bytes.
+        unsafe { self.base.cast::<Preface>().as_ref() }
+    }
+
+    fn slot(&self, slot: usize) -> *mut Slot {
+        assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
+        // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of a cache line
+        // and so does each of them.
+        unsafe {
+            self.base.as_ptr().add(self.dimensions.slots_at() + slot * self.dimensions.stride).cast::<Slot>()
+        }
+    }
+
+    /// The value in a slot. Any access needs the right to it: a reader has the slot pinned, the writer has claimed it.
+    #[inline]
+    pub(crate) fn value(&self, slot: usize) -> *mut u8 {
+        self.slot(slot).cast::<u8>().wrapping_add(self.dimensions.value)
+    }
+
+    /// The stamp in a slot, under the same rule as its value.
+    #[inline]
+    pub(crate) fn stamp(&self, slot: usize) -> *mut Stamp {
+        // SAFETY: in bounds; no reference is made.
+        unsafe { &raw mut (*self.slot(slot)).stamp }
+    }
+
+    /// Bytes of a value.
+    #[inline]
+    pub(crate) fn value_bytes(&self) -> usize {
+        self.dimensions.size
+    }
+
+    /// The slot as the range of bytes that an access touches.
+    #[inline]
+    pub(crate) fn range(&self, slot: usize) -> (*const u8, usize) {
+        (self.slot(slot).cast(), self.dimensions.value + self.dimensions.size)
+    }
+
+    /// The newest publication.
+    #[inline]
+    pub(crate) fn newest(&self) -> Newest {
+        newest(self.head())
+    }
+
+    /// The order in which the writer takes the slots.
+    pub(crate) fn reuse(&self) -> Reuse {
+        if self.dimensions.slots > self.dimensions.pins + 2 { Reuse::Oldest } else { Reuse::First }
+    }
+
+    /// Wakes all who wait for the next publication.
+    #[inline]
+    pub(crate) fn notify(&self) {
+        notify::notify::<Native>(self.head(), &SystemFutex);
+    }
+
+    /// Makes all who wait look up although nothing was published.
+    pub(crate) fn interrupt(&self) {
+        notify::interrupt::<Native>(self.head(), &SystemFutex);
+    }
+
+    /// Sleeps until something was published or interrupted after `seen`, or a signal arrives.
+    pub(crate) fn sleep(&self, seen: Newest) {
+        notify::sleep::<Native>(self.head(), &SystemFutex, seen);
+    }
+
+    /// Remembers the core of the publication to come.
+    #[inline]
+    pub(crate) fn publish_from(&self, core: usize) {
+        let core = core as u32 + 1;
+        if self.head().core.load(Relaxed) != core {
+            self.head().core.store(core, Relaxed);
+        }
+    }
+
+    /// The core of the last publication, if there was one.
+    pub(crate) fn core(&self) -> Option<usize> {
+        self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
+    }
+
+    /// A pin beyond those of the graph's readers, taken for a process that looks on; `None` if all are in use.
+    pub(crate) fn take_side_pin(&self, process: u32, is_alive: impl Fn(u32) -> bool) -> Option<usize> {
+        let first = self.dimensions.pins - SIDE_PINS;
+        (first..self.dimensions.pins).find(|pin| {
+            let owner = &self.pins()[*pin].owner;
+            let before = owner.load(Acquire);
+            (before == 0 || !is_alive(before))
+                && owner.compare_exchange(before, process, Acquire, Relaxed).is_ok()
+        })
+    }
+}
+
+impl Words<Native> for TopicMemory {
+    #[inline]
+    fn head(&self) -> &Head<Native> {
+        // SAFETY: the head follows the preface, aligned like it; it is all atomics, valid for any bytes and shareable.
+        unsafe { &*self.base.as_ptr().add(size_of::<Preface>()).cast::<Head<Native>>() }
+    }
+
+    #[inline]
+    fn pins(&self) -> &[Pin<Native>] {
+        // SAFETY: as for the head; `map` saw to room for all pins.
+        unsafe {
+            let first = self.base.as_ptr().add(self.dimensions.pins_at()).cast::<Pin<Native>>();
+            core::slice::from_raw_parts(first, self.dimensions.pins)
+        }
+    }
+
+    #[inline]
+    fn slots(&self) -> usize {
+        self.dimensions.slots
+    }
+
+    #[inline]
+    fn mark(&self, slot: usize) -> &AtomicU64 {
+        // SAFETY: in bounds and aligned (see `slot`); an atomic is valid for any bytes.
+        unsafe { &(*self.slot(slot)).mark }
+    }
+}
+
+/// The futex of the system on the low half of a word.
+struct SystemFutex;
+
+impl SystemFutex {
+    fn low_half(word: &AtomicU64) -> &AtomicU32 {
+        let half = (word as *const AtomicU64).cast::<AtomicU32>();
+        // SAFETY: the half lies in the word and is aligned; the kernel alone reads it.
+        unsafe { &*half.add(usize::from(cfg!(target_endian = "big"))) }
+    }
+}
+
+impl Futex<Native> for SystemFutex {
+    fn sleep(&self, word: &AtomicU64, seen: u64) {
+        while !futex_wait(Self::low_half(word), seen as u32, None) && word.load(Acquire) as u32 == seen as u32
+        {
+        }
+    }
+
+    fn wake(&self, word: &AtomicU64) {
+        futex_wake(Self::low_half(word));
+    }
+}
+
+fn builder(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+    refuse: &impl Fn(&dyn core::fmt::Display) -> PortError,
+) -> Result<<Storage as iceoryx2_cal::shared_memory::SharedMemory<BumpAllocator>>::Builder, PortError> {
+    use iceoryx2::prelude::{FileName, SemanticString as _};
+    if topic.layout.alignment > LINE {
+        return Err(refuse(&format!(
+            "its type is aligned to {} bytes, at most {LINE} are possible",
+            topic.layout.alignment
+        )));
+    }
+    let mut digest = Digest::default();
+    digest.write(topic.name.as_bytes());
+    let file = |text: &str| FileName::new(text.as_bytes()).map_err(|error| refuse(&format!("{error:?}")));
+    let configuration = Configuration::default()
+        .prefix(&node.config().global.prefix)
+        .suffix(&file(".topic")?)
+        .path_hint(node.config().global.root_path());
+    let name = file(&format!("{:016x}", digest.finish()))?;
+    Ok(<Storage as iceoryx2_cal::shared_memory::SharedMemory<BumpAllocator>>::Builder::new(&name)
+        .config(&configuration))
+}

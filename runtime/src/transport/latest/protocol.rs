@@ -1,0 +1,259 @@
+//! The pin protocol: how one writer and any number of readers share the slots of a topic without copying or waiting.
+//!
+//! * The writer fills a slot that is neither the newest nor pinned, and announces it: one store of publication number
+//!   and slot in one word.
+//! * A reader pins the slot that is announced, then looks whether it still is. If so, the writer finds the pin before it
+//!   chooses that slot again, and the reader may use the value in place for as long as it keeps the pin. If not, it pins
+//!   the newer one: it tries again at most once per publication.
+//! * A tap wants a certain publication, newest or not. It pins the slot that is marked with the number, and looks whether
+//!   it still is; the writer takes the mark off a slot before it asks who has pinned it.
+//!
+//! With as many slots as pins and two more the writer always finds one. A reader that dies leaves one slot pinned, until
+//! whoever takes its place pins another; a writer that dies leaves the last announced value, and a slot without a mark.
+
+use core::fmt::Debug;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+
+use crate::atomics::{Atomics, Site, Word};
+
+const INTERRUPT_BITS: u32 = 4;
+const NUMBER_BITS: u32 = 44;
+
+/// The newest publication of a topic, as it stands in one word: interrupts, number, slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Newest(pub(crate) u64);
+
+impl Newest {
+    /// A publication of this number in this slot, not interrupted.
+    #[inline]
+    pub(crate) fn new(number: u64, slot: usize) -> Self {
+        Self((slot as u64) << (INTERRUPT_BITS + NUMBER_BITS) | (number << INTERRUPT_BITS))
+    }
+
+    /// Number of the publication, counted from 1; 0 before the first.
+    #[inline]
+    pub(crate) fn number(self) -> u64 {
+        (self.0 >> INTERRUPT_BITS) & ((1 << NUMBER_BITS) - 1)
+    }
+
+    /// The slot that holds it.
+    #[inline]
+    pub(crate) fn slot(self) -> usize {
+        (self.0 >> (INTERRUPT_BITS + NUMBER_BITS)) as usize
+    }
+
+    /// The same publication after one more interrupt.
+    pub(crate) fn interrupted(self) -> Self {
+        let mask = (1 << INTERRUPT_BITS) - 1;
+        Self((self.0 & !mask) | ((self.0 + 1) & mask))
+    }
+}
+
+/// The words that the writer of a topic and all who wait for it share: one cache line.
+#[derive(Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Head<A: Atomics> {
+    /// The newest publication ([`Newest`]). Its low half is the futex on which waiters sleep.
+    pub(crate) newest: A::U64,
+    /// When the two newest publications were made, by the lowest bit of their number, ns.
+    pub(crate) times: [A::U64; 2],
+    /// How many sleep. One that is killed asleep stays counted: it costs a system call per publication, no more.
+    pub(crate) sleepers: A::U32,
+    /// One more than the core of the last publication; 0 before.
+    pub(crate) core: A::U32,
+}
+
+/// The slot that a reader uses: a cache line, and the one that processors fetch with it.
+#[derive(Debug)]
+#[repr(C, align(128))]
+pub(crate) struct Pin<A: Atomics> {
+    /// One more than the slot; 0 for none.
+    pub(crate) slot: A::U32,
+    /// Process id of the tool that has taken this pin; 0 for none. Unused for components.
+    pub(crate) owner: A::U32,
+}
+
+/// The shared words of a topic, wherever they lie.
+pub(crate) trait Words<A: Atomics> {
+    /// The words of the newest publication.
+    fn head(&self) -> &Head<A>;
+    /// All pins, those of components first.
+    fn pins(&self) -> &[Pin<A>];
+    /// Number of slots.
+    fn slots(&self) -> usize;
+    /// The number of the publication that a slot holds; 0 while it is being filled.
+    fn mark(&self, slot: usize) -> &A::U64;
+}
+
+/// The newest publication.
+#[inline]
+pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
+    Newest(head.newest.load(A::at(Site::Look, Acquire)))
+}
+
+/// The order in which a writer takes its slots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reuse {
+    /// The first free one: few slots are in use, and stay in the cache.
+    First,
+    /// The one that was filled longest ago: taps find the values before.
+    Oldest,
+}
+
+/// The writing side of a topic. There is one at a time.
+#[derive(Debug)]
+pub(crate) struct Writer {
+    reuse: Reuse,
+    /// Number of the last publication.
+    number: u64,
+    /// Slot of the last publication.
+    newest: usize,
+    /// The slot to be filled next, once chosen.
+    next: Option<usize>,
+}
+
+impl Writer {
+    /// Takes over from the writer before, if there was one.
+    pub(crate) fn new<A: Atomics>(words: &impl Words<A>, reuse: Reuse) -> Self {
+        let newest = newest(words.head());
+        Self { reuse, number: newest.number(), newest: newest.slot(), next: None }
+    }
+
+    /// Number of the publication to come.
+    #[inline]
+    pub(crate) fn number(&self) -> u64 {
+        self.number + 1
+    }
+
+    /// The slot to fill.
+    #[inline]
+    pub(crate) fn slot<A: Atomics>(&mut self, words: &impl Words<A>) -> usize {
+        match self.next {
+            Some(slot) => slot,
+            None => self.choose(words),
+        }
+    }
+
+    /// Announces the filled slot as the newest value.
+    #[inline]
+    pub(crate) fn publish<A: Atomics>(&mut self, words: &impl Words<A>, time_ns: u64) {
+        let slot = self.slot(words);
+        self.number += 1;
+        words.mark(slot).store(self.number, A::at(Site::Mark, Release));
+        announce(words.head(), Newest::new(self.number, slot), time_ns);
+        (self.newest, self.next) = (slot, None);
+    }
+
+    /// Chooses the slot of the next publication, while nobody waits for the writer.
+    pub(crate) fn choose<A: Atomics>(&mut self, words: &impl Words<A>) -> usize {
+        if let Some(slot) = self.next {
+            return slot;
+        }
+        // Pins as they are seen in passing spare a fence for each slot that is taken.
+        let seems_free = |slot: usize| !is_pinned::<A>(words.pins(), slot, Relaxed);
+        let mut strict = false;
+        loop {
+            for slot in self.candidates(words.slots()) {
+                if strict || seems_free(slot) {
+                    if let Some(slot) = claim(words, slot) {
+                        self.next = Some(slot);
+                        return slot;
+                    }
+                }
+            }
+            // With two slots more than pins one is free; a pin seen in passing may be out of date.
+            strict = true;
+        }
+    }
+
+    /// All slots but the newest, in the order in which they are to be tried.
+    fn candidates(&self, slots: usize) -> impl Iterator<Item = usize> + use<> {
+        let (newest, published) = (self.newest, self.number > 0);
+        let first = match self.reuse {
+            Reuse::Oldest if published => newest + 1,
+            Reuse::First | Reuse::Oldest => 0,
+        };
+        (0..slots).map(move |i| (first + i) % slots).filter(move |slot| !published || *slot != newest)
+    }
+}
+
+/// Takes a slot for writing unless somebody has pinned it.
+fn claim<A: Atomics>(words: &impl Words<A>, slot: usize) -> Option<usize> {
+    let mark = words.mark(slot);
+    let held = mark.load(Relaxed);
+    mark.store(0, Relaxed);
+    A::fence(Site::Claim);
+    if is_pinned::<A>(words.pins(), slot, A::at(Site::Scan, Acquire)) {
+        // Its value is as it was.
+        mark.store(held, A::at(Site::Mark, Release));
+        return None;
+    }
+    Some(slot)
+}
+
+fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atomic::Ordering) -> bool {
+    pins.iter().fold(false, |pinned, pin| pinned | (pin.slot.load(ordering) == slot as u32 + 1))
+}
+
+/// Announces a publication: its time, then itself.
+#[inline]
+pub(crate) fn announce<A: Atomics>(head: &Head<A>, newest: Newest, time_ns: u64) {
+    head.times[(newest.number() % 2) as usize].store(time_ns, A::at(Site::Time, Release));
+    // In one go with reading what an interrupt left there: whoever sees the publication then sees what the interrupt is
+    // about.
+    head.newest.swap(newest.0, A::at(Site::Publish, Release));
+}
+
+/// The newest publication with its own time, ns.
+#[inline]
+pub(crate) fn newest_with_time<A: Atomics>(head: &Head<A>) -> (Newest, u64) {
+    loop {
+        let seen = newest(head);
+        let time_ns = head.times[(seen.number() % 2) as usize].load(Relaxed);
+        A::read_fence(Site::TimeRead);
+        // The time is written anew for the publication after the next, which comes after the next.
+        if Newest(head.newest.load(Relaxed)).number() == seen.number() {
+            return (seen, time_ns);
+        }
+    }
+}
+
+/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned.
+///
+/// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at once.
+#[inline]
+pub(crate) fn pin_newest<A: Atomics>(
+    words: &impl Words<A>,
+    pin: &Pin<A>,
+    last: u64,
+    fetch: impl Fn(usize),
+) -> Option<Newest> {
+    let mut wanted = newest(words.head());
+    if wanted.number() == last || wanted.number() == 0 {
+        return None;
+    }
+    loop {
+        fetch(wanted.slot());
+        A::store_fenced(&pin.slot, wanted.slot() as u32 + 1, Site::Pin, Site::Pinned);
+        let again = newest(words.head());
+        if again.number() == wanted.number() {
+            return Some(wanted);
+        }
+        wanted = again;
+    }
+}
+
+/// Pins a slot if it holds this publication; whether it does.
+pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: usize, number: u64) -> bool {
+    let mark = words.mark(slot);
+    if mark.load(Relaxed) != number {
+        return false;
+    }
+    A::store_fenced(&pin.slot, slot as u32 + 1, Site::Pin, Site::Pinned);
+    mark.load(Acquire) == number
+}
+
+/// Lets go of whatever a pin holds.
+pub(crate) fn unpin<A: Atomics>(pin: &Pin<A>) {
+    pin.slot.store(0, A::at(Site::Pin, Release));
+}

@@ -1,0 +1,72 @@
+//! The reading side of a state.
+
+#![allow(unsafe_code)] // a pinned value is used where it lies
+
+use std::rc::Rc;
+
+use super::TopicMemory;
+use super::protocol::{Newest, Pin, Words as _, pin_newest, unpin};
+use crate::atomics::Native;
+use crate::os::prefetch_read;
+use crate::state::{Stamp, StateBuffer};
+
+/// A reader of one topic with a pin of its own.
+#[derive(Debug)]
+pub(crate) struct StateReader {
+    memory: Rc<TopicMemory>,
+    pin: usize,
+    /// The pinned publication; number 0 for none.
+    pinned: Newest,
+}
+
+impl StateReader {
+    /// Takes over the pin of a port, of which there is one at a time.
+    pub(crate) fn new(memory: Rc<TopicMemory>, pin: usize) -> Self {
+        let reader = Self { memory, pin, pinned: Newest::default() };
+        unpin(reader.pin());
+        reader
+    }
+
+    fn pin(&self) -> &Pin<Native> {
+        &self.memory.pins()[self.pin]
+    }
+
+    /// Whether something was published since the last look.
+    #[inline]
+    pub(crate) fn has_news(&self) -> bool {
+        self.memory.newest().number() != self.pinned.number()
+    }
+
+    /// Pins the newest value; whether it is another one than before.
+    #[inline]
+    pub(crate) fn look(&mut self) -> bool {
+        let memory = &*self.memory;
+        let fetch = |slot| {
+            let (first, bytes) = memory.range(slot);
+            prefetch_read(first, bytes);
+        };
+        match pin_newest(memory, self.pin(), self.pinned.number(), fetch) {
+            Some(pinned) => {
+                self.pinned = pinned;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// The pinned value.
+    #[inline]
+    pub(crate) fn current<T: StateBuffer>(&self) -> Option<(&Stamp, &T)> {
+        debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
+        let slot = (self.pinned.number() > 0).then_some(self.pinned.slot())?;
+        // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for which it needs
+        // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
+        Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
+    }
+}
+
+impl Drop for StateReader {
+    fn drop(&mut self) {
+        unpin(self.pin());
+    }
+}

@@ -1,0 +1,84 @@
+//! Reading every value of a state, in order.
+
+#![allow(unsafe_code)] // a pinned value is read as bytes, by a type described at run time
+
+use super::TopicMemory;
+use super::protocol::{Words as _, pin_marked, unpin};
+use crate::os::Watch;
+use crate::state::Stamp;
+use std::sync::atomic::Ordering::{Relaxed, Release};
+
+/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does nothing for it.
+#[derive(Debug)]
+pub(crate) struct Tap {
+    memory: TopicMemory,
+    pin: usize,
+    /// Number of the last publication read.
+    last: u64,
+    /// Slot of the last publication read: the next one is behind it as a rule.
+    slot: usize,
+    missed: u64,
+}
+
+impl Tap {
+    /// Joins a topic; the first value is the newest one. `None` if all places for those who look on are taken.
+    pub(crate) fn join(memory: TopicMemory) -> Option<Self> {
+        let is_alive = |process: u32| Watch::new(process).is_ok_and(|watch| !watch.has_ended());
+        let pin = memory.take_side_pin(std::process::id(), is_alive)?;
+        unpin(&memory.pins()[pin]);
+        let newest = memory.newest();
+        let last = newest.number().saturating_sub(1);
+        Some(Self { memory, pin, last, slot: newest.slot(), missed: 0 })
+    }
+
+    /// Hands the next publication to `read`, stamp and bytes, where it lies; false if there is none yet.
+    pub(crate) fn next(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
+        while self.last < self.memory.newest().number() {
+            let Some((number, slot)) = self.find() else { continue };
+            if !pin_marked(&self.memory, &self.memory.pins()[self.pin], slot, number) {
+                continue;
+            }
+            self.missed += number - self.last - 1;
+            (self.last, self.slot) = (number, slot);
+            // SAFETY: the slot is pinned until `unpin`: the writer does not touch it meanwhile.
+            let (stamp, bytes) = unsafe {
+                let value = self.memory.value(slot).cast_const();
+                (&*self.memory.stamp(slot), core::slice::from_raw_parts(value, self.memory.value_bytes()))
+            };
+            read(stamp, bytes);
+            unpin(&self.memory.pins()[self.pin]);
+            return true;
+        }
+        false
+    }
+
+    /// The oldest publication after the last one read that is still there, and its slot.
+    fn find(&self) -> Option<(u64, usize)> {
+        let wanted = self.last + 1;
+        let (slots, memory) = (self.memory.slots(), &self.memory);
+        let mut oldest: Option<(u64, usize)> = None;
+        for slot in (0..slots).map(|i| (self.slot + 1 + i) % slots) {
+            let number = memory.mark(slot).load(Relaxed);
+            if number == wanted {
+                return Some((number, slot));
+            }
+            if number > wanted && oldest.is_none_or(|(least, _)| number < least) {
+                oldest = Some((number, slot));
+            }
+        }
+        oldest
+    }
+
+    /// Publications that were overwritten before they could be read.
+    pub(crate) fn missed(&self) -> u64 {
+        self.missed
+    }
+}
+
+impl Drop for Tap {
+    fn drop(&mut self) {
+        let pin = &self.memory.pins()[self.pin];
+        unpin(pin);
+        pin.owner.store(0, Release);
+    }
+}

@@ -1,0 +1,79 @@
+//! The writing side of a state.
+
+#![allow(unsafe_code)] // a claimed slot is filled where it lies
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use super::TopicMemory;
+use super::protocol::{Newest, Writer, announce};
+use crate::atomics::Native;
+use crate::os::prefetch_write;
+use crate::state::{Stamp, StateBuffer};
+
+/// The one writer of a topic.
+#[derive(Debug)]
+pub(crate) struct StateWriter {
+    memory: Rc<TopicMemory>,
+    writer: RefCell<Writer>,
+}
+
+impl StateWriter {
+    pub(crate) fn new(memory: Rc<TopicMemory>) -> Self {
+        let writer = RefCell::new(Writer::new(&*memory, memory.reuse()));
+        Self { memory, writer }
+    }
+
+    /// The slot to fill next. It holds whatever an earlier publication left there.
+    #[inline]
+    pub(crate) fn slot(&self) -> usize {
+        self.writer.borrow_mut().slot(&*self.memory)
+    }
+
+    /// The value in the slot that is being filled, to be written.
+    ///
+    /// # Safety
+    /// The caller has the only reference to the value: an output is the one user of its writer's slot, and lends it
+    /// through `&mut` of itself.
+    #[inline]
+    #[allow(clippy::mut_from_ref)]
+    pub(crate) unsafe fn value_mut<T: StateBuffer>(&self) -> &mut T {
+        debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
+        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. The port was opened
+        // for this very layout; every bit pattern is a valid value.
+        unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
+    }
+
+    /// Number of the publication to come.
+    #[inline]
+    pub(crate) fn number(&self) -> u64 {
+        self.writer.borrow().number()
+    }
+
+    /// Announces the filled slot; [`TopicMemory::notify`] is to follow.
+    #[inline]
+    pub(crate) fn publish(&self, stamp: Stamp) {
+        let mut writer = self.writer.borrow_mut();
+        let slot = writer.slot(&*self.memory);
+        // SAFETY: the slot is claimed; nobody else uses its stamp.
+        unsafe { self.memory.stamp(slot).write(stamp) };
+        writer.publish(&*self.memory, stamp.publish_time);
+    }
+
+    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer.
+    #[inline]
+    pub(crate) fn prepare(&self) {
+        let slot = self.writer.borrow_mut().choose(&*self.memory);
+        let (first, bytes) = self.memory.range(slot);
+        prefetch_write(first, bytes);
+    }
+}
+
+impl TopicMemory {
+    /// Announces a publication of a stream, whose value travels through iceoryx2.
+    #[inline]
+    pub(crate) fn count(&self, time_ns: u64) {
+        let next = Newest::new(self.newest().number() + 1, 0);
+        announce::<Native>(super::protocol::Words::head(self), next, time_ns);
+    }
+}

@@ -1,0 +1,10 @@
+//! Streams: every value, in order, through the queues of iceoryx2.
+
+mod pooled;
+mod reader;
+mod variant;
+mod writer;
+
+pub(crate) use reader::{StreamReader, Taken};
+pub use variant::Shared;
+pub(crate) use writer::{Lent, StreamWriter};

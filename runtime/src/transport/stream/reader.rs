@@ -1,0 +1,77 @@
+//! The reading side of a stream.
+
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::sample::Sample;
+
+use super::Shared;
+use crate::plan::TopicPlan;
+use crate::state::{Stamp, StateBuffer};
+use crate::transport::topic::{open, refused};
+use crate::transport::{Connect, PortError};
+
+/// A reader of one stream with a queue of its own.
+#[derive(Debug)]
+pub(crate) struct StreamReader<T: StateBuffer> {
+    subscriber: Rc<Subscriber<Shared, T, Stamp>>,
+    current: Option<Sample<Shared, T, Stamp>>,
+    /// Restart count of the publisher and number of its last publication read.
+    last: (u32, u64),
+}
+
+/// A sample was taken from the queue.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Taken {
+    /// It is the next one that may be read; so many before it were overwritten in the queue.
+    Next { lost: u64 },
+    /// It must not be read: its number is not newer than the last one's, or its content is invalid.
+    Refused,
+}
+
+impl<T: StateBuffer> StreamReader<T> {
+    pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan, port: &str) -> Result<Self, PortError> {
+        let subscriber = open::<T>(node, topic, port)?
+            .subscriber_builder()
+            .create()
+            .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
+        Ok(Self { subscriber: Rc::new(subscriber), current: None, last: (0, 0) })
+    }
+
+    pub(crate) fn connection(&self) -> Rc<dyn Connect> {
+        self.subscriber.clone()
+    }
+
+    /// Takes the next sample from the queue, if there is one. What was read before stays if it is refused.
+    pub(crate) fn take(&mut self) -> Option<Taken> {
+        // An error here means a connection could not be made to a publisher that is just dying or being born; the
+        // sample is then simply not there yet, and its age tells.
+        let sample = self.subscriber.receive().ok().flatten()?;
+        let stamp = *sample.user_header();
+        let (restarts, number) = self.last;
+        let newer =
+            stamp.incarnation > restarts || (stamp.incarnation == restarts && stamp.sequence > number);
+        if stamp.sequence == 0 || !newer || sample.payload().check().is_err() {
+            return Some(Taken::Refused);
+        }
+        // A restarted publisher goes on counting; a reader that comes late has lost nothing.
+        let lost = if number == 0 { 0 } else { stamp.sequence.saturating_sub(number + 1) };
+        self.last = (stamp.incarnation, stamp.sequence);
+        self.current = Some(sample);
+        Some(Taken::Next { lost })
+    }
+
+    /// The sample read last.
+    #[inline]
+    pub(crate) fn current(&self) -> Option<(&Stamp, &T)> {
+        self.current.as_ref().map(|sample| (sample.user_header(), sample.payload()))
+    }
+}
+
+impl<T: StateBuffer> Connect for Subscriber<Shared, T, Stamp> {
+    fn connect(&self) -> Result<(), String> {
+        self.update_connections().map_err(|error| error.to_string())
+    }
+}

@@ -1,0 +1,125 @@
+//! Reading a topic from outside of the graph, by its layout alone.
+
+#![allow(unsafe_code)] // samples are read as bytes, by a type described at run time
+
+use iceoryx2::node::Node;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::service::marker::CustomPayloadMarker;
+
+use super::latest::{self, TopicMemory};
+use super::topic::{refused, service_name, type_detail};
+use super::{Domain, PortError, Shared};
+use crate::declare::TopicPattern;
+use crate::plan::TopicPlan;
+use crate::state::{Stamp, TypeLayout};
+
+/// A reader of every value of a topic, in order, that is no part of the graph: for tools and recorders.
+///
+/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value: as
+/// many as its `history`, and a few more. What was overwritten before it was read is counted ([`missed`](Self::missed)).
+/// A topic has places for four taps at a time; the place of one that was killed is free again.
+#[derive(Debug)]
+pub struct Tap {
+    layout: TypeLayout,
+    source: Source,
+    _node: Node<Shared>,
+}
+
+#[derive(Debug)]
+enum Source {
+    State(latest::Tap),
+    Stream {
+        subscriber: Subscriber<Shared, [CustomPayloadMarker], Stamp>,
+        /// Restart count and number of the last value read.
+        last: (u32, u64),
+        missed: u64,
+    },
+}
+
+/// A value as a tap has read it: a copy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// The time and the publisher of the value.
+    pub stamp: Stamp,
+    /// Its bytes, in the layout of the topic.
+    pub bytes: Vec<u8>,
+}
+
+impl Tap {
+    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream.
+    ///
+    /// # Errors
+    /// The run or the topic cannot be reached, or four others look on already.
+    pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
+        let name = &topic.name;
+        let node = domain.node().map_err(|error| refused(name, "joining the run")(&error))?;
+        let layout = topic.layout.clone();
+        let source = match topic.pattern {
+            TopicPattern::State => {
+                let memory = TopicMemory::open(&node, topic)?;
+                let full =
+                    &"its four places for those who look on are taken; is another `topic echo` running?";
+                Source::State(latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?)
+            }
+            TopicPattern::Stream { .. } => {
+                let detail = type_detail(name, &layout)?;
+                let builder = node
+                    .service_builder(&service_name("topic", name)?)
+                    .publish_subscribe::<[CustomPayloadMarker]>()
+                    .user_header::<Stamp>();
+                // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
+                let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
+                let subscriber = builder
+                    .open()
+                    .map_err(|error| refused(name, "opening")(&error))?
+                    .subscriber_builder()
+                    .create()
+                    .map_err(|error| refused(name, "making a subscriber")(&error))?;
+                Source::Stream { subscriber, last: (0, 0), missed: 0 }
+            }
+        };
+        Ok(Self { layout, source, _node: node })
+    }
+
+    /// The layout of the topic's values.
+    pub fn layout(&self) -> &TypeLayout {
+        &self.layout
+    }
+
+    /// Values that were overwritten before they could be read.
+    pub fn missed(&self) -> u64 {
+        match &self.source {
+            Source::State(tap) => tap.missed(),
+            Source::Stream { missed, .. } => *missed,
+        }
+    }
+
+    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none yet.
+    pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
+        match &mut self.source {
+            Source::State(tap) => tap.next(read),
+            Source::Stream { subscriber, last, missed } => {
+                let Some(sample) = subscriber.receive().ok().flatten() else { return false };
+                let stamp = sample.user_header();
+                if last.1 > 0 {
+                    *missed += stamp.sequence.saturating_sub(last.1 + 1);
+                }
+                *last = (stamp.incarnation, stamp.sequence);
+                // SAFETY: the payload of a fixed-size custom sample is one value of `layout.size` bytes; it is held
+                // while the bytes are read.
+                let bytes = unsafe {
+                    core::slice::from_raw_parts(sample.payload().as_ptr().cast::<u8>(), self.layout.size)
+                };
+                read(stamp, bytes);
+                true
+            }
+        }
+    }
+
+    /// A copy of the next unread value, if there is one.
+    pub fn next_unread(&mut self) -> Option<Sample> {
+        let mut sample = None;
+        self.read(|stamp, bytes| sample = Some(Sample { stamp: *stamp, bytes: bytes.to_vec() }));
+        sample
+    }
+}
