@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Posture, Profile, ProfileError,
-    Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
+    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Position, Posture, Profile,
+    ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
 };
 
 /// A robot ready to use.
@@ -87,6 +87,16 @@ pub enum LoadError {
         path: PathBuf,
         /// Why.
         source: io::Error,
+    },
+    /// A file that is not text in UTF-8.
+    #[error("{}:{}:{}: byte {byte:#04x} is not UTF-8; save the file as UTF-8", .path.display(), .at.line, .at.column)]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// The first byte at fault; columns count characters.
+        at: Position,
+        /// That byte.
+        byte: u8,
     },
     /// A URDF with a fault.
     #[error(transparent)]
@@ -208,7 +218,15 @@ fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
 }
 
 fn read(path: &Path) -> Result<String, LoadError> {
-    std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
+    let bytes = std::fs::read(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let (before, rest) = error.as_bytes().split_at(error.utf8_error().valid_up_to());
+        let before = String::from_utf8_lossy(before);
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX - 1) + 1;
+        let at = Position { line: count(before.matches('\n').count()), column: count(line.chars().count()) };
+        LoadError::NotText { path: path.to_owned(), at, byte: rest[0] }
+    })
 }
 
 /// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF

@@ -19,6 +19,7 @@ mod mass_matrix;
 mod meshes;
 mod model_edits;
 mod mujoco;
+mod mutations;
 mod other_robots;
 mod pinocchio;
 mod pinocchio_catalogue;

@@ -77,3 +77,21 @@ fn the_key_poses_of_an_srdf_come_with_the_robot() {
     assert_eq!((robot.postures[0].name.as_str(), robot.postures[0].joints.as_slice()), ("out", &[0.5][..]));
     assert!(load("panda", Path::new(".")).unwrap().postures.is_empty());
 }
+
+#[test]
+fn a_file_that_is_not_utf8_is_refused_with_the_place_of_its_first_such_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, before) in
+        [("arm.urdf", "<robot name=\"r\">\n  <!-- grün "), ("arm.xml", "<mujoco>\n  <!-- grün ")]
+    {
+        let text = [before.as_bytes(), b"gr\xfcn --></robot>"].concat();
+        std::fs::write(folder.path().join(name), text).unwrap();
+        let error = load(name, folder.path()).unwrap_err();
+        assert!(matches!(error, LoadError::NotText { .. }), "{error:?}");
+        let message = error.to_string();
+        assert!(
+            message.ends_with(&format!("{name}:2:15: byte 0xfc is not UTF-8; save the file as UTF-8")),
+            "{message}"
+        );
+    }
+}

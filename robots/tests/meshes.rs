@@ -120,6 +120,43 @@ fn collada_honours_units_nodes_and_repeated_instances() {
     assert_relative_eq!(high, Vector3::new(4.0, 2.0, 11.0), epsilon = 1e-9);
 }
 
+/// The cube of side 2 m in a scene of these nodes, and the nodes of a library.
+fn scene(unit: &str, nodes: &str, library: &str) -> String {
+    let whole = dae().replace("<unit meter=\"0.01\" name=\"centimeter\"/>", unit);
+    let start = whole.find("<library_visual_scenes>").unwrap();
+    let end = whole.find("</library_visual_scenes>").unwrap();
+    format!(
+        "{}<library_nodes>{library}</library_nodes><library_visual_scenes><visual_scene id=\"scene\">{nodes}</visual_scene>{}",
+        &whole[..start],
+        &whole[end..]
+    )
+}
+
+#[test]
+fn collada_nodes_place_the_mesh_outermost_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = "<instance_geometry url=\"#g\"/>";
+    let centre = |unit: &str, nodes: &str, library: &str| {
+        let path = write(folder.path(), "scene.dae", scene(unit, nodes, library));
+        let (low, high) = extent(&TriangleMesh::read(&path).unwrap());
+        (low + high) / 2.0
+    };
+    let unit = "<unit meter=\"0.01\"/>";
+    let nested = format!(
+        "<node><translate>300 0 0</translate><node><rotate>0 0 1 90</rotate><translate>500 0 0</translate>{cube}</node></node>"
+    );
+    assert_relative_eq!(centre(unit, &nested, ""), Vector3::new(3.0, 5.0, 0.0), epsilon = 1e-12);
+    // Lengths of nodes have the unit of the file, and short ones count.
+    let moved = format!("<node><translate>0.9 0 0</translate>{cube}</node>");
+    assert_relative_eq!(centre(unit, &moved, ""), Vector3::new(0.009, 0.0, 0.0), epsilon = 1e-12);
+    let matrix = format!("<node><matrix>0 -1 0 100 1 0 0 200 0 0 1 300 0 0 0 1</matrix>{cube}</node>");
+    assert_relative_eq!(centre(unit, &matrix, ""), Vector3::new(1.0, 2.0, 3.0), epsilon = 1e-12);
+    let from_library = "<node><translate>400 0 0</translate><instance_node url=\"#n\"/></node>";
+    let library = format!("<node id=\"n\"><translate>0 100 0</translate>{cube}</node>");
+    assert_relative_eq!(centre(unit, from_library, &library), Vector3::new(4.0, 1.0, 0.0), epsilon = 1e-12);
+    assert_relative_eq!(centre("", &moved, ""), Vector3::new(0.9, 0.0, 0.0), epsilon = 1e-12);
+}
+
 #[test]
 fn a_faulty_mesh_is_refused_with_its_line() {
     let folder = tempfile::tempdir().unwrap();

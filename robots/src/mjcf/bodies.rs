@@ -15,6 +15,9 @@ use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Frame, Inertia, Shape, Srdf};
 
+/// Bodies and frames in one another: the reader calls itself for each, and a thread's stack ends.
+const DEEPEST: usize = 150;
+
 /// Where elements stand.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
@@ -80,6 +83,10 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         place: &Place<'a>,
     ) -> Result<Result<Inertia, MjcfError>, MjcfError> {
         let attributes = self.attributes();
+        if node.ancestors().nth(DEEPEST).is_some() {
+            let problem = format!("more than {DEEPEST} bodies and frames in one another are not read");
+            return Err(attributes.error(node, MjcfProblem::Other(problem)));
+        }
         let mut whole: Result<Inertia, MjcfError> = Ok(Inertia::zero());
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {

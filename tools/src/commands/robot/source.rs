@@ -51,7 +51,9 @@ impl RobotArgs {
 /// The exit code that suits the error: 3 for a file that is not right, 1 for one that cannot be had.
 pub(super) fn code(error: &LoadError) -> ExitCode {
     match error {
-        LoadError::Urdf(_) | LoadError::Mjcf(_) | LoadError::Profile { .. } => exit::invalid(),
+        LoadError::Urdf(_) | LoadError::Mjcf(_) | LoadError::NotText { .. } | LoadError::Profile { .. } => {
+            exit::invalid()
+        }
         _ => exit::FAILED,
     }
 }
@@ -69,6 +71,7 @@ pub(super) fn place(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
     match error {
         LoadError::Urdf(urdf) => (urdf.file.as_ref(), urdf.at),
         LoadError::Mjcf(mjcf) => (mjcf.file.as_ref(), Some(mjcf.at)),
+        LoadError::NotText { path, at, .. } => (Some(path), Some(*at)),
         _ => (None, None),
     }
 }
