@@ -1,6 +1,7 @@
 //! Whole graphs: real processes, real signals, real faults. One program, so that the tests share their helpers and are
 //! linked once; every test that starts processes takes the machine for itself.
 
+mod bridge;
 mod exposition;
 mod faults;
 mod gaits;

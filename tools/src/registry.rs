@@ -26,6 +26,7 @@ fn kinds() -> Vec<Kind> {
         Kind::of::<motorium_policies::DmpPolicy>(),
         Kind::of::<motorium_policies::ProMpPolicy>(),
         Kind::of::<motorium_policies::LibraryPolicy>(),
+        Kind::of::<motorium_bridges::Iceoryx2Bridge>(),
         Kind::of::<motorium_interfaces::ConsoleLog>(),
     ]
 }

@@ -6,14 +6,14 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 
 use super::ConfigureError;
-use crate::declare::RobotReference;
+use crate::declare::{RobotReference, TopicPattern};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan};
 use crate::region::CHECKPOINT_BYTES;
 use crate::run_folder::RunFolder;
-use crate::state::StateBuffer;
+use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
-    AnyParameter, Connect, Context, Input, InputPlace, Output, Parameter, ParameterReader, PortError, Probe,
-    Shared, Trigger, open_trigger,
+    AnyParameter, Connect, Context, Domain, Input, InputPlace, Output, Parameter, ParameterReader, PortError,
+    Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput, Trigger, open_trigger,
 };
 
 /// Hands a component what it declared.
@@ -22,6 +22,7 @@ use crate::transport::{
 pub struct Setup {
     plan: Plan,
     index: usize,
+    domain: Domain,
     node: Node<Shared>,
     context: Rc<Context>,
     parameters: ParameterReader,
@@ -48,7 +49,7 @@ impl Setup {
             }
             _ => None,
         };
-        Ok(Self { plan: plan.clone(), index, node, context, parameters, ports: Vec::new(), trigger })
+        Ok(Self { plan: plan.clone(), index, domain, node, context, parameters, ports: Vec::new(), trigger })
     }
 
     pub(crate) fn finish(self) -> Finished {
@@ -97,17 +98,100 @@ impl Setup {
     /// # Errors
     /// It is not declared, or was declared with another type, or its topic cannot be joined.
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
-        let component = self.component();
-        let (index, plan) = find(&component.inputs, port)?;
-        same_type::<T>(plan)?;
-        let Some(topic) = plan.topic else { return Ok(Input::unwired(self.context.clone())) };
-        let is_cause = component.cause == Some(index);
-        let edge = self.plan.edges().iter().position(|edge| *edge == (topic, self.index));
-        let pin = self.plan.pin(self.index, index);
-        let place = InputPlace { index: topic, topic: &self.plan.topics[topic], port, pin, is_cause, edge };
+        let (index, plan) = find(&self.component().inputs, port)?;
+        same_type(&T::layout(), plan)?;
+        let Some(place) = self.place(index, plan) else { return Ok(Input::unwired(self.context.clone())) };
         let input = Input::<T>::open(&self.node, place, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
+    }
+
+    /// Opens a declared input of slices.
+    ///
+    /// # Errors
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    pub fn slice_input<T: StateBuffer>(&mut self, port: &str) -> Result<SliceInput<T>, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        same_type(&T::layout(), plan)?;
+        let Some(place) = self.place(index, plan) else {
+            return Ok(SliceInput::unwired(self.context.clone()));
+        };
+        let input = SliceInput::<T>::open(&self.node, place, self.context.clone())?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output of slices.
+    ///
+    /// # Errors
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    pub fn slice_output<T: StateBuffer>(&mut self, port: &'static str) -> Result<SliceOutput<T>, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        same_type(&T::layout(), plan)?;
+        let Some(topic) = plan.topic else {
+            let longest = match plan.pattern {
+                TopicPattern::Slices { longest, .. } => longest,
+                TopicPattern::State | TopicPattern::Stream { .. } => 0,
+            };
+            return Ok(SliceOutput::unwired(port, longest, self.context.clone()));
+        };
+        let wired = (topic, &self.plan.topics[topic]);
+        let output =
+            SliceOutput::<T>::open(&self.node, wired, port, self.probes(index), self.context.clone())?
+                .ending_steps(self.plan.stays_on_core(topic));
+        self.ports.extend(output.connection());
+        Ok(output)
+    }
+
+    /// Opens a declared input as bytes, of whatever type its topic is.
+    ///
+    /// # Errors
+    /// It is not declared, or its topic cannot be joined.
+    pub fn raw_input(&mut self, port: &str) -> Result<RawInput, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        let Some(place) = self.place(index, plan) else { return Ok(RawInput::unwired(self.context.clone())) };
+        let input = RawInput::open(&self.node, place, self.context.clone())?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output for bytes of its layout.
+    ///
+    /// # Errors
+    /// It is not declared, its layout cannot be checked, or its topic cannot be joined.
+    pub fn raw_output(&mut self, port: &str) -> Result<RawOutput, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        let Some(topic) = plan.topic else { return RawOutput::unwired(plan, self.context.clone()) };
+        let wired = (topic, &self.plan.topics[topic]);
+        let output = RawOutput::open(&self.node, wired, plan, self.probes(index), self.context.clone())?;
+        Ok(output.ending_steps(self.plan.stays_on_core(topic)))
+    }
+
+    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The place of an input in the graph; `None` if it is unwired.
+    fn place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
+        let topic = plan.topic?;
+        Some(InputPlace {
+            index: topic,
+            topic: &self.plan.topics[topic],
+            port: &plan.port,
+            pin: self.plan.pin(self.index, index),
+            is_cause: self.component().cause == Some(index),
+            edge: self.plan.edges().iter().position(|edge| *edge == (topic, self.index)),
+        })
+    }
+
+    /// The latency budgets that end at an output.
+    fn probes(&self, output: usize) -> Vec<Probe> {
+        let budgets = self.plan.latencies.iter().enumerate();
+        budgets
+            .filter(|(_, latency)| latency.component == self.index && latency.output == output)
+            .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
+            .collect()
     }
 
     /// Opens a declared output.
@@ -115,18 +199,10 @@ impl Setup {
     /// # Errors
     /// It is not declared, or was declared with another type, or its topic cannot be joined.
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
-        let component = self.component();
-        let (index, plan) = find(&component.outputs, port)?;
-        same_type::<T>(plan)?;
+        let (index, plan) = find(&self.component().outputs, port)?;
+        same_type(&T::layout(), plan)?;
         let Some(topic) = plan.topic else { return Ok(Output::unwired(port, self.context.clone())) };
-        let probes = self
-            .plan
-            .latencies
-            .iter()
-            .enumerate()
-            .filter(|(_, latency)| latency.component == self.index && latency.output == index)
-            .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
-            .collect();
+        let probes = self.probes(index);
         let topic = (topic, &self.plan.topics[topic]);
         let output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?
             .ending_steps(self.plan.stays_on_core(topic.0));
@@ -176,14 +252,13 @@ fn find<'a>(ports: &'a [PortPlan], name: &str) -> Result<(usize, &'a PortPlan), 
         .ok_or_else(|| PortError::NotDeclared { port: name.to_string() })
 }
 
-fn same_type<T: StateBuffer>(plan: &PortPlan) -> Result<(), PortError> {
-    let layout = T::layout();
-    if layout == plan.layout {
+fn same_type(layout: &TypeLayout, plan: &PortPlan) -> Result<(), PortError> {
+    if *layout == plan.layout {
         return Ok(());
     }
     Err(PortError::TypeChanged {
         port: plan.port.clone(),
-        difference: plan.layout.difference("declared", &layout, "opened"),
+        difference: plan.layout.difference("declared", layout, "opened"),
     })
 }
 

@@ -27,6 +27,23 @@ pub enum TopicPattern {
         /// Samples a reader may lag behind before it loses the oldest.
         capacity: usize,
     },
+    /// A queue of this many slices per reader, each of another length.
+    Slices {
+        /// Slices a reader may lag behind before it loses the oldest.
+        capacity: usize,
+        /// Elements of the longest slice. An input declares 0: its topic's writer says it.
+        longest: usize,
+    },
+}
+
+impl TopicPattern {
+    /// Samples or slices in a queue; `None` for a state, which has none.
+    pub fn capacity(self) -> Option<usize> {
+        match self {
+            Self::State => None,
+            Self::Stream { capacity } | Self::Slices { capacity, .. } => Some(capacity),
+        }
+    }
 }
 
 /// A declared port.
@@ -218,6 +235,41 @@ impl Declare {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
     }
 
+    /// An input that reads every slice of a stream of slices, such as images or frames.
+    pub fn slice_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
+    /// An output of slices of up to `longest` elements, such as images or frames.
+    pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
+        self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
+    }
+
+    /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
+    /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
+    pub fn raw_input(&mut self, name: &str, doc: &str) {
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Input,
+            pattern: TopicPattern::State,
+            layout: TypeLayout::any(),
+            required: true,
+            doc: doc.to_string(),
+        });
+    }
+
+    /// An output of a type that the configuration names.
+    pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.add(PortDeclaration {
+            name: name.to_string(),
+            direction: Direction::Output,
+            pattern: TopicPattern::State,
+            layout,
+            required: false,
+            doc: doc.to_string(),
+        });
+    }
+
     /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
@@ -254,18 +306,17 @@ impl Declare {
         required: bool,
         doc: &str,
     ) {
+        let (name, layout, doc) = (name.to_string(), T::layout(), doc.to_string());
+        self.add(PortDeclaration { name, direction, pattern, layout, required, doc });
+    }
+
+    fn add(&mut self, port: PortDeclaration) {
         debug_assert!(
-            self.declaration.ports.iter().all(|port| port.name != name),
-            "port `{name}` declared twice"
+            self.declaration.ports.iter().all(|other| other.name != port.name),
+            "port `{}` declared twice",
+            port.name
         );
-        self.declaration.ports.push(PortDeclaration {
-            name: name.to_string(),
-            direction,
-            pattern,
-            layout: T::layout(),
-            required,
-            doc: doc.to_string(),
-        });
+        self.declaration.ports.push(port);
     }
 
     fn parameter(

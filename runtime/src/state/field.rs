@@ -34,6 +34,11 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
 
     /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
     fn digest(&self, digest: &mut Digest);
+
+    /// As [`digest`](Self::digest), of many values one after the other.
+    fn digest_all(values: &[Self], digest: &mut Digest) {
+        values.iter().for_each(|value| value.digest(digest));
+    }
 }
 
 /// A running 64-bit digest (XXH3) of published content, equal for equal runs.
@@ -139,6 +144,25 @@ macro_rules! number {
             fn digest(&self, digest: &mut Digest) {
                 digest.write(&self.to_le_bytes());
             }
+
+            fn digest_all(values: &[Self], digest: &mut Digest) {
+                if cfg!(target_endian = "little") {
+                    // SAFETY: numbers without padding: every byte is initialised, and bytes have no alignment.
+                    digest.write(unsafe {
+                        core::slice::from_raw_parts(values.as_ptr().cast::<u8>(), size_of_val(values))
+                    });
+                } else {
+                    values.iter().for_each(|value| value.digest(digest));
+                }
+            }
+        }
+
+        impl super::StateBuffer for $type {
+            const NAME: &'static str = stringify!($type);
+
+            fn layout() -> super::TypeLayout {
+                super::TypeLayout::of::<$type>()
+            }
         }
     )* };
     (@check_all f64, $values:ident) => { all_finite("", $values) };
@@ -185,8 +209,6 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
     }
 
     fn digest(&self, digest: &mut Digest) {
-        for value in self {
-            value.digest(digest);
-        }
+        T::digest_all(self, digest);
     }
 }

@@ -75,8 +75,12 @@ macro_rules! joint_buffer {
             const ZERO: Self = Self { count: 0, reserved: 0, $( $field: [0.0; MAX_JOINTS] ),* };
 
             fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
+                let first = out.len();
                 crate::state_buffer!(@describe $name, prefix, offset, out,
                     count: u32, reserved: u32, $( $field: [f64; MAX_JOINTS] ),*);
+                let counter = if prefix.is_empty() { "count".to_string() } else { format!("{prefix}.count") };
+                let joints = out[first..].iter_mut().filter(|field| field.kind.starts_with('['));
+                joints.for_each(|field| field.count = Some(counter.clone()));
             }
 
             fn check(&self) -> Result<(), Defect> {
@@ -90,7 +94,7 @@ macro_rules! joint_buffer {
 
             fn digest(&self, digest: &mut Digest) {
                 digest.write_u64(u64::from(self.count));
-                $( for value in self.$field() { digest.write(&value.to_le_bytes()); } )*
+                $( f64::digest_all(self.$field(), digest); )*
             }
         }
     };

@@ -17,11 +17,14 @@ pub struct FieldLayout {
     pub kind: String,
     /// Bytes it takes.
     pub size: usize,
+    /// Name of the `u32` field that counts the entries in use of this array; without it all are in use.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<String>,
 }
 
 impl FieldLayout {
     pub(super) fn new(name: &str, offset: usize, kind: &str, size: usize) -> Self {
-        Self { name: name.to_string(), offset, kind: kind.to_string(), size }
+        Self { name: name.to_string(), offset, kind: kind.to_string(), size, count: None }
     }
 }
 
@@ -44,6 +47,16 @@ impl TypeLayout {
         let mut fields = Vec::new();
         T::describe("", 0, &mut fields);
         Self { type_name: T::NAME.to_string(), size: size_of::<T>(), alignment: align_of::<T>(), fields }
+    }
+
+    /// The layout of an input that reads topics of any type; [`is_any`](Self::is_any) knows it.
+    pub fn any() -> Self {
+        Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
+    }
+
+    /// Whether this stands for a type that only the writer of the topic gives.
+    pub fn is_any(&self) -> bool {
+        self.size == 0 && self.fields.is_empty()
     }
 
     /// A hash over the type's name and the names, offsets and types of all fields, as 16 hexadecimal digits.

@@ -6,12 +6,14 @@
 //!
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
 
+mod content;
 mod field;
 mod joint;
 mod layout;
 mod motion;
 mod stamp;
 
+pub use content::{ContentCheck, ContentDefect, UnknownKind};
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};

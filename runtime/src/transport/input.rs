@@ -7,7 +7,7 @@ use iceoryx2::node::Node;
 
 use super::latest::{StateReader, TopicMemory};
 use super::stream::{StreamReader, Taken};
-use super::topic::same_layout;
+use super::topic::{refused, same_layout};
 use super::{Connect, Context, PortError, Shared};
 use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
@@ -128,6 +128,10 @@ impl<T: StateBuffer> Input<T> {
                 memory,
                 seen: 0,
             },
+            TopicPattern::Slices { .. } => {
+                let reason = &"it carries slices: open the port with `Setup::slice_input`";
+                return Err(refused(&topic.name, "opening a port for single values")(reason));
+            }
         };
         Ok(Self { source, context, is_cause, edge, lost: 0 })
     }

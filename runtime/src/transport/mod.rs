@@ -7,7 +7,8 @@
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`] reads every
-//! value from outside of the graph. [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
+//! value from outside of the graph. [`RawInput`] and [`RawOutput`] carry types known at run time only.
+//! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
 mod context;
 mod domain;
@@ -15,6 +16,8 @@ mod input;
 pub(crate) mod latest;
 mod output;
 mod parameter;
+mod raw_input;
+mod raw_output;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
@@ -32,7 +35,9 @@ pub(crate) use output::{Connect, Probe};
 pub use output::{Loan, Output};
 pub use parameter::{AnyParameter, Parameter, ParameterError, ParameterTable};
 pub(crate) use parameter::{ParameterReader, ParameterService};
-pub use stream::Shared;
+pub use raw_input::{RawInput, RawReading};
+pub use raw_output::{RawError, RawOutput};
+pub use stream::{Shared, SliceInput, SliceLoan, SliceOutput};
 pub use tap::{Sample, Tap};
 pub use topic::PortError;
 pub(crate) use topic::{TopicService, open_trigger};

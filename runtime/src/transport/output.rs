@@ -13,7 +13,7 @@ use iceoryx2::node::Node;
 use super::context::AfterStep;
 use super::latest::{StateWriter, TopicMemory};
 use super::stream::{Lent, StreamWriter};
-use super::topic::same_layout;
+use super::topic::{refused, same_layout};
 use super::{Context, PortError, Shared};
 use crate::declare::{StepError, TopicPattern};
 use crate::plan::{OnMiss, TopicPlan};
@@ -66,7 +66,7 @@ enum Sink<T: StateBuffer> {
 
 /// The rest of a wired output, the same for all types.
 #[derive(Debug)]
-struct Wired {
+pub(super) struct Wired {
     topic: usize,
     memory: Rc<TopicMemory>,
     after: Rc<AfterOutput>,
@@ -134,18 +134,12 @@ impl<T: StateBuffer> Output<T> {
                 (Sink::State(state.clone()), Some(state))
             }
             TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(node, topic, port)?), None),
+            TopicPattern::Slices { .. } => {
+                let reason = &"it carries slices: open the port with `Setup::slice_output`";
+                return Err(refused(&topic.name, "opening a port for single values")(reason));
+            }
         };
-        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
-        let after = Rc::new(AfterOutput { memory: memory.clone(), state, owes_wake, owes_slot });
-        let wired = Wired {
-            topic: index,
-            memory,
-            after,
-            ends_steps: false,
-            wakes_late: false,
-            probes,
-            digest: Digest::default(),
-        };
+        let wired = Wired::new(index, memory, state, probes);
         Ok(Self { port, sink, wired: Some(wired), context })
     }
 
@@ -153,8 +147,7 @@ impl<T: StateBuffer> Output<T> {
     /// are all on its own core.
     pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
         if let Some(wired) = &mut self.wired {
-            (wired.ends_steps, wired.wakes_late) = (true, stays_on_core);
-            self.context.deferred().add(wired.after.clone());
+            wired.ending_steps(&self.context, stays_on_core);
         }
         self
     }
@@ -243,29 +236,24 @@ impl<T: StateBuffer> Loan<'_, T> {
         }
         let sequence = match &output.sink {
             Sink::State(state) => state.number(),
-            Sink::Unwired(_) | Sink::Stream(_) => wired.memory.newest().number() + 1,
+            Sink::Unwired(_) | Sink::Stream(_) => wired.next_number(),
         };
-        let stamp = Stamp {
-            sequence,
-            source_time: context.causality().source_time_or(now),
-            publish_time: now,
-            state_time: context.causality().state_time_or(context.clock().step_ns()),
-            origin: context.index() as u32,
-            incarnation: context.incarnation(),
-        };
+        let stamp = stamp(context, sequence, now);
         if context.clock().is_lockstep() {
             // SAFETY: as in `deref`.
-            wired.digest(context, stamp, unsafe { value.as_ref() });
+            wired.digest(context, stamp, |digest| unsafe { value.as_ref() }.digest(digest));
         }
-        wired.memory.publish_from(context.core());
         match (&output.sink, sample) {
-            (Sink::State(state), _) => state.publish(stamp),
+            (Sink::State(state), _) => {
+                wired.memory.publish_from(context.core());
+                state.publish(stamp);
+            }
             (Sink::Stream(stream), Some(sample)) => {
                 if !stream.send(sample, stamp) {
                     let reason = "the sample was not sent";
                     return Err(StepError::Transport { port: output.port, reason });
                 }
-                wired.memory.count(now);
+                wired.count(context, now);
             }
             (Sink::Stream(_) | Sink::Unwired(_), _) => {}
         }
@@ -274,17 +262,58 @@ impl<T: StateBuffer> Loan<'_, T> {
     }
 }
 
+/// The stamp of a publication of this step.
+pub(super) fn stamp(context: &Context, sequence: u64, now: u64) -> Stamp {
+    Stamp {
+        sequence,
+        source_time: context.causality().source_time_or(now),
+        publish_time: now,
+        state_time: context.causality().state_time_or(context.clock().step_ns()),
+        origin: context.index() as u32,
+        incarnation: context.incarnation(),
+    }
+}
+
 impl Wired {
+    pub(super) fn new(
+        topic: usize,
+        memory: Rc<TopicMemory>,
+        state: Option<Rc<StateWriter>>,
+        probes: Vec<Probe>,
+    ) -> Self {
+        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
+        let after = Rc::new(AfterOutput { memory: memory.clone(), state, owes_wake, owes_slot });
+        let digest = Digest::default();
+        Self { topic, memory, after, ends_steps: false, wakes_late: false, probes, digest }
+    }
+
+    /// The worker ends every step of the component.
+    pub(super) fn ending_steps(&mut self, context: &Context, stays_on_core: bool) {
+        (self.ends_steps, self.wakes_late) = (true, stays_on_core);
+        context.deferred().add(self.after.clone());
+    }
+
+    /// Number of the publication to come, of a stream.
+    pub(super) fn next_number(&self) -> u64 {
+        self.memory.newest().number() + 1
+    }
+
+    /// Announces a publication of a stream.
+    pub(super) fn count(&self, context: &Context, now_ns: u64) {
+        self.memory.publish_from(context.core());
+        self.memory.count(now_ns);
+    }
+
     /// Takes a value into the digest of everything published on the topic.
-    fn digest<T: StateBuffer>(&mut self, context: &Context, stamp: Stamp, value: &T) {
+    pub(super) fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
         self.digest.write_u64(stamp.sequence);
         self.digest.write_u64(stamp.publish_time);
-        value.digest(&mut self.digest);
+        value(&mut self.digest);
         context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
     }
 
     /// Wakes those who wait, and counts and measures.
-    fn tell(&self, context: &Context, stamp: Stamp) {
+    pub(super) fn tell(&self, context: &Context, stamp: Stamp) {
         let region = context.region();
         if self.wakes_late {
             self.after.owes_wake.set(true);

@@ -5,6 +5,7 @@
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::service::static_config::message_type_details::TypeVariant;
 
 use super::latest::{self, TopicMemory};
 use super::topic::{refused, service_name, type_detail};
@@ -61,8 +62,11 @@ impl Tap {
                     &"its four places for those who look on are taken; is another `topic echo` running?";
                 Source::State(latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?)
             }
+            TopicPattern::Slices { .. } => {
+                return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));
+            }
             TopicPattern::Stream { .. } => {
-                let detail = type_detail(name, &layout)?;
+                let detail = type_detail(name, &layout, TypeVariant::FixedSize)?;
                 let builder = node
                     .service_builder(&service_name("topic", name)?)
                     .publish_subscribe::<[CustomPayloadMarker]>()

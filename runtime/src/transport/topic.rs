@@ -83,11 +83,15 @@ impl TopicService {
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let name = &topic.name;
         let layout = &topic.layout;
-        let detail = type_detail(name, layout)?;
+        let variant = match topic.pattern {
+            TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
+            TopicPattern::Slices { .. } => TypeVariant::Dynamic,
+        };
+        let detail = type_detail(name, layout, variant)?;
         let attributes = layout_attribute(name, layout)?;
         let depth = match topic.pattern {
             TopicPattern::State => 1,
-            TopicPattern::Stream { capacity } => capacity,
+            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => capacity,
         };
         let parties = topic.readers.len() + SIDE_PINS;
         let builder = node
@@ -118,14 +122,13 @@ impl TopicService {
 }
 
 /// The type of a topic as iceoryx2 describes it.
-pub(super) fn type_detail(topic: &str, layout: &TypeLayout) -> Result<TypeDetail, PortError> {
-    TypeDetail::__internal_new_from_parts(
-        TypeVariant::FixedSize,
-        &layout.type_name,
-        layout.size,
-        layout.alignment,
-    )
-    .map_err(|error| refused(topic, "describing its type")(&format!("{error:?}")))
+pub(super) fn type_detail(
+    topic: &str,
+    layout: &TypeLayout,
+    variant: TypeVariant,
+) -> Result<TypeDetail, PortError> {
+    TypeDetail::__internal_new_from_parts(variant, &layout.type_name, layout.size, layout.alignment)
+        .map_err(|error| refused(topic, "describing its type")(&format!("{error:?}")))
 }
 
 fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifier, PortError> {
@@ -139,7 +142,11 @@ type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
 
 /// Checks that the topic's layout is the one this program was built with.
 pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
-    let mine = T::layout();
+    fits(&T::layout(), topic, port)
+}
+
+/// Checks that the topic's layout is that of a port.
+pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     if mine.hash() == topic.layout.hash() {
         return Ok(());
     }
@@ -150,6 +157,28 @@ pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Resu
     })
 }
 
+/// Opens the iceoryx2 service of a stream of slices as a component.
+pub(super) fn open_slices<T: StateBuffer>(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+    port: &str,
+) -> Result<Samples<[T]>, PortError> {
+    same_layout::<T>(topic, port)?;
+    node.service_builder(&service_name("topic", &topic.name)?)
+        .publish_subscribe::<[T]>()
+        .user_header::<Stamp>()
+        .open_with_attributes(&layout_required(topic, &T::layout())?)
+        .map_err(|error| refused(&topic.name, "opening")(&error))
+}
+
+/// The attribute that a topic's service must have.
+fn layout_required(topic: &TopicPlan, layout: &TypeLayout) -> Result<AttributeVerifier, PortError> {
+    let bad = refused(&topic.name, "opening");
+    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
+    let value = layout.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|error| bad(&error))
+}
+
 /// Opens the iceoryx2 service of a stream as a component.
 pub(super) fn open<T: StateBuffer>(
     node: &Node<Shared>,
@@ -157,16 +186,11 @@ pub(super) fn open<T: StateBuffer>(
     port: &str,
 ) -> Result<Samples<T>, PortError> {
     same_layout::<T>(topic, port)?;
-    let mine = T::layout();
-    let bad = refused(&topic.name, "opening");
-    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
-    let value = mine.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
-    let verifier = AttributeVerifier::new().require(&key, &value).map_err(|error| bad(&error))?;
     node.service_builder(&service_name("topic", &topic.name)?)
         .publish_subscribe::<T>()
         .user_header::<Stamp>()
-        .open_with_attributes(&verifier)
-        .map_err(|error| bad(&error))
+        .open_with_attributes(&layout_required(topic, &T::layout())?)
+        .map_err(|error| refused(&topic.name, "opening")(&error))
 }
 
 /// The waiting side of a topic's wake-up.

@@ -77,6 +77,9 @@ pub(super) fn carried(topic: &TopicPlan) -> String {
     match topic.pattern {
         TopicPattern::State => name.to_string(),
         TopicPattern::Stream { capacity } => format!("stream of {name}, {capacity} deep"),
+        TopicPattern::Slices { capacity, longest } => {
+            format!("slices of up to {longest} {name}, {capacity} deep")
+        }
     }
 }
 

@@ -87,30 +87,33 @@ impl Parts<'_, '_> {
     }
 
     fn port(&self, component: usize, direction: Direction, index: usize, port: &PortDeclaration) -> PortPlan {
-        PortPlan {
-            port: port.name.clone(),
-            topic: self.wiring.of_port(component, direction, index).and_then(|wire| wire.topic),
-            pattern: port.pattern,
-            layout: port.layout.clone(),
-        }
+        let topic = self.wiring.of_port(component, direction, index).and_then(|wire| wire.topic);
+        let written = topic.filter(|_| port.layout.is_any()).and_then(|topic| self.written(topic));
+        let layout = written.unwrap_or(port).layout.clone();
+        PortPlan { port: port.name.clone(), topic, pattern: port.pattern, layout }
+    }
+
+    /// The output that writes a topic.
+    fn written(&self, topic: usize) -> Option<&PortDeclaration> {
+        self.wiring.writer(topic)?.declared(&self.drafts)
     }
 
     fn topic(&self, topic: usize) -> Option<TopicPlan> {
         let writer = self.wiring.writer(topic)?;
-        let written = self.drafts[writer.component].ports(Direction::Output).nth(writer.index?)?;
+        let written = self.written(topic)?;
         let readers: Vec<usize> =
             self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
+        // every reader gets as much room as the one that wants most
+        let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
+            self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern.capacity()
+        });
         let pattern = match written.pattern {
             TopicPattern::State => TopicPattern::State,
-            // every reader gets as much room as the one that wants most
             TopicPattern::Stream { capacity } => {
-                let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
-                    match self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern {
-                        TopicPattern::Stream { capacity } => Some(capacity),
-                        TopicPattern::State => None,
-                    }
-                });
                 TopicPattern::Stream { capacity: wanted.fold(capacity, usize::max) }
+            }
+            TopicPattern::Slices { capacity, longest } => {
+                TopicPattern::Slices { capacity: wanted.fold(capacity, usize::max), longest }
             }
         };
         let triggered = |component: &usize| matches!(self.timing.activation[*component], Some(Activation::Triggered { topic: by, .. }) if by == topic);

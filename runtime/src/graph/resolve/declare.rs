@@ -223,8 +223,13 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
         let name = &ports[index].name;
         match ports[index].pattern {
             _ if twice(index) => Some(format!("declares the port `{name}` twice")),
-            TopicPattern::Stream { capacity: 0 } => {
+            TopicPattern::Stream { capacity: 0 } | TopicPattern::Slices { capacity: 0, .. } => {
                 Some(format!("declares the stream port `{name}` without room for a single sample"))
+            }
+            TopicPattern::Slices { longest: 0, .. }
+                if ports[index].direction == crate::declare::Direction::Output =>
+            {
+                Some(format!("declares the output `{name}` of slices without the length of the longest"))
             }
             _ => None,
         }

@@ -42,7 +42,7 @@ pub(super) fn resolve(
                 .error(format!("topic `{name}` has a history of {values} values"))
                 .at(&history.span, format!("expected at most {LARGEST}"))
                 .advise("a history bridges the time until a tap reads; a recording holds the rest");
-        } else if values > 0 && matches!(written, Some(TopicPattern::Stream { .. })) {
+        } else if values > 0 && written.is_some_and(|pattern| pattern != TopicPattern::State) {
             report
                 .error(format!("topic `{name}` is a stream and has no history"))
                 .at(&history.span, "a stream keeps its values in the queues of its readers")

@@ -41,7 +41,8 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         return;
     }
     for reader in wiring.of_topic(topic, Direction::Input) {
-        let wanted = reader.declared(drafts).map(|port| port.layout.type_name.as_str());
+        let declared = reader.declared(drafts).filter(|port| !port.layout.is_any());
+        let wanted = declared.map(|port| port.layout.type_name.as_str());
         let fitting = wanted.map(|wanted| wiring.that_carry(wanted, drafts)).unwrap_or_default();
         let near = nearest(name, fitting.iter().copied()).or_else(|| nearest(name, wiring.written()));
         let advice = match (near, wanted) {
@@ -70,6 +71,9 @@ fn agree(
     report: &mut Report,
 ) {
     let (Some(written), Some(read)) = (writer.declared(drafts), reader.declared(drafts)) else { return };
+    if read.layout.is_any() {
+        return;
+    }
     let name = &wiring.topics[topic];
     let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
     let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));
@@ -107,6 +111,14 @@ fn agree(
                 written.layout.difference(&of_writer, &read.layout, &of_reader).trim_end()
             ))
             .advise("the programs were built from different versions of this type; build both again");
+    } else if matches!(written.pattern, TopicPattern::Slices { .. })
+        != matches!(read.pattern, TopicPattern::Slices { .. })
+    {
+        report
+            .error(format!("topic `{name}` carries slices on one side and single values on the other"))
+            .at(&reader.span, labels.0)
+            .and(&writer.span, labels.1)
+            .advise("a slice output is read by slice inputs");
     } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
         report
             .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))

@@ -91,6 +91,7 @@ pub(super) fn carries(port: &PortDeclaration) -> String {
     match port.pattern {
         TopicPattern::State => port.layout.type_name.clone(),
         TopicPattern::Stream { .. } => format!("stream of {}", port.layout.type_name),
+        TopicPattern::Slices { .. } => format!("slices of {}", port.layout.type_name),
     }
 }
 
@@ -197,7 +198,11 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
             Some(subscribe) => (&subscribe.key, ""),
             None => (&draft.place, "`subscribe`: "),
         };
-        let advice = match wiring.that_carry(&port.layout.type_name, drafts).as_slice() {
+        let topics = match port.layout.is_any() {
+            true => wiring.written().collect(),
+            false => wiring.that_carry(&port.layout.type_name, drafts),
+        };
+        let advice = match topics.as_slice() {
             [] => format!("no topic carries {}: add a component that publishes one", port.layout.type_name),
             [topic] => format!("add {table}`{} = \"{topic}\"`", port.name),
             topics => format!("wire it to one of {}", list(topics.iter().copied())),

@@ -73,7 +73,7 @@ impl Dimensions {
         let value = SLOT_WORDS.next_multiple_of(topic.layout.alignment.max(1));
         let slots = match topic.pattern {
             TopicPattern::State => pins + 2 + topic.history,
-            TopicPattern::Stream { .. } => 0,
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
         };
         let stride = (value + topic.layout.size).next_multiple_of(LINE);
         Self { pins, slots, value, stride, size: topic.layout.size }
@@ -108,18 +108,21 @@ impl TopicPlan {
         match self.pattern {
             TopicPattern::State => Dimensions::of(self).slots,
             // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
-            TopicPattern::Stream { capacity } => 2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2,
+            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
+                2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2
+            }
         }
     }
 
     /// The shared memory that the topic takes, bytes, in whole pages.
     pub fn memory_bytes(&self) -> usize {
-        let queues = match self.pattern {
+        let values = match self.pattern {
             TopicPattern::State => 0,
-            TopicPattern::Stream { .. } => {
-                self.slots() * (self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE)
-            }
+            TopicPattern::Stream { .. } => 1,
+            TopicPattern::Slices { longest, .. } => longest,
         };
+        let sample = (values * self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE);
+        let queues = if values > 0 { self.slots() * sample } else { 0 };
         (Dimensions::of(self).bytes() + PAGE + queues).next_multiple_of(PAGE)
     }
 }

@@ -63,6 +63,18 @@ impl StateReader {
         // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
         Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
     }
+
+    /// The pinned value as bytes.
+    #[inline]
+    pub(crate) fn current_bytes(&self) -> Option<(&Stamp, &[u8])> {
+        let slot = (self.pinned.number() > 0).then_some(self.pinned.slot())?;
+        // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the system or by
+        // the writer.
+        Some(unsafe {
+            let value = core::slice::from_raw_parts(self.memory.value(slot), self.memory.value_bytes());
+            (&*self.memory.stamp(slot), value)
+        })
+    }
 }
 
 impl Drop for StateReader {

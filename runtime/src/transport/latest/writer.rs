@@ -44,6 +44,18 @@ impl StateWriter {
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
     }
 
+    /// The bytes of the value in the slot that is being filled, to be written.
+    ///
+    /// # Safety
+    /// As for [`value_mut`](Self::value_mut).
+    #[inline]
+    #[allow(clippy::mut_from_ref)]
+    pub(crate) unsafe fn bytes_mut(&self) -> &mut [u8] {
+        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. It has room for a
+        // value of this size, all of it initialised by the system or by an earlier publication.
+        unsafe { core::slice::from_raw_parts_mut(self.memory.value(self.slot()), self.memory.value_bytes()) }
+    }
+
     /// Number of the publication to come.
     #[inline]
     pub(crate) fn number(&self) -> u64 {

@@ -2,9 +2,11 @@
 
 mod pooled;
 mod reader;
+mod slices;
 mod variant;
 mod writer;
 
 pub(crate) use reader::{StreamReader, Taken};
+pub use slices::{SliceInput, SliceLoan, SliceOutput};
 pub use variant::Shared;
 pub(crate) use writer::{Lent, StreamWriter};

@@ -18,8 +18,28 @@ use crate::transport::{Connect, PortError};
 pub(crate) struct StreamReader<T: StateBuffer> {
     subscriber: Rc<Subscriber<Shared, T, Stamp>>,
     current: Option<Sample<Shared, T, Stamp>>,
-    /// Restart count of the publisher and number of its last publication read.
-    last: (u32, u64),
+    place: Place,
+}
+
+/// The place of a reader in a stream: restart count of the publisher and number of its last publication read.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Place {
+    restarts: u32,
+    number: u64,
+}
+
+impl Place {
+    /// Goes on to a publication; how many were lost before it, or `None` if it is not newer than the last one.
+    pub(super) fn advance(&mut self, stamp: &Stamp) -> Option<u64> {
+        let before = (self.restarts, self.number);
+        if stamp.sequence == 0 || (stamp.incarnation, stamp.sequence) <= before {
+            return None;
+        }
+        // A restarted publisher goes on counting; a reader that comes late has lost nothing.
+        let lost = if self.number == 0 { 0 } else { stamp.sequence.saturating_sub(self.number + 1) };
+        *self = Self { restarts: stamp.incarnation, number: stamp.sequence };
+        Some(lost)
+    }
 }
 
 /// A sample was taken from the queue.
@@ -37,7 +57,7 @@ impl<T: StateBuffer> StreamReader<T> {
             .subscriber_builder()
             .create()
             .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        Ok(Self { subscriber: Rc::new(subscriber), current: None, last: (0, 0) })
+        Ok(Self { subscriber: Rc::new(subscriber), current: None, place: Place::default() })
     }
 
     pub(crate) fn connection(&self) -> Rc<dyn Connect> {
@@ -49,16 +69,10 @@ impl<T: StateBuffer> StreamReader<T> {
         // An error here means a connection could not be made to a publisher that is just dying or being born; the
         // sample is then simply not there yet, and its age tells.
         let sample = self.subscriber.receive().ok().flatten()?;
-        let stamp = *sample.user_header();
-        let (restarts, number) = self.last;
-        let newer =
-            stamp.incarnation > restarts || (stamp.incarnation == restarts && stamp.sequence > number);
-        if stamp.sequence == 0 || !newer || sample.payload().check().is_err() {
+        if sample.payload().check().is_err() {
             return Some(Taken::Refused);
         }
-        // A restarted publisher goes on counting; a reader that comes late has lost nothing.
-        let lost = if number == 0 { 0 } else { stamp.sequence.saturating_sub(number + 1) };
-        self.last = (stamp.incarnation, stamp.sequence);
+        let Some(lost) = self.place.advance(sample.user_header()) else { return Some(Taken::Refused) };
         self.current = Some(sample);
         Some(Taken::Next { lost })
     }

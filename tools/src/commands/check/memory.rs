@@ -43,6 +43,7 @@ pub(super) fn describe(plan: &Plan) -> String {
         let pattern = match topic.pattern {
             TopicPattern::State => "state".to_string(),
             TopicPattern::Stream { capacity } => format!("stream of {capacity}"),
+            TopicPattern::Slices { capacity, longest } => format!("slices of {longest}, {capacity} deep"),
         };
         rows.add_row([
             topic.topic.to_string(),

@@ -59,6 +59,7 @@ fn pattern(pattern: TopicPattern) -> String {
     match pattern {
         TopicPattern::State => "state".to_string(),
         TopicPattern::Stream { capacity } => format!("stream of {capacity}"),
+        TopicPattern::Slices { capacity, longest } => format!("slices of {longest}, {capacity} deep"),
     }
 }
 

@@ -111,7 +111,7 @@ fn a_sample_cut_short_is_refused() {
 }
 
 fn layout(kind: &str, offset: usize) -> TypeLayout {
-    let field = FieldLayout { name: "x".into(), offset, kind: kind.into(), size: 8 };
+    let field = FieldLayout { name: "x".into(), offset, kind: kind.into(), size: 8, count: None };
     TypeLayout { type_name: "test.Made".into(), size: 16, alignment: 8, fields: vec![field] }
 }
 

@@ -1,4 +1,6 @@
-//! `motorium schema`: the JSON Schema of the files that motorium reads and writes.
+//! `motorium schema`: the JSON Schema of the files that motorium reads and writes, and its types for Python.
+
+mod python;
 
 use std::process::ExitCode;
 
@@ -11,7 +13,7 @@ use super::top::Data as Top;
 use crate::out::outln;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark.
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark, or the types for Python.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -31,6 +33,8 @@ enum Document {
     Top,
     /// The measurements, as `motorium bench latency --json` prints them
     Bench,
+    /// The built-in states as a Python module, for programs that a bridge serves
+    Python,
 }
 
 impl Schema {
@@ -40,6 +44,10 @@ impl Schema {
             Document::Report => written::<Report>(),
             Document::Top => written::<Top>(),
             Document::Bench => written::<Bench>(),
+            Document::Python => {
+                outln!("{}", python::module()?.trim_end());
+                return Ok(ExitCode::SUCCESS);
+            }
         };
         outln!("{}", serde_json::to_string_pretty(&schema)?);
         Ok(ExitCode::SUCCESS)

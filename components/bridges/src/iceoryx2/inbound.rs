@@ -1,0 +1,134 @@
+//! A topic of the graph, fed by foreign programs.
+
+use iceoryx2::node::Node;
+use motorium::component::ConfigureError;
+use motorium::os::monotonic_ns;
+use motorium::state::ContentDefect;
+use motorium::telemetry::set_apart;
+use motorium::transport::{RawError, RawOutput, Shared};
+use serde_json::{Value, json};
+
+use super::config::InboundConfig;
+use super::service::{InboundPort, PUBLISHERS, WAITING, receive, subscribe};
+
+/// Values taken in one step at most: as many as can wait.
+const TAKEN: usize = PUBLISHERS * WAITING;
+
+/// An inbound topic. Of the valid values the newest is published, no more often than the limit.
+pub(super) struct Inbound {
+    output: RawOutput,
+    port: InboundPort,
+    period_ns: u64,
+    max_age_ns: u64,
+    /// The value taken last.
+    taken: Box<[u8]>,
+    /// The newest valid value, and whether it is yet to be published.
+    newest: Box<[u8]>,
+    is_pending: bool,
+    /// Time of the step that published last, ns since the run began.
+    published_ns: Option<u64>,
+    /// Time at which the queue was looked into last, ns.
+    looked_ns: u64,
+    counts: Counts,
+}
+
+/// What became of the values.
+#[derive(Debug, Default)]
+struct Counts {
+    received: u64,
+    published: u64,
+    above_max_rate: u64,
+    too_old: u64,
+    not_finite: u64,
+    count_too_large: u64,
+    too_late: u64,
+}
+
+impl Inbound {
+    /// `None` if the graph leaves the output unwired.
+    pub(super) fn new(
+        node: &Node<Shared>,
+        output: RawOutput,
+        config: &InboundConfig,
+    ) -> Result<Option<Self>, ConfigureError> {
+        let Some(topic) = output.topic() else { return Ok(None) };
+        let port = subscribe(node, topic, output.layout())?;
+        let zeros = vec![0; output.layout().size].into_boxed_slice();
+        Ok(Some(Self {
+            port,
+            period_ns: config.max_rate.period_ns,
+            max_age_ns: config.max_age.ns,
+            taken: zeros.clone(),
+            newest: zeros,
+            is_pending: false,
+            published_ns: None,
+            looked_ns: monotonic_ns(),
+            counts: Counts::default(),
+            output,
+        }))
+    }
+
+    /// Takes what came since the last step, and publishes the newest valid value if it is time.
+    pub(super) fn step(&mut self, time_ns: u64, now_ns: u64) {
+        // What waits has come since the queue was emptied: nothing in it is older than that.
+        let is_old = now_ns.saturating_sub(self.looked_ns) > self.max_age_ns;
+        self.looked_ns = now_ns;
+        if is_old && core::mem::take(&mut self.is_pending) {
+            self.counts.too_old += 1;
+        }
+        for _ in 0..TAKEN {
+            // iceoryx2 allocates when a publisher comes or goes
+            if !set_apart(|| receive(&self.port, &mut self.taken)) {
+                break;
+            }
+            self.counts.received += 1;
+            if is_old { self.counts.too_old += 1 } else { self.admit() }
+        }
+        let is_time = self.published_ns.is_none_or(|last| time_ns.saturating_sub(last) >= self.period_ns);
+        if is_time && core::mem::take(&mut self.is_pending) {
+            match self.output.publish(&self.newest) {
+                Ok(()) => {
+                    self.counts.published += 1;
+                    self.published_ns = Some(time_ns);
+                }
+                Err(RawError::Content(defect)) => self.counts.refuse(defect),
+                Err(RawError::Late) => self.counts.too_late += 1,
+            }
+        }
+    }
+
+    /// Keeps the value taken last if it is valid.
+    fn admit(&mut self) {
+        if let Err(defect) = self.output.check(&self.taken) {
+            self.counts.refuse(defect);
+            return;
+        }
+        core::mem::swap(&mut self.taken, &mut self.newest);
+        if core::mem::replace(&mut self.is_pending, true) {
+            self.counts.above_max_rate += 1;
+        }
+    }
+
+    pub(super) fn result(&self) -> (String, Value) {
+        let topic = self.output.topic().unwrap_or_default().to_string();
+        let counts = &self.counts;
+        let refused = json!({
+            "above_max_rate": counts.above_max_rate,
+            "too_old": counts.too_old,
+            "not_finite": counts.not_finite,
+            "count_too_large": counts.count_too_large,
+            "too_late": counts.too_late,
+        });
+        (topic, json!({ "received": counts.received, "published": counts.published, "refused": refused }))
+    }
+}
+
+impl Counts {
+    fn refuse(&mut self, defect: ContentDefect) {
+        match defect {
+            ContentDefect::NotFinite { .. } => self.not_finite += 1,
+            // the size is that of the service's type, which iceoryx2 compares when a program opens it
+            ContentDefect::Count { .. } | ContentDefect::Size { .. } => self.count_too_large += 1,
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! `bridge.iceoryx2`: topics for programs that use stock iceoryx2, in any language.
+
+mod config;
+mod inbound;
+mod outbound;
+mod service;
+
+pub use config::{Iceoryx2BridgeConfig, InboundConfig};
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::os::monotonic_ns;
+use serde_json::{Map, Value, json};
+
+use inbound::Inbound;
+use outbound::Outbound;
+
+/// Mirrors topics of the graph to stock iceoryx2 programs, and publishes what they send on topics of the graph.
+///
+/// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp) as user
+/// header. An inbound topic `NAME` is fed by the service `in/NAME`, which has no user header: a value gets the bridge's
+/// own stamp.
+pub struct Iceoryx2Bridge {
+    outbound: Vec<Outbound>,
+    inbound: Vec<Inbound>,
+}
+
+impl Component for Iceoryx2Bridge {
+    const KIND: &'static str = "bridge.iceoryx2";
+    const SUMMARY: &'static str = "topics for programs in other languages, by iceoryx2";
+    type Config = Iceoryx2BridgeConfig;
+
+    fn declare(config: &Iceoryx2BridgeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        config.check()?;
+        for port in &config.out {
+            declare.raw_input(port, "topic to mirror, of any type");
+        }
+        for (port, inbound) in &config.inbound {
+            declare.raw_output(port, inbound.layout(port)?, "topic fed by foreign programs");
+        }
+        Ok(())
+    }
+
+    fn configure(config: Iceoryx2BridgeConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let node = setup.domain().node().map_err(ConfigureError::failed)?;
+        let mut bridge = Self { outbound: Vec::new(), inbound: Vec::new() };
+        for port in &config.out {
+            bridge.outbound.push(Outbound::new(&node, setup.raw_input(port)?)?);
+        }
+        for (port, inbound) in &config.inbound {
+            let period_ns = setup.period().as_nanos() as u64;
+            if inbound.max_age.ns < period_ns {
+                let message = format!("max_age is {}, less than a period of the bridge", inbound.max_age);
+                return Err(ConfigError::key(format!("in.{port}.max_age"), message).into());
+            }
+            bridge.inbound.extend(Inbound::new(&node, setup.raw_output(port)?, inbound)?);
+        }
+        Ok(bridge)
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let now_ns = monotonic_ns();
+        self.inbound.iter_mut().for_each(|inbound| inbound.step(tick.time_ns, now_ns));
+        self.outbound.iter_mut().for_each(Outbound::step);
+        Ok(())
+    }
+
+    fn result(&self) -> Option<Value> {
+        let outbound: Map<String, Value> = self.outbound.iter().map(Outbound::result).collect();
+        let inbound: Map<String, Value> = self.inbound.iter().map(Inbound::result).collect();
+        Some(json!({ "out": outbound, "in": inbound }))
+    }
+}

@@ -1,0 +1,269 @@
+//! The check of a state buffer whose type is known at run time only.
+
+use super::{Digest, TypeLayout};
+
+/// The check of the bytes of a state buffer by its layout: what [`Field::check`](super::Field::check) is for a type that
+/// is known when the program is built.
+///
+/// Numbers must be finite, and counts must fit their arrays; entries beyond a count mean nothing and are not looked at.
+/// Checking allocates nothing.
+///
+/// ```
+/// use motorium::state::{ContentCheck, ContentDefect, StateBuffer, Wrench};
+///
+/// let check = ContentCheck::new(&Wrench::layout())?;
+/// let mut bytes = [0u8; size_of::<Wrench>()];
+/// assert_eq!(check.check(&bytes), Ok(()));
+/// bytes[8..16].copy_from_slice(&f64::NAN.to_ne_bytes());
+/// assert_eq!(check.check(&bytes), Err(ContentDefect::NotFinite { field: 0, index: 1 }));
+/// # Ok::<(), motorium::state::UnknownKind>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ContentCheck {
+    size: usize,
+    parts: Vec<Part>,
+}
+
+/// One field, as the check and the digest see it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Part {
+    /// Bytes from the start of the buffer.
+    offset: usize,
+    number: Number,
+    /// Entries of the array; 1 for a single number.
+    entries: usize,
+    /// Place of the count of the entries in use, a `u32`; `None` if all are.
+    count: Option<usize>,
+}
+
+/// The primitive type of a field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Number {
+    Double,
+    Single,
+    /// An integer of this many bytes: any content is valid.
+    Whole(usize),
+}
+
+impl Number {
+    fn of(kind: &str) -> Option<Self> {
+        Some(match kind {
+            "f64" => Self::Double,
+            "f32" => Self::Single,
+            "u8" | "i8" => Self::Whole(1),
+            "u16" | "i16" => Self::Whole(2),
+            "u32" | "i32" => Self::Whole(4),
+            "u64" | "i64" => Self::Whole(8),
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::Double => 8,
+            Self::Single => 4,
+            Self::Whole(bytes) => bytes,
+        }
+    }
+}
+
+/// A field of a layout has a type that cannot be checked, or does not lie where it can be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("field `{field}` of {type_name} is {kind} at byte {offset}, which no state buffer has")]
+pub struct UnknownKind {
+    /// The type of the buffer.
+    pub type_name: String,
+    /// The field.
+    pub field: String,
+    /// Its type as the layout gives it.
+    pub kind: String,
+    /// Its place, bytes from the start.
+    pub offset: usize,
+}
+
+/// The defect of a buffer that is checked by its layout. Holds no heap memory: it is made on the hot path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum ContentDefect {
+    /// The buffer has another size than its type.
+    #[error("{found} bytes, but the type has {expected}")]
+    Size {
+        /// Bytes found.
+        found: usize,
+        /// Bytes of the type.
+        expected: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("entry {index} of field {field} is not a finite number")]
+    NotFinite {
+        /// Index of the field in [`TypeLayout::fields`].
+        field: usize,
+        /// Its index when it is an array, else 0.
+        index: usize,
+    },
+    /// A count is larger than the array that it counts.
+    #[error("{found} entries of field {field} are in use, but it has {capacity}")]
+    Count {
+        /// Index of the array in [`TypeLayout::fields`].
+        field: usize,
+        /// The count found.
+        found: usize,
+        /// Entries of the array.
+        capacity: usize,
+    },
+}
+
+impl ContentCheck {
+    /// Prepares the check of a layout.
+    ///
+    /// # Errors
+    /// A field is no number and no array of numbers, or reaches beyond the buffer.
+    pub fn new(layout: &TypeLayout) -> Result<Self, UnknownKind> {
+        let parts = layout.fields.iter().map(|field| {
+            let unknown = || UnknownKind {
+                type_name: layout.type_name.clone(),
+                field: field.name.clone(),
+                kind: field.kind.clone(),
+                offset: field.offset,
+            };
+            let primitive = field.kind.trim_start_matches('[').split(';').next().unwrap_or_default();
+            let number = Number::of(primitive).ok_or_else(unknown)?;
+            let fits = field.offset.checked_add(field.size).is_some_and(|end| end <= layout.size);
+            if !fits || !field.size.is_multiple_of(number.bytes()) {
+                return Err(unknown());
+            }
+            let counter = |name: &String| {
+                let found = layout.fields.iter().find(|other| other.name == *name);
+                let found = found.filter(|other| other.kind == "u32" && other.offset + 4 <= layout.size);
+                found.map(|other| other.offset).ok_or_else(unknown)
+            };
+            let count = field.count.as_ref().map(counter).transpose()?;
+            Ok(Part { offset: field.offset, number, entries: field.size / number.bytes(), count })
+        });
+        Ok(Self { size: layout.size, parts: parts.collect::<Result<_, _>>()? })
+    }
+
+    /// Finds what must never reach a reader.
+    ///
+    /// # Errors
+    /// The first defect, in the order of the fields.
+    pub fn check(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
+        if bytes.len() != self.size {
+            return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });
+        }
+        for (field, part) in self.parts.iter().enumerate() {
+            let used = part.used(bytes);
+            if used > part.entries {
+                return Err(ContentDefect::Count { field, found: used, capacity: part.entries });
+            }
+            if let Some(index) = part.not_finite(part.content(bytes)) {
+                return Err(ContentDefect::NotFinite { field, index });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the meaningful content of a checked buffer to a digest.
+    pub(crate) fn digest(&self, bytes: &[u8], digest: &mut Digest) {
+        self.parts.iter().for_each(|part| digest.write(part.content(bytes)));
+    }
+}
+
+impl Part {
+    /// Entries in use.
+    fn used(&self, bytes: &[u8]) -> usize {
+        let Some(place) = self.count else { return self.entries };
+        let count = bytes.get(place..).and_then(|rest| rest.first_chunk());
+        count.map_or(usize::MAX, |count| u32::from_ne_bytes(*count) as usize)
+    }
+
+    /// The bytes in use.
+    fn content<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
+        let used = self.used(bytes).min(self.entries) * self.number.bytes();
+        bytes.get(self.offset..self.offset + used).unwrap_or_default()
+    }
+
+    /// Index of the first number that is not finite.
+    fn not_finite(&self, content: &[u8]) -> Option<usize> {
+        match self.number {
+            Number::Double => {
+                content.as_chunks().0.iter().position(|number| !f64::from_ne_bytes(*number).is_finite())
+            }
+            Number::Single => {
+                content.as_chunks().0.iter().position(|number| !f32::from_ne_bytes(*number).is_finite())
+            }
+            Number::Whole(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{FieldLayout, JointCommand, PoseTarget, StateBuffer, built_in};
+
+    fn check<T: StateBuffer>() -> ContentCheck {
+        ContentCheck::new(&T::layout()).unwrap()
+    }
+
+    fn bytes<T: StateBuffer>(value: &T) -> Vec<u8> {
+        let layout = T::layout();
+        let mut bytes = vec![0; layout.size];
+        // SAFETY: a state buffer of the runtime has no padding; every byte of it is initialised.
+        #[allow(unsafe_code)]
+        bytes
+            .copy_from_slice(unsafe { core::slice::from_raw_parts((value as *const T).cast(), layout.size) });
+        bytes
+    }
+
+    #[test]
+    fn every_state_of_the_runtime_can_be_checked_and_zeros_are_valid() {
+        for layout in built_in() {
+            let check = ContentCheck::new(&layout).unwrap();
+            assert_eq!(check.check(&vec![0; layout.size]), Ok(()), "{layout}");
+            assert!(matches!(check.check(&[]), Err(ContentDefect::Size { found: 0, .. })), "{layout}");
+        }
+    }
+
+    #[test]
+    fn only_the_joints_that_are_counted_are_looked_at() {
+        let mut command = JointCommand::default();
+        command.set_count(3);
+        command.kd_mut()[2] = f64::INFINITY;
+        let check = check::<JointCommand>();
+        assert_eq!(check.check(&bytes(&command)), Err(ContentDefect::NotFinite { field: 6, index: 2 }));
+        command.set_count(2);
+        assert_eq!(check.check(&bytes(&command)), Ok(()));
+    }
+
+    #[test]
+    fn a_count_beyond_its_array_is_a_defect() {
+        let mut bytes = bytes(&JointCommand::default());
+        bytes[..4].copy_from_slice(&65u32.to_ne_bytes());
+        let defect = ContentDefect::Count { field: 2, found: 65, capacity: 64 };
+        assert_eq!(check::<JointCommand>().check(&bytes), Err(defect));
+    }
+
+    #[test]
+    fn the_check_by_layout_finds_what_the_check_by_type_finds() {
+        use crate::state::Field as _;
+        for place in 0..13 {
+            let mut target = PoseTarget::default();
+            let numbers = [
+                &mut target.position[..],
+                &mut target.orientation[..],
+                &mut target.linear_velocity[..],
+                &mut target.angular_velocity[..],
+            ];
+            *numbers.into_iter().flatten().nth(place).unwrap() = f64::NAN;
+            assert!(target.check().is_err());
+            assert!(check::<PoseTarget>().check(&bytes(&target)).is_err(), "number {place}");
+        }
+    }
+
+    #[test]
+    fn a_layout_with_a_field_beyond_the_buffer_is_refused() {
+        let mut layout = PoseTarget::layout();
+        layout.fields.push(FieldLayout::new("beyond", layout.size, "f64", 8));
+        assert_eq!(ContentCheck::new(&layout).unwrap_err().field, "beyond");
+    }
+}
