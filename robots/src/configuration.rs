@@ -19,7 +19,7 @@ impl Model {
         q
     }
 
-    /// `q_out = q` moved for one unit of time with the constant velocity `v` (for a time `dt`, hand in `v dt`).
+    /// `q_out = q` moved for one unit of time with the constant velocity `v` (for a time `dt`, pass `v dt`).
     ///
     /// The base follows the screw of its velocity, `T exp(v)`. The quaternion comes out normalised.
     pub fn integrate(&self, q: &[f64], v: &[f64], q_out: &mut [f64]) {

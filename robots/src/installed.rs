@@ -14,7 +14,7 @@ pub struct Installed {
     pub urdf: PathBuf,
 }
 
-/// Where robots are installed: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or
+/// The folder of installed robots: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or
 /// `~/.local/share/motorium/robots`. `None` when neither those variables nor `HOME` are set.
 pub fn installed_folder() -> Option<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);

@@ -12,7 +12,7 @@ use crate::{FrameId, Kinematics, Model, Reference};
 const PRIMES: [f64; 16] =
     [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
 
-/// How to search.
+/// Options of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkOptions {
     /// Largest distance from the target \[m\].
@@ -23,7 +23,7 @@ pub struct IkOptions {
     pub iterations: usize,
     /// Starting points: the one given, then configurations spread over the limits.
     pub seeds: usize,
-    /// How strongly the posture handed in draws in the null space, per step from it: 0 (not at all) to 1.
+    /// Gain of the pull towards the posture in the null space, per step: 0 (no pull) to 1.
     pub posture: f64,
 }
 
@@ -48,7 +48,7 @@ pub struct IkSolution {
     pub iterations: usize,
 }
 
-/// Why no configuration was found. The best one stands in `q` all the same.
+/// A search without success. The best configuration it found is in `q`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "no configuration puts \"{frame}\" there within tolerance after {seeds} starting points; the best is \
@@ -169,7 +169,7 @@ impl InverseKinematics {
         }
     }
 
-    /// What is missing at `trial`: the motion of the frame, in world axes, that would do. The angular part is zero
+    /// Error at `trial`: the motion of the frame, in world axes, that is still missing. The angular part is zero
     /// where it does not matter.
     fn error(
         &mut self,

@@ -19,20 +19,20 @@
 //!   joint it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
-//! - Joint damping and friction are read but never part of a dynamics quantity here: they belong to who simulates them.
+//! - Joint damping and friction are read but never part of a dynamics quantity here: simulators add them.
 //!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of
 //!   `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};
 //!
-//! let panda = load("panda", std::path::Path::new(".")).unwrap();
-//! let model = &panda.model;
-//! let home = panda.profile.as_ref().unwrap().home(model).unwrap();
-//! let hand = model.frame("panda_hand_tcp").unwrap();
+//! let robot = load("panda", std::path::Path::new(".")).unwrap();
+//! let model = &robot.model;
+//! let home = robot.profile.as_ref().unwrap().home(model).unwrap();
+//! let tool = robot.end_effector(None).unwrap();
 //! let mut kinematics = Kinematics::new(model);
 //! kinematics.update(model, home.as_slice());
-//! assert!(kinematics.pose(model, hand).translation.z > 0.4);
+//! assert!(kinematics.pose(model, tool).translation.z > 0.4);
 //! ```
 
 mod algebra;

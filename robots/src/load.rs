@@ -29,7 +29,7 @@ pub struct Loaded {
     pub path: Option<PathBuf>,
 }
 
-/// How a robot stands in the world.
+/// Treatment of the root link: fixed to the world, or free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
     /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world,
@@ -42,14 +42,14 @@ pub enum BaseMode {
     Fixed,
 }
 
-/// How to read a robot.
+/// Options of loading a robot.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// What becomes of the root link.
+    /// Treatment of the root link.
     pub base: BaseMode,
-    /// What becomes of mimic joints.
+    /// Treatment of mimic joints.
     pub mimic: MimicMode,
-    /// Where packages are searched before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
 }
 
@@ -62,9 +62,9 @@ pub enum LoadError {
         .path.display(), suggestion(.nearest.as_deref())
     )]
     NotFound {
-        /// What was asked for.
+        /// The text that should name a robot.
         reference: String,
-        /// Where it would be.
+        /// The path it would have.
         path: PathBuf,
         /// The robot of the catalogue or the installed one most likely meant.
         nearest: Option<String>,
@@ -85,7 +85,7 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: io::Error,
     },
     /// A file that is not text in UTF-8.
@@ -109,7 +109,7 @@ pub enum LoadError {
     Profile {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: ProfileError,
     },
 }
@@ -173,7 +173,7 @@ fn parse(
     Ok((model, warnings, Srdf::default()))
 }
 
-/// Whether the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
+/// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
 fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {

@@ -9,7 +9,8 @@
 //!
 //! | modules | contents |
 //! |---|---|
-//! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers and their layouts, histograms |
+//! | `atomics` | the atomic operations of the protocols in shared memory, native or model-checked |
+//! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers, histograms |
 //! | [`declare`], [`plan`] | the declaration of a component; the checked plan that all processes of a run read |
 //! | [`os`], [`region`] | system calls; the control block of a run |
 //! | [`transport`], [`run_folder`] | topics and parameters; the folder of a run in shared memory |

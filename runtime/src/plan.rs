@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
 use crate::state::TypeLayout;
 
-/// Which clock drives the run.
+/// The clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockKind {
-    /// The machine's monotonic clock; components meet absolute deadlines.
+    /// The machine's monotonic clock: components step at absolute times.
     Realtime,
-    /// Simulated time, handed out tick by tick in a fixed order, as fast as the machine allows.
+    /// Simulated time, tick by tick in a fixed order, as fast as the machine allows.
     Lockstep,
 }
 
@@ -29,9 +29,9 @@ pub struct Plan {
     pub file: PathBuf,
     /// The clock.
     pub clock: ClockKind,
-    /// How long to run; until stopped if `None`.
+    /// Duration of the run, ns; until it is stopped if `None`.
     pub duration_ns: Option<u64>,
-    /// Seed from which every component derives its own.
+    /// Seed of the run; each component derives its own from it.
     pub seed: u64,
     /// Components in the order of the file; their index here is their identity.
     pub components: Vec<ComponentPlan>,
@@ -41,15 +41,15 @@ pub struct Plan {
     pub latencies: Vec<LatencyPlan>,
     /// Cores and scheduling.
     pub scheduling: SchedulingPlan,
-    /// What keeps the robot safe.
+    /// Limits and states that keep the robot safe.
     pub safety: SafetyPlan,
 }
 
-/// How real-time requests that the system denies are treated.
+/// The treatment of real-time requests that the system denies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnDenied {
-    /// Run without, and say in one line what was lost.
+    /// Run without them, and print one line that names them.
     Warn,
     /// Refuse to run.
     Strict,
@@ -58,32 +58,32 @@ pub enum OnDenied {
 /// Scheduling for the whole graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SchedulingPlan {
-    /// Core of everything that is not real-time: launcher, observers, components without a deadline.
+    /// Cores of everything that is not real-time: launcher, tools, components of the class `Normal`.
     pub shared_cores: Vec<usize>,
-    /// What to do without privileges.
+    /// The treatment of denied requests.
     pub on_denied: OnDenied,
     /// Longest time that a core may take to leave its idle state while the graph runs in real time, ns.
     pub idle_exit_ns: u64,
 }
 
-/// How long before its release a waiting component stops sleeping and spins.
+/// The time before its release at which a component stops sleeping and spins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spin {
-    /// Always this long.
+    /// A fixed time.
     Fixed {
-        /// The margin, ns; 0 to sleep all the way.
+        /// The time, ns; 0 for no spinning.
         ns: u64,
     },
-    /// As long as the machine's measured wake errors ask for.
+    /// A time that follows the measured wake errors of the machine.
     Tuned {
-        /// But never longer than this, ns.
+        /// Upper limit, ns.
         at_most_ns: u64,
     },
 }
 
 impl Spin {
-    /// The longest it can take, ns.
+    /// The longest possible time, ns.
     pub fn at_most_ns(self) -> u64 {
         match self {
             Self::Fixed { ns } | Self::Tuned { at_most_ns: ns } => ns,
@@ -91,7 +91,7 @@ impl Spin {
     }
 }
 
-/// The state an actuator takes when commands fail.
+/// The state that an actuator applies when commands fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
@@ -105,45 +105,45 @@ pub enum SafeState {
     Brake,
 }
 
-/// What keeps the robot safe.
+/// Limits and states that keep the robot safe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SafetyPlan {
     /// A command older than this is never applied.
     pub stale_after_ns: u64,
-    /// What is applied instead.
+    /// The state applied instead.
     pub safe_state: SafeState,
-    /// How long actuators stay in the safe state before they are stopped, at every end of a run.
+    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
 }
 
-/// Which program runs a component.
+/// The program of a component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Program {
-    /// A kind that the launching binary hosts itself.
+    /// A kind that the launching program hosts itself.
     Builtin {
         /// Name of the kind.
         kind: String,
     },
     /// The user's own program.
     Exec {
-        /// The executable, resolved.
+        /// Path of the executable.
         path: PathBuf,
     },
 }
 
-/// When a component steps.
+/// The activation of a component's steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Activation {
-    /// At fixed times: `start + phase + n * period`.
+    /// Periodic: at `start + phase + n * period`.
     Periodic {
         /// Period, ns.
         period_ns: u64,
         /// Offset of the first release, ns.
         phase_ns: u64,
     },
-    /// Whenever a topic is published.
+    /// At each publication of a topic.
     Triggered {
         /// Index of the topic.
         topic: usize,
@@ -154,43 +154,43 @@ pub enum Activation {
     },
 }
 
-/// What happens after a step that ran past the next release.
+/// The consequence of a step that ran past the next release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnOverrun {
-    /// Releases that have passed are dropped; the next future one on the original grid is met.
+    /// Drop the releases that have passed; go on with the next future one of the grid.
     Skip,
-    /// Releases that have passed are run one after the other, at once, until the grid is met again.
+    /// Run the releases that have passed at once, one after the other, until the grid is met again.
     CatchUp,
-    /// The grid starts anew from the end of the late step.
+    /// Start the grid anew at the end of the late step.
     Rephase,
-    /// As skip, and the outputs of the late step are withheld: readers keep the older value, whose age tells.
+    /// As `skip`, and withhold the outputs of the late step: readers keep the older value.
     Hold,
-    /// The whole graph goes to its safe state.
+    /// Bring the whole graph to its safe state.
     SafeStop,
 }
 
-/// What happens after a step that returned an error or made an invalid output.
+/// The consequence of a step that returned an error or made an invalid output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnError {
-    /// The component has failed; `restart` and `on_failure` say what follows.
+    /// The component fails; `restart` and `on_failure` take effect.
     Fail,
-    /// The error is reported and counted; the component goes on, its readers keep the older value.
+    /// Report and count the error; the component goes on, its readers keep the older value.
     Hold,
 }
 
-/// What happens when a component has failed and is not restarted (any more).
+/// The consequence of a component that failed and is not restarted, or not again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnFailure {
-    /// The whole graph goes to its safe state and ends.
+    /// Bring the whole graph to its safe state and end the run.
     SafeStop,
-    /// The graph goes on without the component.
+    /// Go on without the component.
     Ignore,
 }
 
-/// When a component that ended is started again.
+/// The condition of a restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RestartWhen {
@@ -198,20 +198,20 @@ pub enum RestartWhen {
     Never,
     /// After a crash, an error or a kill.
     Failure,
-    /// Also after it ended by itself in good order.
+    /// After every end, also one in good order.
     Always,
 }
 
 /// Restart policy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RestartPlan {
-    /// When to restart.
+    /// The condition.
     pub when: RestartWhen,
     /// At most this many restarts within `window_ns`.
     pub at_most: u32,
     /// The window over which restarts are counted, ns.
     pub window_ns: u64,
-    /// A restarted component must be stepping again within this time, ns; else it counts as failed again.
+    /// Time within which a restarted component must step again, ns; otherwise it has failed again.
     pub within_ns: u64,
 }
 
@@ -221,12 +221,12 @@ pub struct RestartPlan {
 pub enum SchedulingClass {
     /// `SCHED_FIFO` with this priority, 1 to 99.
     Fifo(u8),
-    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before anything that is `SCHED_FIFO`, and no more
-    /// than that. It runs on any core.
+    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before all `SCHED_FIFO` threads, and no more. It
+    /// runs on any core.
     Deadline {
-        /// Time of a core in each period, ns.
+        /// CPU time in each period, ns.
         runtime_ns: u64,
-        /// The period, and the deadline within it, ns.
+        /// The period, and the deadline in it, ns.
         period_ns: u64,
     },
     /// The system's normal time sharing.
@@ -242,7 +242,7 @@ pub struct PortPlan {
     pub topic: Option<usize>,
     /// State or stream, as this side declares it.
     pub pattern: TopicPattern,
-    /// The type it carries.
+    /// Layout of its samples.
     pub layout: TypeLayout,
 }
 
@@ -260,20 +260,20 @@ pub struct ParameterPlan {
 pub struct ComponentPlan {
     /// Its name in the graph.
     pub name: String,
-    /// What runs it.
+    /// Its program.
     pub program: Program,
-    /// When it steps.
+    /// Its activation.
     pub activation: Activation,
     /// Execution time allowed per step, ns.
     pub budget_ns: Option<u64>,
     /// Core it is pinned to; if `None`, any of the shared cores, or any core at all with `SCHED_DEADLINE`.
     pub core: Option<usize>,
-    /// How long it spins before a release. A triggered component does not.
+    /// Its spinning before a release. A triggered component does not spin.
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// How far its priority lies above that of the component at the head of its trigger chain on its core: those that
-    /// are triggered run before whoever has triggered them goes on.
+    /// Boost of its priority above that of the component at the head of its trigger chain on its core: a triggered
+    /// component runs before its trigger's component goes on.
     #[serde(default)]
     pub rise: u8,
     /// Inputs in the order of declaration.
@@ -288,19 +288,19 @@ pub struct ComponentPlan {
     pub config: serde_json::Value,
     /// The robot it works on.
     pub robot: Option<RobotReference>,
-    /// Whether it applies commands to a robot.
+    /// True if it applies commands to a robot.
     pub actuator: bool,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
-    /// After a late step.
+    /// The consequence of a late step.
     pub on_overrun: OnOverrun,
     /// Late steps, less the steps in time since, above which the graph goes to its safe state; any number if `None`.
     pub overruns_tolerated: Option<u32>,
-    /// After a failed step.
+    /// The consequence of a failed step.
     pub on_error: OnError,
-    /// After it has failed for good.
+    /// The consequence of its failure for good.
     pub on_failure: OnFailure,
-    /// When it is started again.
+    /// Its restart policy.
     pub restart: RestartPlan,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
     pub order: usize,
@@ -330,7 +330,7 @@ impl Plan {
         ports.map(|(pin, _)| pin).nth(before).unwrap_or_default()
     }
 
-    /// Whether all whom a topic triggers are pinned to the core of its writer.
+    /// Whether all components that a topic triggers are pinned to the core of its writer.
     pub fn stays_on_core(&self, topic: usize) -> bool {
         let topic = &self.topics[topic];
         let core = |component: usize| self.components[component].core;
@@ -355,7 +355,7 @@ pub struct TopicPlan {
     pub name: String,
     /// State or stream.
     pub pattern: TopicPattern,
-    /// The type it carries.
+    /// Layout of its samples.
     pub layout: TypeLayout,
     /// Index of the component that writes it.
     pub writer: usize,
@@ -377,7 +377,7 @@ pub struct LatencyPlan {
     pub to: usize,
     /// Longest time allowed from the source time of `from` to the publish time of `to`, ns.
     pub max_ns: u64,
-    /// What happens when it is missed.
+    /// The consequence of a miss.
     pub on_miss: OnMiss,
     /// The component that publishes `to` and so measures the latency.
     pub component: usize,
@@ -385,12 +385,12 @@ pub struct LatencyPlan {
     pub output: usize,
 }
 
-/// What happens when a latency budget is missed.
+/// The consequence of a missed latency budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnMiss {
-    /// It is counted and reported.
+    /// Count and report it.
     Warn,
-    /// The whole graph goes to its safe state.
+    /// Bring the whole graph to its safe state.
     SafeStop,
 }

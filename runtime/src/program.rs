@@ -1,4 +1,4 @@
-//! The program around a component: how launcher and user start it.
+//! The program of a component: its `main`, as the launcher and the user start it.
 
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
@@ -8,14 +8,14 @@ use crate::worker::{
     ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
 };
 
-/// How a program was called by motorium.
+/// The request of motorium to a program, from its arguments.
 #[derive(Debug)]
 pub enum Program {
-    /// To describe its component.
+    /// Describe its component.
     Describe,
-    /// To guard a run.
+    /// Guard a run.
     Guard(RunFolder),
-    /// To run a component of a run.
+    /// Run a component of a run.
     Worker {
         /// The run's folder.
         folder: RunFolder,

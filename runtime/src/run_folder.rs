@@ -1,4 +1,4 @@
-//! The folder of a run in shared memory: its plan, its region, its iceoryx2 domain, its results.
+//! The folder of a run in shared memory: its plan, its control block, its iceoryx2 domain, its results.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub struct RunFolder {
     id: String,
 }
 
-/// A run's folder could not be made, read or left.
+/// Error of a run's folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
     /// The file system refused.
@@ -26,7 +26,7 @@ pub enum RunFolderError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What it said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The plan is not one this version reads.
@@ -34,10 +34,10 @@ pub enum RunFolderError {
     Plan {
         /// The plan's file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// The region is unusable.
+    /// The control block is unusable.
     #[error(transparent)]
     Region(#[from] RegionError),
     /// The domain is unusable.
@@ -56,7 +56,7 @@ pub fn runs_folder() -> PathBuf {
 }
 
 impl RunFolder {
-    /// Makes the folder of a new run of a plan, with the plan and an empty region in it.
+    /// Makes the folder of a new run of a plan, with the plan and an empty control block in it.
     ///
     /// # Errors
     /// `/dev/shm` is full or forbidden.
@@ -109,12 +109,12 @@ impl RunFolder {
         runs.into_iter().map(|(_, run)| run).collect()
     }
 
-    /// The run's name: the graph's and a number.
+    /// The run's name: that of the graph and a number.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -130,7 +130,7 @@ impl RunFolder {
             .map_err(|error| RunFolderError::Plan { path: file, reason: error.to_string() })
     }
 
-    /// The run's region.
+    /// The run's control block.
     ///
     /// # Errors
     /// It cannot be mapped.
@@ -146,19 +146,19 @@ impl RunFolder {
         Ok(Domain::new(&self.path, &self.id)?)
     }
 
-    /// Whether it is so far made that its launcher stands in it.
+    /// Whether the process id of its launcher is set.
     pub fn names_launcher(&self) -> bool {
         self.region().is_ok_and(|region| region.header().launcher.load(Relaxed) != 0)
     }
 
-    /// Whether its launcher or its guard is still there to look after it.
+    /// Whether its launcher or its guard is alive.
     pub fn is_alive(&self) -> bool {
         let Ok(region) = self.region() else { return false };
         let alive = |pid: u32| pid != 0 && Watch::new(pid).is_ok_and(|watch| !watch.has_ended());
         alive(region.header().launcher.load(Relaxed)) || alive(region.header().guard.load(Relaxed))
     }
 
-    /// Leaves a component's result for the launcher.
+    /// Saves a component's result for the launcher.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -167,7 +167,7 @@ impl RunFolder {
         fs::write(&file, result.to_string()).map_err(io(&file))
     }
 
-    /// The result a component left, if it did.
+    /// The result that a component saved.
     pub fn result(&self, component: &str) -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
     }
@@ -176,8 +176,8 @@ impl RunFolder {
         self.path.join(format!("result-{component}.json"))
     }
 
-    /// Removes the run from shared memory: the domain's objects, the region, the folder. Returns what was removed
-    /// of the domain. Only for a run that nobody uses any more.
+    /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the removed
+    /// objects of the domain. Only for a run without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

@@ -1,4 +1,4 @@
-//! The last word on commands, spoken on the side that applies them.
+//! The check of every command before an actuator applies it.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -9,50 +9,82 @@ use crate::region::{Command, MissCause, add};
 use crate::state::{Field as _, JointCommand};
 use crate::transport::{Context, Input, Reading};
 
-/// Decides at every step of an actuator whether the command may be applied.
+/// A check, at every step of an actuator, of the command it is about to apply.
 ///
-/// A command is applied only while it is fresh and the run is not in a safe stop, whoever else is still alive. The
-/// actuator then applies the safe state by itself.
+/// A command is applied only while it is fresh and the run is not in a safe stop, whichever other processes still live.
+/// Otherwise the actuator applies the safe state by itself. One guard checks one command input.
+///
+/// ```
+/// use motorium::prelude::*;
+/// use motorium::safety::{CommandGuard, Verdict};
+///
+/// struct Drive {
+///     command: Input<JointCommand>,
+///     guard: CommandGuard,
+///     held: [f64; MAX_JOINTS],
+///     position: [f64; MAX_JOINTS],
+/// }
+///
+/// impl Drive {
+///     fn configure(setup: &mut Setup) -> Result<Self, ConfigureError> {
+///         let zero = [0.0; MAX_JOINTS];
+///         let guard = setup.command_guard();
+///         Ok(Self { command: setup.input("joint_command")?, guard, held: zero, position: zero })
+///     }
+///
+///     fn setpoint(&mut self) -> [f64; MAX_JOINTS] {
+///         match self.guard.check(&mut self.command) {
+///             Verdict::Apply(command) => self.held[..command.count()].copy_from_slice(command.position()),
+///             Verdict::Safe { entered: true, .. } => self.held = self.position,
+///             Verdict::Safe { entered: false, .. } => {}
+///         }
+///         self.held
+///     }
+/// }
+/// ```
 #[derive(Debug)]
 pub struct CommandGuard {
     context: Rc<Context>,
     stale_after_ns: u64,
     safe_state: SafeState,
+    /// A command has been applied before: from then on a stale one is a miss.
     armed: bool,
+    /// The safe state was the verdict of the last check.
+    safe: bool,
 }
 
-/// What an actuator is to do in this step.
+/// The verdict on the command of one step.
 #[derive(Debug)]
-pub enum Judgement<'a> {
+pub enum Verdict<'a> {
     /// Apply this command, within the limits of the robot.
     Apply(Reading<'a, JointCommand>),
-    /// Apply the safe state. `entered` is true in the first step of it.
+    /// Apply the safe state.
     Safe {
-        /// Which safe state.
+        /// The safe state of the graph.
         state: SafeState,
-        /// Whether it has just begun: hold the position of this moment.
+        /// True in the first step of the safe state: `hold` then keeps the position of this moment.
         entered: bool,
     },
 }
 
 impl Setup {
-    /// The guard that decides whether commands may be applied. For components that declared
-    /// [`actuator`](crate::declare::Declare::actuator).
+    /// The check of a command input. For components that declared [`actuator`](crate::declare::Declare::actuator).
     pub fn command_guard(&self) -> CommandGuard {
         let safety = &self.plan().safety;
-        CommandGuard::new(self.context().clone(), safety.stale_after_ns, safety.safe_state)
+        CommandGuard {
+            context: self.context().clone(),
+            stale_after_ns: safety.stale_after_ns,
+            safe_state: safety.safe_state,
+            armed: false,
+            safe: false,
+        }
     }
 }
 
 impl CommandGuard {
-    fn new(context: Rc<Context>, stale_after_ns: u64, safe_state: SafeState) -> Self {
-        Self { context, stale_after_ns, safe_state, armed: false }
-    }
-
-    /// Judges the newest command. Before the first command ever, and from the moment the command is older than
-    /// `stale_after` or the run is stopping, the safe state applies; a fresh command ends it unless the run is
-    /// stopping.
-    pub fn judge<'a>(&mut self, input: &'a mut Input<JointCommand>) -> Judgement<'a> {
+    /// Checks the newest command. The safe state applies before the first command, from the moment the command is older
+    /// than `stale_after`, and while the run is stopping; a fresh command ends it unless the run is stopping.
+    pub fn check<'a>(&mut self, input: &'a mut Input<JointCommand>) -> Verdict<'a> {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let block = self.context.block();
         let fresh = !stopping
@@ -64,13 +96,15 @@ impl CommandGuard {
                 is_valid && command.age_ns() <= self.stale_after_ns
             });
         if fresh && let Some(command) = input.current() {
-            self.armed = true;
+            (self.armed, self.safe) = (true, false);
             if block.safe.load(Relaxed) != 0 {
                 block.safe.store(0, Relaxed);
             }
-            return Judgement::Apply(command);
+            return Verdict::Apply(command);
         }
-        let entered = block.safe.load(Relaxed) == 0;
+        // Of this process: its predecessor may have been killed in the safe state and left the flag set.
+        let entered = !self.safe;
+        self.safe = true;
         if entered {
             block.safe_since_ns.store(crate::os::monotonic_ns(), Relaxed);
             block.safe.store(1, Relaxed);
@@ -78,6 +112,6 @@ impl CommandGuard {
         if self.armed && !stopping {
             block.miss(MissCause::LateInput);
         }
-        Judgement::Safe { state: self.safe_state, entered }
+        Verdict::Safe { state: self.safe_state, entered }
     }
 }

@@ -20,7 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// assert_eq!(config.duration.ns, 1_500_000);
 /// # Ok::<(), toml::de::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TimeSpan {
     /// Nanoseconds.
     pub ns: u64,
@@ -46,13 +46,13 @@ pub struct Rate {
     pub period_ns: u64,
 }
 
-/// A time or rate that cannot be.
+/// The error of a time or rate.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {expected}")]
 pub struct UnitError {
-    /// What was found, as the end of the sentence "`rate` ...".
+    /// The value found, as the end of the sentence "`rate` ...".
     pub found: String,
-    /// What is expected, and what to try.
+    /// The values expected, with advice.
     pub expected: String,
 }
 

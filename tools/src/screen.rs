@@ -50,12 +50,13 @@ impl Drop for Screen {
 
 fn draw(frame: &mut Frame<'_>, status: &Status) {
     let rows = status.components.iter().map(|component| {
-        let missed = component.misses.missed() > 0;
+        let missed = component.report.misses.missed() > 0;
         let style = if missed { Style::new().fg(ratatui::style::Color::Yellow) } else { Style::new() };
         Row::new(cells(component)).style(style)
     });
     let header = ["component", "phase", "steps", "Hz", "late p99 us", "step p99 us", "restarts", "missed"];
-    let longest = status.components.iter().map(|component| component.name.chars().count()).max().unwrap_or(0);
+    let longest =
+        status.components.iter().map(|component| component.report.name.chars().count()).max().unwrap_or(0);
     let widths = [
         Constraint::Length(longest.max(12) as u16),
         Constraint::Length(10),
@@ -98,15 +99,16 @@ fn cells(component: &ComponentStatus) -> [String; 8] {
     } else {
         format!("{:?}", component.phase).to_lowercase()
     };
+    let report = &component.report;
     [
-        component.name.clone(),
+        report.name.clone(),
         phase,
-        component.steps.to_string(),
-        format!("{:.1}", component.rate_hz),
-        microseconds(component.lateness_ns.p99),
-        microseconds(component.execution_ns.p99),
-        component.restarts.to_string(),
-        causes(&component.misses),
+        report.steps.to_string(),
+        format!("{:.1}", report.rate_hz),
+        microseconds(report.lateness_ns.p99),
+        microseconds(report.execution_ns.p99),
+        report.restarts.to_string(),
+        causes(&report.misses),
     ]
 }
 
@@ -147,13 +149,13 @@ fn status_line(status: &Status) -> String {
     let parts: Vec<String> = status
         .components
         .iter()
-        .map(|component| {
+        .map(|ComponentStatus { report, .. }| {
             format!(
                 "{} {:.0} Hz, late p99 {} us, missed {}",
-                component.name,
-                component.rate_hz,
-                microseconds(component.lateness_ns.p99),
-                causes(&component.misses)
+                report.name,
+                report.rate_hz,
+                microseconds(report.lateness_ns.p99),
+                causes(&report.misses)
             )
         })
         .collect();
@@ -162,7 +164,8 @@ fn status_line(status: &Status) -> String {
 
 #[cfg(test)]
 mod tests {
-    use motorium::region::{Phase, Stalls};
+    use motorium::launcher::ComponentReport;
+    use motorium::region::Phase;
     use motorium::telemetry::Percentiles;
     use ratatui::backend::TestBackend;
 
@@ -170,21 +173,16 @@ mod tests {
 
     fn component(name: &str, misses: Misses) -> ComponentStatus {
         let percentiles = Percentiles { p50: 1_000, p99: 25_000, p999: 30_000, max: 41_000 };
-        ComponentStatus {
+        let report = ComponentReport {
             name: name.to_string(),
-            phase: Phase::Running,
-            pid: 17,
             steps: 2_004,
             rate_hz: 999.97,
             lateness_ns: percentiles,
             execution_ns: percentiles,
-            cpu_ns: percentiles,
-            spin_ns: 0,
-            stalls: Stalls::default(),
             misses,
-            restarts: 0,
-            safe: false,
-        }
+            ..ComponentReport::default()
+        };
+        ComponentStatus { phase: Phase::Running, safe: false, report }
     }
 
     #[test]

@@ -10,14 +10,15 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use motorium_library::{
-    DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, RecursiveLibrary,
-    SampledSpring, Superposition, data, letters,
+    DAMPING, Generator, Metric, MotionLibrary, Movement, Recogniser, Recordings, RecursiveLibrary,
+    SampledSpring, Superposition, Truncation, letters,
 };
+use motorium_recordings::Selection;
 
 fn recordings() -> Recordings {
     let file =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/uci-char-trajectories/train.jsonl");
-    data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })
+    Recordings::read([&file], &Selection { rate: Some(200.0), ..Selection::default() })
         .unwrap_or_else(|_| letters::letters(58, letters::Variation::default(), 1))
 }
 
@@ -30,11 +31,12 @@ fn library(criterion: &mut Criterion) {
     group.sample_size(10).measurement_time(Duration::from_secs(3));
     for (metric, words) in [(Metric::Force, "force"), (Metric::Position, "position")] {
         group.bench_function(name(&format!("build, 64 eigenforces, {words}")), |b| {
-            b.iter(|| build(metric, Keep::Rank(64)));
+            b.iter(|| build(metric, Truncation::Rank(64)));
         });
     }
-    group.bench_function(name("build, all eigenforces"), |b| b.iter(|| build(Metric::Force, Keep::All)));
-    let library = build(Metric::Force, Keep::Rank(64));
+    group
+        .bench_function(name("build, all eigenforces"), |b| b.iter(|| build(Metric::Force, Truncation::All)));
+    let library = build(Metric::Force, Truncation::Rank(64));
     let movement = Movement::of(&set.trajectories[0], &spring);
     let mut recogniser = Recogniser::new(&library, 50);
     group.sample_size(50);

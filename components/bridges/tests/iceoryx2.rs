@@ -8,8 +8,8 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{Node, NodeBuilder, SignalHandlingMode, ipc_threadsafe};
 use motorium::launcher::{Exit, Report};
+use motorium::prelude::*;
 use motorium::run_folder::RunFolder;
-use motorium::state::{JointState, PoseTarget, Stamp, Wrench};
 use motorium::testing::{Function, Graph, Instance, Probe, Source};
 use motorium_bridges::Iceoryx2Bridge;
 use serde_json::Value;
@@ -230,6 +230,40 @@ fn a_graph_with_a_misconfigured_bridge_is_refused() {
     assert!(text.contains("there is no built-in state `motorium.Pose`"), "{text}");
     let text = refusal(bridge("0 Hz"));
     assert!(text.contains("max_rate") || text.contains("the rate"), "{text}");
+}
+
+#[derive(serde::Deserialize, schemars::JsonSchema)]
+struct NoConfig {}
+
+/// A component that declares a topic of slices.
+struct Planner;
+
+impl Component for Planner {
+    const KIND: &'static str = "test.planner";
+    const SUMMARY: &'static str = "declares a plan of several poses";
+    type Config = NoConfig;
+
+    fn declare(_: &NoConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.slice_output::<PoseTarget>("plan", 8, 2, "poses to come");
+        Ok(())
+    }
+
+    fn configure(_: NoConfig, _: &mut Setup) -> Result<Self, ConfigureError> {
+        Err(ConfigureError::failed("it is only checked"))
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_topic_of_slices_is_not_mirrored_and_check_says_so() {
+    let planner = Instance::of::<Planner>("planner").rate("10 Hz").publish("plan", "arm/plan");
+    let mirror = Instance::of::<Iceoryx2Bridge>("bridge").rate("200 Hz");
+    let mirror = mirror.subscribe("plan", "arm/plan").config("out", vec!["plan"]);
+    let error = Graph::new("slices").with(planner).with(mirror).check().unwrap_err().render(false);
+    assert!(error.contains("carries slices"), "{error}");
 }
 
 /// The foreign program of the next test: sends as fast as it can, until it is killed.

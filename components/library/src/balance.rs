@@ -1,7 +1,7 @@
 //! Eigenforces for the mean error instead of the mean square.
 
 use crate::algebra::left_singular;
-use crate::{BuildError, Keep, LibraryParts, MotionLibrary};
+use crate::{BuildError, LibraryParts, MotionLibrary, Truncation};
 
 /// Rounds after which the weights hardly change.
 const ROUNDS: usize = 8;
@@ -19,7 +19,7 @@ impl MotionLibrary {
     ///
     /// # Errors
     /// Movements that do not move.
-    pub fn balanced(&self, n: usize, keep: Keep) -> Result<Self, BuildError> {
+    pub fn balanced(&self, n: usize, keep: Truncation) -> Result<Self, BuildError> {
         let LibraryParts { basis, weights, .. } = self.parts();
         let data = basis * weights;
         let n = n.clamp(1, self.rank());
@@ -43,7 +43,7 @@ impl MotionLibrary {
             errors.iter_mut().for_each(|error| *error = (*error / median + FLOOR).sqrt().recip());
             scaled.copy_from(&data);
             scaled.column_iter_mut().zip(&errors).for_each(|(mut column, weight)| column *= *weight);
-            let keep = if round + 1 == ROUNDS { keep } else { Keep::Rank(n) };
+            let keep = if round + 1 == ROUNDS { keep } else { Truncation::Rank(n) };
             found = left_singular(&scaled, keep.wanted(scaled.nrows())).vectors;
         }
         if found.ncols() == 0 {

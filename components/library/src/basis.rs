@@ -1,8 +1,8 @@
 //! Bases for forces, side by side.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
-use crate::{Keep, Layout, Metric, MotionLibrary, SampledSpring};
+use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
 /// Functions that forces are written in, and how their weights are found: `w = analysis^T f`, `f = functions w`.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ impl Basis {
         self.analysis.transpose() * forces
     }
 
-    /// What the basis makes of forces, one movement a column.
+    /// Approximation of forces, one movement a column.
     pub fn approximate(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         &self.functions * self.weights(forces)
     }
@@ -122,9 +122,40 @@ impl MotionLibrary {
     ///
     /// # Errors
     /// Movements that do not move.
-    pub fn in_metric(&self, metric: Metric, keep: Keep) -> Result<Self, super::BuildError> {
+    pub fn in_metric(&self, metric: Metric, keep: Truncation) -> Result<Self, super::BuildError> {
         let forces = self.eigenforces() * self.weights();
         let kind = (self.layout().clone(), *self.spring());
         Self::from_forces(forces, self.entries().to_vec(), kind, metric, keep)
+    }
+}
+
+/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels for each degree
+/// of freedom, in the least squares.
+pub fn kernel_error(forces: &[f64], spring: &SampledSpring, count: usize) -> f64 {
+    let steps = spring.forces();
+    let q = kernel_functions(spring, count.min(steps)).qr().q();
+    let (mut left, mut all) = (0.0, 0.0);
+    for forces in forces.chunks_exact(steps) {
+        let forces = DVector::from_column_slice(forces);
+        left += (&forces - &q * (q.transpose() * &forces)).norm_squared();
+        all += forces.norm_squared();
+    }
+    (left / all.max(f64::MIN_POSITIVE)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_hold_their_own_sums_exactly_and_a_spike_badly() {
+        let spring = SampledSpring::new(80, crate::DAMPING).unwrap();
+        let kernels = kernel_functions(&spring, 12);
+        let sum = kernels.column(1) * 2.0 - kernels.column(7) * 0.5;
+        let both: Vec<f64> = sum.iter().chain(kernels.column(3).iter()).copied().collect();
+        assert!(kernel_error(&both, &spring, 12) < 1e-10);
+        let mut spike = vec![0.0; spring.forces()];
+        spike[40] = 1.0;
+        assert!(kernel_error(&spike, &spring, 12) > 0.5);
     }
 }

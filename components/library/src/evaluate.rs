@@ -1,9 +1,11 @@
-//! What a basis makes of movements it has not seen.
+//! Errors of a basis on movements it was not learned from.
 
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::{Basis, Keep, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory};
+use crate::{
+    Basis, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, Truncation,
+};
 
 /// Errors of one basis with one number of weights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,7 +59,7 @@ pub(super) fn forces_of(
     (forces, frames)
 }
 
-/// How well a basis holds recordings: their forces and, followed by the spring, their paths.
+/// Errors of a basis on recordings: of their forces and, followed by the spring, of their paths.
 pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
     let (forces, _) = forces_of(recordings, spring);
     let left = &forces - basis.approximate(&forces);
@@ -124,7 +126,7 @@ pub fn compare(
         for (name, library) in libraries {
             found.push((*name, evaluate(&Basis::eigenforces(library, n), recordings, spring)));
             if library.metric() == Metric::Position
-                && let Ok(balanced) = library.balanced(n, Keep::Rank(n))
+                && let Ok(balanced) = library.balanced(n, Truncation::Rank(n))
             {
                 found.push((BALANCED, evaluate(&Basis::eigenforces(&balanced, n), recordings, spring)));
             }

@@ -83,7 +83,7 @@ pub enum GenerateError {
         /// In the library.
         expected: usize,
     },
-    /// A number that is none.
+    /// NaN or an infinite value.
     #[error("{0} is no number to move by")]
     NotFinite(f64),
     /// A duration that is not a positive time.
@@ -135,7 +135,7 @@ impl Generator {
     /// Starts a movement: weights of the first eigenforces, in a frame.
     ///
     /// # Errors
-    /// Sizes that do not fit, or numbers that are none.
+    /// Sizes that do not fit, or values that are not finite.
     pub fn start(&mut self, weights: &[f64], frame: &Frame) -> Result<(), GenerateError> {
         let dofs = self.position.len();
         if weights.len() > self.rank {
@@ -165,7 +165,7 @@ impl Generator {
     /// Goes to another goal from the next sample on; the forces stay as they are.
     ///
     /// # Errors
-    /// Another number of DoFs, or numbers that are none.
+    /// Another number of DoFs, or values that are not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), GenerateError> {
         if goal.len() != self.position.len() {
             return Err(GenerateError::Dofs { found: goal.len(), expected: self.position.len() });
@@ -203,7 +203,7 @@ impl Generator {
         self.time / self.duration
     }
 
-    /// Whether it has settled.
+    /// True once it has settled.
     pub fn is_finished(&self) -> bool {
         self.progress() >= self.settled() - 1e-12
     }

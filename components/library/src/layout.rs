@@ -1,4 +1,4 @@
-//! Which rows of a force vector belong to which degree of freedom.
+//! Layout of a force vector by degrees of freedom.
 
 use serde::{Deserialize, Serialize};
 

@@ -10,13 +10,14 @@
 //! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
 //! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
 //!
-//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Keep`], in a [`Metric`].
+//! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Truncation`], in a [`Metric`].
 //! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
 //!   recordings.
 //! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
 //! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
-//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them.
-//! - [`file`]: the file format. [`data`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
+//! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them,
+//!   [`CrossValidation`] over several splits.
+//! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
 //! - [`algebra`]: the linear algebra.
 //!
 //! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
@@ -30,7 +31,8 @@
 pub mod algebra;
 mod balance;
 mod basis;
-pub mod data;
+pub mod cross_validation;
+mod data;
 mod evaluate;
 pub mod file;
 mod generate;
@@ -39,24 +41,29 @@ pub mod letters;
 mod merge;
 mod motion_library;
 mod movement;
-mod rank;
 mod recognise;
 mod recursive;
 mod scatter;
 mod split;
 mod spring;
+pub mod statistics;
+mod trace;
 mod trajectory;
+mod truncation;
 
-pub use basis::{Basis, kernel_functions};
+pub use basis::{Basis, kernel_error, kernel_functions};
+pub use cross_validation::CrossValidation;
+pub use data::DataError;
 pub use evaluate::{BALANCED, Evaluation, PathError, compare, evaluate, nearest_neighbour_rate, path_errors};
 pub use generate::{GenerateError, Generator, Superposition};
 pub use layout::{Layout, LayoutError, Part};
 pub use merge::{MergeError, merge_independent, merge_movements, merge_parts};
 pub use motion_library::{BuildError, Entry, LibraryParts, Metric, MotionLibrary};
 pub use movement::{Frame, Movement};
-pub use rank::Keep;
 pub use recognise::{Recognised, Recogniser};
 pub use recursive::RecursiveLibrary;
 pub use scatter::RecursiveScatter;
 pub use spring::{DAMPING, SampledSpring, SpringError};
+pub use trace::{Trace, TraceErrors};
 pub use trajectory::{Recordings, Trajectory};
+pub use truncation::Truncation;

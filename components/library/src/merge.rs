@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::algebra::{LeftSingular, left_singular};
-use crate::{Entry, Frame, Keep, Layout, LayoutError, LibraryParts, Metric, MotionLibrary};
+use crate::{Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
 /// Libraries that cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -17,7 +17,7 @@ pub enum MergeError {
     /// They were made with different metrics.
     #[error("library {index} has the metric {found:?}, the first {expected:?}: build both with the same")]
     Metric {
-        /// Which library, from 1.
+        /// Index of the library, counted from 1.
         index: usize,
         /// Its metric.
         found: Metric,
@@ -30,7 +30,7 @@ pub enum MergeError {
     /// Other DoFs.
     #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
     Dofs {
-        /// Which library, from 1.
+        /// Index of the library, counted from 1.
         index: usize,
         /// Its DoFs.
         found: String,
@@ -48,7 +48,7 @@ pub enum MergeError {
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
-pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+pub fn merge_parts(libraries: &[&MotionLibrary], keep: Truncation) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     let ids = |library: &MotionLibrary| library.entries().iter().map(|e| e.id.clone()).collect::<Vec<_>>();
     let together = !first.entries().is_empty() && libraries.iter().all(|library| ids(library) == ids(first));
@@ -76,7 +76,10 @@ pub fn merge_parts(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLib
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
-pub fn merge_independent(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+pub fn merge_independent(
+    libraries: &[&MotionLibrary],
+    keep: Truncation,
+) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
     let (found, weights, entries) = independent(libraries, &basis, keep);
@@ -108,7 +111,7 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
-pub fn merge_movements(libraries: &[&MotionLibrary], keep: Keep) -> Result<MotionLibrary, MergeError> {
+pub fn merge_movements(libraries: &[&MotionLibrary], keep: Truncation) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     for (k, library) in libraries.iter().enumerate() {
         if library.layout() != first.layout() {
@@ -177,7 +180,7 @@ fn assemble(
 fn independent(
     libraries: &[&MotionLibrary],
     basis: &DMatrix<f64>,
-    keep: Keep,
+    keep: Truncation,
 ) -> (LeftSingular, DMatrix<f64>, Vec<Entry>) {
     let energy: f64 = libraries.iter().map(|library| library.parts().energy).sum();
     let values: Vec<f64> = libraries.iter().flat_map(|library| library.parts().singular.clone()).collect();

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::algebra::left_singular;
-use crate::{Frame, Keep, Layout, LayoutError, Movement, Recordings, SampledSpring, SpringError};
+use crate::{Frame, Layout, LayoutError, Movement, Recordings, SampledSpring, SpringError, Truncation};
 
-/// What the eigenforces leave the least of.
+/// Quantity whose residual the eigenforces minimise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
@@ -28,14 +28,14 @@ pub struct Entry {
     pub frame: Frame,
 }
 
-/// What a library consists of; [`MotionLibrary::from_parts`] checks it.
+/// Parts of a library; [`MotionLibrary::from_parts`] checks them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryParts {
     /// Its degrees of freedom.
     pub layout: Layout,
     /// The spring.
     pub spring: SampledSpring,
-    /// What `basis` is orthonormal in.
+    /// Metric in which `basis` is orthonormal.
     pub metric: Metric,
     /// Orthonormal columns in the space of the metric: `dofs (samples - 1)` rows, one column an eigenforce.
     pub basis: DMatrix<f64>,
@@ -61,7 +61,7 @@ pub struct MotionLibrary {
     analysis: DMatrix<f64>,
 }
 
-/// Why there is no library.
+/// An error of building a library.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// Nothing to learn from.
@@ -76,9 +76,9 @@ pub enum BuildError {
     /// A recording that does not fit.
     #[error("recording `{id}`: {found}")]
     Recording {
-        /// Which.
+        /// Id of the recording.
         id: String,
-        /// What is wrong with it.
+        /// Defect found.
         found: String,
     },
     /// Recordings that do not move.
@@ -87,11 +87,11 @@ pub enum BuildError {
     /// Parts of a library that do not fit each other.
     #[error("{what} is {found}, expected {expected}")]
     Shape {
-        /// Which part.
+        /// Name of the part.
         what: &'static str,
-        /// What was found.
+        /// Value found.
         found: String,
-        /// What was expected.
+        /// Value expected.
         expected: String,
     },
 }
@@ -100,12 +100,12 @@ impl MotionLibrary {
     /// Learns from recordings.
     ///
     /// # Errors
-    /// Recordings that are none, or do not fit their names.
+    /// No recordings, values that are not finite, or recordings that do not fit their names.
     pub fn build(
         recordings: &Recordings,
         spring: SampledSpring,
         metric: Metric,
-        keep: Keep,
+        keep: Truncation,
     ) -> Result<Self, BuildError> {
         let layout = Layout::new(recordings.names.clone())?;
         if recordings.trajectories.is_empty() {
@@ -132,7 +132,7 @@ impl MotionLibrary {
         entries: Vec<Entry>,
         (layout, spring): (Layout, SampledSpring),
         metric: Metric,
-        keep: Keep,
+        keep: Truncation,
     ) -> Result<Self, BuildError> {
         metric.into_space(&spring, &mut data);
         let found = left_singular(&data, keep.wanted(data.nrows()));
@@ -195,7 +195,7 @@ impl MotionLibrary {
         Ok(Self { parts, forces, analysis })
     }
 
-    /// What it consists of.
+    /// Parts of the library.
     pub fn parts(&self) -> &LibraryParts {
         &self.parts
     }
@@ -245,7 +245,7 @@ impl MotionLibrary {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.forces }
     }
 
-    /// What forces are multiplied by (transposed) to become weights, one column an eigenforce.
+    /// Matrix that, transposed, turns forces into weights; one column an eigenforce.
     pub fn analysis(&self) -> &DMatrix<f64> {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.analysis }
     }
@@ -253,6 +253,21 @@ impl MotionLibrary {
     /// The part of the variance that each eigenforce explains (in the metric), the largest first.
     pub fn explained(&self) -> Vec<f64> {
         self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
+    }
+
+    /// The parts of the variance that the first 1, 2, ... eigenforces explain together.
+    pub fn explained_together(&self) -> Vec<f64> {
+        let mut sum = 0.0;
+        let add = |part: f64| {
+            sum += part;
+            sum
+        };
+        self.explained().into_iter().map(add).collect()
+    }
+
+    /// Number of eigenforces that explain a part of the variance, 0 to 1; 0 if all together explain less.
+    pub fn rank_explaining(&self, part: f64) -> usize {
+        self.explained_together().iter().position(|sum| *sum >= part).map_or(0, |k| k + 1)
     }
 
     /// The first `n` eigenforces alone.

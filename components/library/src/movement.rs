@@ -1,4 +1,4 @@
-//! What a movement is besides its forces.
+//! Frame of a movement: its boundary conditions.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,11 +7,11 @@ use crate::{SampledSpring, Trajectory};
 /// Where, whence and how long: what turns forces into a path. One number for each DoF.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// Where the movement begins.
+    /// Start, one number a degree of freedom.
     pub start: Vec<f64>,
-    /// Where it ends.
+    /// End of the path.
     pub goal: Vec<f64>,
-    /// How fast it begins, per duration.
+    /// Start velocity, per duration.
     pub velocity: Vec<f64>,
     /// Seconds from start to end.
     pub duration: f64,

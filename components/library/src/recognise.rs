@@ -1,14 +1,14 @@
-//! Which movement is it?
+//! Recognition of movements.
 
 use crate::algebra::Simd;
 use crate::{Metric, MotionLibrary, Movement, Trajectory};
 
-/// What a movement was recognised as.
+/// A recognised movement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognised {
     /// Its weights.
     pub weights: Vec<f64>,
-    /// What the eigenforces leave of it: `|f - U w| / |f|` in the metric of the library, 0 to 1.
+    /// Residual of the eigenforces: `|f - U w| / |f|` in the metric of the library, 0 to 1.
     pub novelty: f64,
     /// The nearest movement of the library in weights, and its distance relative to the length of the weights.
     pub nearest: Option<(usize, f64)>,

@@ -38,7 +38,7 @@ pub struct SpringError {
 }
 
 impl SampledSpring {
-    /// A critically damped spring, `K = D^2 / 4`, for paths of so many samples.
+    /// A critically damped spring, `K = D^2 / 4`, for paths of `samples` samples.
     ///
     /// # Errors
     /// A damping that is no positive number, or a step of `D` times which is 1 or more.

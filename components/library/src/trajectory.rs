@@ -8,9 +8,9 @@ use rand_pcg::Pcg64;
 /// A recorded movement: evenly spaced positions of every degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// What it is called, unique in its set if that matters.
+    /// Name, unique in its set if that matters.
     pub id: String,
-    /// What kind of movement it is, if known.
+    /// Kind of movement, if known.
     pub label: Option<String>,
     /// Seconds from the first sample to the last.
     pub duration: f64,

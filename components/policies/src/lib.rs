@@ -11,12 +11,13 @@
 
 pub mod cpg;
 pub mod dmp;
-mod drive;
+mod joint_command;
 pub mod library;
 pub mod promp;
+mod robot;
 
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;
-pub use drive::DriveConfig;
+pub use joint_command::JointCommandConfig;
 pub use library::LibraryPolicy;
 pub use promp::ProMpPolicy;

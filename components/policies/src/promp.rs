@@ -1,7 +1,6 @@
 //! `policy.promp`: joints that follow a probabilistic primitive.
 
 use std::path::Path;
-use std::time::Duration;
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -11,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::drive::{DriveConfig, Driven, JointDrive};
+use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::promp::{ProMp, ProMpRunner, StoredProMp};
 use motorium_primitives::reach::Repeat;
@@ -35,22 +34,20 @@ pub struct ProMpPolicyConfig {
     #[serde(default)]
     pub via: Vec<ViaConfig>,
     /// Time of a movement, such as "2 s". Default: that of the demonstrations.
-    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
-    #[schemars(with = "Option<TimeSpan>")]
-    pub duration: Option<Duration>,
+    #[serde(default)]
+    pub duration: Option<TimeSpan>,
     /// Time to stay at the end of a movement, such as "500 ms". Default none.
-    #[serde(default, deserialize_with = "crate::dmp::config::time")]
-    #[schemars(with = "TimeSpan")]
-    pub dwell: Duration,
+    #[serde(default)]
+    pub dwell: TimeSpan,
     /// What follows a movement: "once" stays at its end, "forever" begins the next.
     #[serde(default)]
     pub repeat: Repeat,
-    /// How the joints are driven.
+    /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
-    pub drive: DriveConfig,
+    pub drive: JointCommandConfig,
 }
 
-/// Where a primitive is.
+/// Source of a primitive.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ProMpSource {
@@ -83,7 +80,7 @@ fn precise() -> f64 {
 /// `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
 #[derive(Debug)]
 pub struct ProMpPolicy {
-    drive: JointDrive,
+    drive: JointCommandWriter,
     runners: Vec<ProMpRunner>,
     durations: Vec<f64>,
     repeat: Repeat,
@@ -106,14 +103,14 @@ impl Component for ProMpPolicy {
     type Config = ProMpPolicyConfig;
 
     fn declare(config: &ProMpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let driven = Driven::new(
+        let driven = CommandedJoints::new(
             &config.drive,
             declare.robot(),
             named(config, declare.robot())?.iter().map(borrowed),
         )?;
         let base = declare.robot().map(|robot| robot.base.clone()).unwrap_or_default();
         primitives(config, &base, driven_count(config, &driven))?;
-        Driven::declare(declare);
+        CommandedJoints::declare(declare);
         let last = config.primitives.len() as i64 - 1;
         declare.integer("primitive", 0, 0..=last, "the primitive of the next movement, counted from 0");
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the joints where they are");
@@ -122,13 +119,16 @@ impl Component for ProMpPolicy {
 
     fn configure(config: ProMpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let driven =
-            Driven::new(&config.drive, Some(&robot), named(&config, Some(&robot))?.iter().map(borrowed))?;
+        let driven = CommandedJoints::new(
+            &config.drive,
+            Some(&robot),
+            named(&config, Some(&robot))?.iter().map(borrowed),
+        )?;
         let joints = driven_count(&config, &driven);
         let primitives = primitives(&config, &robot.base, joints)?;
         let time = config.duration.map(|duration| duration.as_secs_f64());
         Ok(Self {
-            drive: JointDrive::new(driven, &config.drive, setup)?,
+            drive: JointCommandWriter::new(driven, &config.drive, setup)?,
             durations: primitives.iter().map(|promp| time.unwrap_or(promp.duration())).collect(),
             runners: primitives.into_iter().map(ProMpRunner::new).collect(),
             repeat: config.repeat,
@@ -223,12 +223,11 @@ fn named(
         return Ok(joints.iter().enumerate().map(keyed).collect());
     }
     let Some(robot) = robot else { return Ok(Vec::new()) };
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+    let loaded = crate::robot::load(robot)?;
     Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
 }
 
-fn driven_count(config: &ProMpPolicyConfig, driven: &Driven) -> usize {
+fn driven_count(config: &ProMpPolicyConfig, driven: &CommandedJoints) -> usize {
     config.joints.as_ref().map_or(driven.model.joint_count(), Vec::len)
 }
 
@@ -237,7 +236,7 @@ fn primitives(config: &ProMpPolicyConfig, base: &Path, joints: usize) -> Result<
     if config.primitives.is_empty() {
         return Err(ConfigError::key("primitives", "no primitive given, expected at least one"));
     }
-    if config.duration.is_some_and(|duration| duration < Duration::from_millis(1)) {
+    if config.duration.is_some_and(|duration| duration.ns < 1_000_000) {
         return Err(ConfigError::key("duration", "expected at least 1 ms"));
     }
     let mut found = Vec::new();

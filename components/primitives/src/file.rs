@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::dmp::{DmpModel, RhythmicModel};
+use crate::dmp::{Demonstration, DmpModel, RhythmicModel};
 use crate::promp::ProMp;
 
-/// What a file of a primitive says: JSON, one object.
+/// Content of a file of a primitive: JSON, one object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PrimitiveFile {
@@ -17,13 +18,13 @@ pub struct PrimitiveFile {
     pub names: Vec<String>,
     /// Seconds that the demonstration took; of a rhythm, its period.
     pub duration: f64,
-    /// Where the demonstration began.
+    /// Start of the demonstration, one number a dimension.
     pub start: Vec<f64>,
-    /// How fast it was there, per second.
+    /// Velocity there, per second.
     pub start_velocity: Vec<f64>,
-    /// Where it ended; of a rhythm, the middle.
+    /// End of the demonstration; of a rhythm, its centre.
     pub goal: Vec<f64>,
-    /// How fast it was there, per second.
+    /// Velocity there, per second.
     pub final_velocity: Vec<f64>,
     /// The primitive.
     pub primitive: Primitive,
@@ -61,7 +62,7 @@ impl Primitive {
     }
 }
 
-/// Why a file cannot be read or written.
+/// An error of reading or writing a file.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
     /// The system refused.
@@ -69,7 +70,7 @@ pub enum PrimitiveFileError {
     System {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The text is no primitive.
@@ -77,7 +78,7 @@ pub enum PrimitiveFileError {
     Text {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and where.
+        /// Syntax error with its place.
         source: serde_json::Error,
     },
     /// Another version.
@@ -93,7 +94,7 @@ pub enum PrimitiveFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// Contradiction found.
         message: String,
     },
 }
@@ -101,6 +102,69 @@ pub enum PrimitiveFileError {
 impl PrimitiveFile {
     /// The version of the layout that this program writes and reads.
     pub const VERSION: u32 = 1;
+
+    /// A discrete primitive with the mean start, goal, velocities and duration of its demonstrations, of which there is at
+    /// least one.
+    pub fn discrete(names: Vec<String>, demonstrations: &[Demonstration], model: DmpModel) -> Self {
+        let count = demonstrations.len().max(1) as f64;
+        let mean = |value: &dyn Fn(&Demonstration, usize) -> f64| -> Vec<f64> {
+            let of = |d: usize| demonstrations.iter().map(|shown| value(shown, d)).sum::<f64>() / count;
+            (0..model.dimensions()).map(of).collect()
+        };
+        Self {
+            version: Self::VERSION,
+            names,
+            duration: demonstrations.iter().map(Demonstration::duration).sum::<f64>() / count,
+            start: mean(&|shown, d| shown.start(d)),
+            start_velocity: mean(&|shown, d| shown.velocities()[(0, d)]),
+            goal: mean(&|shown, d| shown.goal(d)),
+            final_velocity: mean(&|shown, d| shown.velocities()[(shown.samples() - 1, d)]),
+            primitive: Primitive::Discrete(model),
+        }
+    }
+
+    /// A rhythm of `period` s with the mean start and start velocity of the periods it was fitted to (samples x dimensions,
+    /// without the closing sample), of which there is at least one.
+    pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
+        let count = periods.len().max(1) as f64;
+        let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
+            (0..model.dimensions())
+                .map(|d| periods.iter().map(|shown| value(shown, d)).sum::<f64>() / count)
+                .collect()
+        };
+        // a central difference across the seam of the period
+        let slope = |shown: &DMatrix<f64>, d: usize| {
+            let samples = shown.nrows();
+            (shown[(1, d)] - shown[(samples - 1, d)]) * samples as f64 / (2.0 * period)
+        };
+        Self {
+            version: Self::VERSION,
+            names,
+            duration: period,
+            start: mean(&|shown, d| shown[(0, d)]),
+            start_velocity: mean(&slope),
+            goal: model.baseline().as_slice().to_vec(),
+            final_velocity: vec![0.0; model.dimensions()],
+            primitive: Primitive::Rhythmic(model),
+        }
+    }
+
+    /// A probabilistic primitive with the start, goal and velocities of its mean.
+    pub fn probabilistic(names: Vec<String>, promp: ProMp) -> Self {
+        let duration = promp.duration();
+        let position = |phase: f64| promp.mean_at(phase).as_slice().to_vec();
+        let velocity = |phase: f64| (promp.mean_velocity_at(phase) / duration).as_slice().to_vec();
+        Self {
+            version: Self::VERSION,
+            names,
+            duration,
+            start: position(0.0),
+            start_velocity: velocity(0.0),
+            goal: position(1.0),
+            final_velocity: velocity(1.0),
+            primitive: Primitive::Probabilistic(promp),
+        }
+    }
 
     /// Reads a file and checks that it is whole.
     ///

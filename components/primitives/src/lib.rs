@@ -7,21 +7,21 @@
 //! - [`cpg`]: central pattern generators and gaits.
 //! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
-//! - [`rotation`]: the exponential map of rotations.
+//! - [`rollout`]: movements of a primitive in evenly spaced samples.
 //! - [`file`]: primitives in files.
 //!
 //! ```
 //! use std::time::Duration;
-//! use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachPhase, Repeat};
+//! use motorium_primitives::reach::{Segment, PathShape, PoseReach, ReachPhase, Repeat};
 //! use nalgebra::{Isometry3, Vector3};
 //!
-//! let leg = Leg {
+//! let segment = Segment {
 //!     goal: Isometry3::translation(0.5, 0.2, 0.4),
 //!     duration: Duration::from_secs(2),
 //!     dwell: Duration::from_millis(500),
 //!     shape: PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.1) },
 //! };
-//! let mut reach = PoseReach::new(vec![leg], Repeat::Once)?;
+//! let mut reach = PoseReach::new(vec![segment], Repeat::Once)?;
 //! reach.start(Isometry3::translation(0.3, 0.0, 0.5))?;
 //! while reach.phase() != ReachPhase::Finished {
 //!     reach.step(Duration::from_millis(1));
@@ -38,7 +38,7 @@ pub mod kmp;
 pub mod promp;
 pub mod reach;
 pub mod regression;
-pub mod rotation;
+pub mod rollout;
 mod value;
 
 pub use value::ValueError;

@@ -1,6 +1,6 @@
 //! Numbers, vectors and matrices that will not do: what the errors of all models share.
 
-/// What is wrong with a value.
+/// An error of a value: out of its range, of the wrong size, or not finite.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ValueError {
     /// A number is outside the range in which the equations hold.
@@ -8,9 +8,9 @@ pub enum ValueError {
     OutOfRange {
         /// The quantity.
         name: &'static str,
-        /// What was found.
+        /// Value found.
         value: f64,
-        /// What would do.
+        /// Range expected.
         expected: &'static str,
     },
     /// A vector or matrix of the wrong size.
@@ -18,17 +18,17 @@ pub enum ValueError {
     Size {
         /// The quantity.
         name: &'static str,
-        /// What was found.
+        /// Value found.
         found: usize,
-        /// What was expected.
+        /// Value expected.
         expected: usize,
     },
-    /// A number that is none.
+    /// NaN or an infinite value.
     #[error("{name} holds {value}, expected finite numbers only")]
     NotFinite {
         /// The quantity.
         name: &'static str,
-        /// What was found.
+        /// Value found.
         value: f64,
     },
 }

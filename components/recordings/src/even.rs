@@ -2,12 +2,27 @@
 
 use nalgebra::DMatrix;
 
-use super::{Recording, RecordingError};
+use crate::{Recording, RecordingError};
 
 /// Samples a second at which a recording is filtered, in multiples of the cutoff: fine enough for the kernel.
 const OVERSAMPLING: f64 = 20.0;
 
+/// Largest deviation of a time from even spacing, in steps, at which samples count as evenly spaced.
+const UNEVENNESS: f64 = 0.01;
+
 impl Recording {
+    /// As many evenly spaced samples as there are, samples x channels: the samples as they stand if their times are even
+    /// to 1 % of a step, else interpolated as by [`evenly`](Self::evenly).
+    pub fn evenly_spaced(&self) -> DMatrix<f64> {
+        let step = self.duration() / (self.samples() - 1) as f64;
+        let is_even = self
+            .times
+            .iter()
+            .enumerate()
+            .all(|(k, time)| (time - self.times[0] - k as f64 * step).abs() <= UNEVENNESS * step);
+        if is_even { self.values.clone() } else { self.interpolated(self.samples()) }
+    }
+
     /// `samples` evenly spaced ones, samples x channels, by cubic interpolation; with `cutoff` (Hz), filtered.
     ///
     /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three neighbours. The filter is
@@ -107,6 +122,15 @@ fn reflected(values: &DMatrix<f64>, index: isize, last: isize, channel: usize) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn samples_with_even_times_stay_as_they_are_and_others_are_interpolated() {
+        let f = |t: f64| t * t;
+        let even = recorded(&[0.0, 0.333, 0.667, 1.0], f);
+        assert_eq!(even.evenly_spaced(), *even.values());
+        let uneven = recorded(&[0.0, 0.1, 0.2, 1.2], f).evenly_spaced();
+        assert!((0..4).all(|k| (uneven[(k, 0)] - f(0.4 * k as f64)).abs() < 1e-12), "{uneven}");
+    }
 
     fn recorded(times: &[f64], f: impl Fn(f64) -> f64) -> Recording {
         let values = DMatrix::from_iterator(times.len(), 1, times.iter().map(|t| f(*t)));

@@ -1,119 +1,65 @@
-//! Recorded movements, as they come from files.
+//! Recordings of movements from files, and their resampling.
 //!
-//! | format | by its ending | what it is |
-//! |---|---|---|
-//! | CSV | `.csv` | a header of names, then a line a sample; one column is the time |
-//! | JSON | `.json` | a list of samples, each a list of numbers or an object |
-//! | JSON lines | `.jsonl`, `.ndjson` | an object a line; what `motorium topic echo --json` prints is read as it is |
+//! | ending | content |
+//! |---|---|
+//! | `.csv`, `.tsv` | a table: a header of names, then one sample a line, separated by commas, semicolons or tabs |
+//! | `.json` | a list of samples, one recording, a list of recordings, or `{"recordings": [...]}` |
+//! | `.jsonl`, `.ndjson` | a sample a line, such as `motorium topic echo --json` prints, or a recording a line |
 //!
-//! The time is a column or field named `time_s`, `time`, `t` or `timestamp`, in seconds; without one, samples are evenly
-//! spaced at a rate that is given. A [`Recording`] keeps the samples as they were taken; [`Recording::evenly`] resamples
-//! and filters them for a demonstration.
+//! **Tables.** A byte-order mark, quotes and CRLF are understood; lines that begin with `#` are comments.
+//!
+//! **Samples in JSON.** A list of numbers, or an object: of a state buffer (under `value` or not) the field `position`, of
+//! other objects all numbers.
+//!
+//! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array of samples)
+//! and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration` (s) or `rate` (Hz) says
+//! how long it takes. Arrays whose names all begin with `v` (`vx`, `vy`) are velocities and are summed up.
+//!
+//! **Time.** A column, field or array `time_s`, `time`, `t` or `timestamp` holds the time of a sample, s; `dt_s`, `dt` or
+//! `frame_dt` the time from it to the next. Without one, samples are evenly spaced at [`Selection::rate`].
+//!
+//! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no channel itself.
+//!
+//! Every number is finite: NaN and infinite values are refused with their place.
+//!
+//! ```
+//! use motorium_recordings::{Selection, read_text};
+//!
+//! let recording = read_text("stroke.csv", "time_s;x;y\n0.0;1;2\n0.5;3;4\n", &Selection::default())?;
+//! assert_eq!(recording.names(), ["x", "y"]);
+//! let even = recording.evenly(5, None)?; // 5 samples x 2 channels
+//! assert_eq!(even[(2, 0)], 2.0);
+//! # Ok::<(), motorium_recordings::RecordingError>(())
+//! ```
 
+mod csv;
+mod error;
 mod even;
+mod json;
+mod names;
 mod read;
 
-pub use read::{Selection, read, read_text};
+pub use error::{Place, RecordingError};
+pub use read::{Selection, is_recording, read, read_all, read_text};
 
 use nalgebra::DMatrix;
 
-/// Samples of several channels.
+/// Samples of several channels with their times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
+    id: String,
+    label: Option<String>,
     names: Vec<String>,
     times: Vec<f64>,
     /// Samples x channels.
     values: DMatrix<f64>,
 }
 
-/// Why a file is no recording.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The system refused.
-    #[error("{path}: {source}")]
-    System {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// An ending that says nothing.
-    #[error("{path}: expected a name that ends in .csv, .json, .jsonl or .ndjson")]
-    Format {
-        /// The file.
-        path: String,
-    },
-    /// A line (or sample) that cannot be read.
-    #[error("{place}: {message}")]
-    Malformed {
-        /// The file and the line or sample in it, counted from 1.
-        place: String,
-        /// What was found and expected.
-        message: String,
-    },
-    /// No time and no rate.
-    #[error(
-        "{path}: no column named time_s, time, t or timestamp, and no rate is given: say how many samples a second there are"
-    )]
-    NoTime {
-        /// The file.
-        path: String,
-    },
-    /// A field or channel that is not there.
-    #[error("{path}: no channel `{name}`; there are {known}")]
-    NoChannel {
-        /// The file.
-        path: String,
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
-    /// Too little of it.
-    #[error("{found} samples, expected at least {expected}")]
-    TooShort {
-        /// What was found.
-        found: usize,
-        /// What was expected.
-        expected: usize,
-    },
-    /// Time that does not pass.
-    #[error(
-        "sample {sample} is at {time} s, not after the one before: sort the recording, or cut it where the clock was reset"
-    )]
-    Backwards {
-        /// Which one, counted from 1.
-        sample: usize,
-        /// Its time.
-        time: f64,
-    },
-    /// A number that is none.
-    #[error("sample {sample}, channel `{name}` is {value}: cut the recording or fill the gap")]
-    NotFinite {
-        /// Which one, counted from 1.
-        sample: usize,
-        /// The channel.
-        name: String,
-        /// What was found.
-        value: f64,
-    },
-    /// A setting that cannot be.
-    #[error("{name} = {value}: expected {expected}")]
-    OutOfRange {
-        /// The setting.
-        name: &'static str,
-        /// What was found.
-        value: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-}
-
 impl Recording {
-    /// From names, times (s, ascending) and values (samples x channels).
+    /// A recording of `values` (samples x channels) at increasing `times` (s, one a sample), without id and label.
     ///
     /// # Errors
-    /// Fewer than two samples, no channel, lengths that differ, time that does not pass, numbers that are not finite.
+    /// Fewer than two samples, no channel, lengths that differ, times that do not increase, NaN or infinite values.
     pub fn new(names: Vec<String>, times: Vec<f64>, values: DMatrix<f64>) -> Result<Self, RecordingError> {
         if times.len() < 2 || values.nrows() != times.len() {
             let found = times.len().min(values.nrows());
@@ -140,7 +86,17 @@ impl Recording {
                 }
             }
         }
-        Ok(Self { names, times, values })
+        Ok(Self { id: String::new(), label: None, names, times, values })
+    }
+
+    /// Name of the recording: its `id` or `demo`, else the name of its file without folder and ending.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Kind of movement, where the file says so.
+    pub fn label(&self) -> Option<&str> {
+        self.label.as_deref()
     }
 
     /// Names of the channels.
@@ -158,12 +114,12 @@ impl Recording {
         &self.times
     }
 
-    /// The values, samples x channels.
+    /// Values, samples x channels.
     pub fn values(&self) -> &DMatrix<f64> {
         &self.values
     }
 
-    /// From the first sample to the last, s.
+    /// Time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }

@@ -1,7 +1,7 @@
 //! The same code compiled twice: for every processor, and for those with registers of four numbers and fused
 //! multiplication and addition (AVX2 and FMA).
 //!
-//! Which is run is chosen while running. Fusing rounds once where two roundings were: results may differ in their last
+//! The choice is made while running. Fusing rounds once where two roundings were: results may differ in their last
 //! bits from one kind of processor to the other, never from run to run.
 
 #![allow(

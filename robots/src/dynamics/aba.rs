@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::base_sweep::joint_motion;
 use super::{Dynamics, SingularMassMatrix, Wrench, external};
 use crate::algebra::{ArticulatedInertia, M3, Spatial, V3};
-use crate::model::program::{Mount, Program};
+use crate::model::flat::{FlatModel, FramePlacement};
 use crate::{FrameId, Model};
 
 /// A body in base coordinates.
@@ -60,50 +60,50 @@ impl Dynamics {
         let n = model.nv();
         assert!(v.len() == n && tau.len() == n && a_out.len() == n, "length of v, tau and a");
         self.place(model, q);
-        let program = model.program();
-        self.start_articulated(program, q, v, gravity);
-        self.release(program, v);
+        let flat = model.flat();
+        self.start_articulated(flat, q, v, gravity);
+        self.release(flat, v);
         for (frame, wrench) in wrenches {
-            let mount = &program.mounts[frame.index()];
-            if mount.slot != Program::WORLD {
-                let body = &mut self.articulated[mount.slot];
-                body.wrench -= in_base(mount, wrench, body);
+            let placement = &flat.frame_placements[frame.index()];
+            if placement.slot != FlatModel::WORLD {
+                let body = &mut self.articulated[placement.slot];
+                body.wrench -= in_base(placement, wrench, body);
             }
         }
-        self.gather(program, tau)?;
+        self.gather(flat, tau)?;
         let base = &mut self.articulated[0];
         base.acceleration = Spatial::ZERO;
-        if program.floating {
+        if flat.floating {
             let missing = Spatial::from_slice(tau) - base.wrench;
             base.acceleration = base.inertia.solve(missing).ok_or(SingularMassMatrix { index: 0 })?;
             a_out[..6].copy_from_slice(&base.acceleration.array());
         }
-        self.respond(program, a_out);
+        self.respond(flat, a_out);
         Ok(())
     }
 
     /// The base's own motion. Gravity is an acceleration upwards.
     #[inline(always)]
-    fn start_articulated(&mut self, program: &Program, q: &[f64], v: &[f64], gravity: Vector3<f64>) {
+    fn start_articulated(&mut self, flat: &FlatModel, q: &[f64], v: &[f64], gravity: Vector3<f64>) {
         let base = &mut self.articulated[0];
         let mut up = -V3::from(gravity);
         base.velocity = Spatial::ZERO;
         base.wrench = Spatial::ZERO;
         base.inertia = ArticulatedInertia::ZERO;
-        if program.floating {
-            up = program.base_pose(q).0.tr_mul(up);
+        if flat.floating {
+            up = flat.base_pose(q).0.tr_mul(up);
             base.velocity = Spatial::from_slice(v);
-            base.inertia.add_rigid(&program.base);
-            base.wrench = program.base.apply(Spatial::new(up, V3::ZERO))
-                + base.velocity.cross_wrench(program.base.apply(base.velocity));
+            base.inertia.add_rigid(&flat.base);
+            base.wrench = flat.base.apply(Spatial::new(up, V3::ZERO))
+                + base.velocity.cross_wrench(flat.base.apply(base.velocity));
         }
         base.acceleration = Spatial::new(up, V3::ZERO);
     }
 
     /// Outward: poses, velocities, bias accelerations and the wrenches they need.
     #[inline(always)]
-    fn release(&mut self, program: &Program, v: &[f64]) {
-        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+    fn release(&mut self, flat: &FlatModel, v: &[f64]) {
+        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
             let (outer, inner) = self.articulated.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
@@ -130,8 +130,8 @@ impl Dynamics {
 
     /// Inward: articulated inertias and what each joint's effort leaves over.
     #[inline(always)]
-    fn gather(&mut self, program: &Program, tau: &[f64]) -> Result<(), SingularMassMatrix> {
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+    fn gather(&mut self, flat: &FlatModel, tau: &[f64]) -> Result<(), SingularMassMatrix> {
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let (outer, inner) = self.articulated.split_at_mut(index + 1);
             let (parent, body) = (&mut outer[node.parent], &mut inner[0]);
             let yielding = body.inertia.apply(body.joint);
@@ -153,8 +153,8 @@ impl Dynamics {
 
     /// Outward: the accelerations.
     #[inline(always)]
-    fn respond(&mut self, program: &Program, a_out: &mut [f64]) {
-        for (index, node) in program.nodes.iter().enumerate() {
+    fn respond(&mut self, flat: &FlatModel, a_out: &mut [f64]) {
+        for (index, node) in flat.nodes.iter().enumerate() {
             let (outer, inner) = self.articulated.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let a = (body.effort - body.yielding.dot(parent.acceleration)) * body.inverse;
@@ -175,8 +175,8 @@ fn magnitude(a: Spatial, b: Spatial) -> f64 {
         + (a.angular.z * b.angular.z).abs()
 }
 
-fn in_base(mount: &Mount, wrench: &Wrench, body: &Articulated) -> Spatial {
-    let local = external::at_slot(mount, wrench);
+fn in_base(placement: &FramePlacement, wrench: &Wrench, body: &Articulated) -> Spatial {
+    let local = external::at_slot(placement, wrench);
     let force = body.rotation * local.linear;
     Spatial { linear: force, angular: body.rotation * local.angular + body.position.cross(force) }
 }

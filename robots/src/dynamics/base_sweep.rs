@@ -2,7 +2,7 @@
 
 use super::Dynamics;
 use crate::algebra::{M3, RigidInertia, Spatial, V3};
-use crate::model::program::{Node, Program};
+use crate::model::flat::{FlatModel, Node};
 
 /// A body in base coordinates.
 #[derive(Clone, Debug)]
@@ -33,9 +33,9 @@ pub(crate) fn joint_motion(node: &Node, z: V3, p: V3) -> Spatial {
 impl Dynamics {
     /// Outward: poses, joint motions and each body's own inertia. The base stands at the identity.
     #[inline(always)]
-    pub(super) fn sweep(&mut self, program: &Program) {
-        self.composite[0].inertia = program.base;
-        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+    pub(super) fn sweep(&mut self, flat: &FlatModel) {
+        self.composite[0].inertia = flat.base;
+        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use super::Dynamics;
 use crate::Model;
 use crate::algebra::{Spatial, Work, widest};
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 
 struct BodiesMass<'a, const BOTH: bool> {
     dynamics: &'a mut Dynamics,
@@ -30,14 +30,14 @@ impl Dynamics {
         // Matrices fill entry by entry, slices at the width of memory.
         out.as_mut_slice().fill(0.0);
         widest(BodiesMass::<true> { dynamics: self, model, q, out });
-        turn_rotors(model.program(), out);
+        turn_rotors(model.flat(), out);
     }
 
     /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
-    /// hand in a matrix of zeros once and the same one ever after.
+    /// pass a matrix of zeros once and the same one from then on.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         widest(BodiesMass::<false> { dynamics: self, model, q, out });
-        turn_rotors(model.program(), out);
+        turn_rotors(model.flat(), out);
     }
 
     /// The mass matrix without the rotors of the drives: the upper triangle, and its mirror image if `BOTH`.
@@ -50,20 +50,20 @@ impl Dynamics {
     ) {
         let n = model.nv();
         assert_eq!(out.shape(), (n, n), "shape of the mass matrix");
-        let program = model.program();
+        let flat = model.flat();
         let out = out.as_mut_slice();
-        if program.orderly {
+        if flat.orderly {
             self.check(model, q);
-            self.hanging_mass::<FUSED, BOTH>(program, q, out, n);
-            if program.floating {
+            self.mass_in_dh_frames::<FUSED, BOTH>(flat, q, out, n);
+            if flat.floating {
                 self.base_block(out, n);
             }
         } else {
             self.place(model, q);
-            self.placed_mass(program, out, n);
+            self.placed_mass(flat, out, n);
         }
         if BOTH {
-            let mirrored = if program.orderly { if program.floating { 6 } else { 0 } } else { n };
+            let mirrored = if flat.orderly { if flat.floating { 6 } else { 0 } } else { n };
             // Column by column: what is written lies together.
             for column in 1..mirrored {
                 for row in 0..column {
@@ -75,13 +75,13 @@ impl Dynamics {
 
     /// Upper triangle, in base coordinates.
     #[inline(always)]
-    fn placed_mass(&mut self, program: &Program, out: &mut [f64], n: usize) {
-        self.sweep(program);
-        if program.coupled {
-            self.coupled_mass(program, out, n);
+    fn placed_mass(&mut self, flat: &FlatModel, out: &mut [f64], n: usize) {
+        self.sweep(flat);
+        if flat.coupled {
+            self.coupled_mass(flat, out, n);
             return;
         }
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let body = &inner[0];
             outer[node.parent].inertia += body.inertia;
@@ -91,15 +91,15 @@ impl Dynamics {
             column[node.column] = body.joint.dot(wrench);
             let mut ancestor = node.parent;
             while ancestor != 0 {
-                let node = &program.nodes[ancestor - 1];
+                let node = &flat.nodes[ancestor - 1];
                 column[node.column] = outer[ancestor].joint.dot(wrench);
                 ancestor = node.parent;
             }
-            if program.floating {
+            if flat.floating {
                 column[..6].copy_from_slice(&wrench.array());
             }
         }
-        if program.floating {
+        if flat.floating {
             self.base_block(out, n);
         }
     }
@@ -116,11 +116,11 @@ impl Dynamics {
     }
 
     /// The same where joints share columns: every pair of joints adds to the entry of its columns.
-    fn coupled_mass(&mut self, program: &Program, out: &mut [f64], n: usize) {
+    fn coupled_mass(&mut self, flat: &FlatModel, out: &mut [f64], n: usize) {
         for column in 0..n {
             out[column * n..][..=column].fill(0.0);
         }
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let body = &inner[0];
             outer[node.parent].inertia += body.inertia;
@@ -128,20 +128,20 @@ impl Dynamics {
             out[node.column * n + node.column] += node.multiplier * body.joint.dot(wrench);
             let mut ancestor = node.parent;
             while ancestor != 0 {
-                let other = &program.nodes[ancestor - 1];
+                let other = &flat.nodes[ancestor - 1];
                 let entry = other.multiplier * outer[ancestor].joint.dot(wrench);
                 let (row, column) = (node.column.min(other.column), node.column.max(other.column));
                 // Twice on the diagonal when a mimic and its master share the column: both cross terms land there.
                 out[column * n + row] += if row == column { 2.0 * entry } else { entry };
                 ancestor = other.parent;
             }
-            if program.floating {
+            if flat.floating {
                 for (row, entry) in wrench.array().into_iter().enumerate() {
                     out[node.column * n + row] += entry;
                 }
             }
         }
-        if program.floating {
+        if flat.floating {
             self.base_block(out, n);
         }
     }
@@ -149,8 +149,8 @@ impl Dynamics {
 
 /// Adds the rotors of the drives.
 #[inline(always)]
-fn turn_rotors(program: &Program, out: &mut DMatrix<f64>) {
-    if program.geared {
-        program.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
+fn turn_rotors(flat: &FlatModel, out: &mut DMatrix<f64>) {
+    if flat.geared {
+        flat.nodes.iter().for_each(|node| out[(node.column, node.column)] += node.armature);
     }
 }

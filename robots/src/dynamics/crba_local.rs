@@ -6,8 +6,8 @@
 
 use super::Dynamics;
 use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
-use crate::model::normals::{Arm, Bend, Zero};
-use crate::model::program::Program;
+use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
+use crate::model::flat::FlatModel;
 
 /// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that the
 /// recursion has come down to.
@@ -15,7 +15,7 @@ use crate::model::program::Program;
 #[repr(align(32))]
 struct Block([[f64; LANES]; 6]);
 
-/// Where a body's wrench and those of all it carries are kept.
+/// Place in the blocks of a body's wrench and of those of all it carries.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     /// Of the body.
@@ -36,18 +36,18 @@ struct Posture {
     lift: [f64; LANES],
 }
 
-/// Work space.
+/// Workspace of the algorithm.
 #[derive(Clone, Debug)]
-pub(super) struct Hanging {
+pub(super) struct CrbaWorkspace {
     postures: Vec<Posture>,
     places: Vec<Place>,
     blocks: Vec<Block>,
-    /// What bodies carry on branches other than the last, by slot.
+    /// Composite inertia of the branches other than the last, by slot.
     gathered: Vec<RigidInertia>,
 }
 
-impl Hanging {
-    pub(super) fn new(program: &Program) -> Self {
+impl CrbaWorkspace {
+    pub(super) fn new(flat: &FlatModel) -> Self {
         const POSTURE: Posture = Posture {
             sin: [0.0; LANES],
             cos: [1.0; LANES],
@@ -55,12 +55,12 @@ impl Hanging {
             cos2: [1.0; LANES],
             lift: [0.0; LANES],
         };
-        let places = places(program);
+        let places = places(flat);
         let blocks = places.iter().map(|place| place.end).max().unwrap_or(0);
         Self {
-            postures: vec![POSTURE; program.nodes.len().div_ceil(LANES)],
+            postures: vec![POSTURE; flat.nodes.len().div_ceil(LANES)],
             blocks: vec![Block([[0.0; LANES]; 6]); blocks],
-            gathered: vec![RigidInertia::ZERO; program.nodes.len() + 1],
+            gathered: vec![RigidInertia::ZERO; flat.nodes.len() + 1],
             places,
         }
     }
@@ -68,17 +68,17 @@ impl Hanging {
 
 /// Bodies in their order. A branch that begins beside another starts a block: a step then takes all lanes of its
 /// blocks.
-fn places(program: &Program) -> Vec<Place> {
-    let mut places: Vec<Place> = Vec::with_capacity(program.ends.len());
+fn places(flat: &FlatModel) -> Vec<Place> {
+    let mut places: Vec<Place> = Vec::with_capacity(flat.ends.len());
     let mut next: usize = 0;
-    for (index, node) in program.nodes.iter().enumerate().take(program.ends.len()) {
+    for (index, node) in flat.nodes.iter().enumerate().take(flat.ends.len()) {
         if node.parent != index {
             next = next.next_multiple_of(LANES);
         }
         places.push(Place { block: next / LANES, lane: next % LANES, end: 0 });
         next += 1;
     }
-    for (index, &end) in program.ends.iter().enumerate() {
+    for (index, &end) in flat.ends.iter().enumerate() {
         places[index].end = places[end - 1].block + 1;
     }
     places
@@ -89,62 +89,62 @@ impl Dynamics {
     /// upper triangle, and its mirror image if `BOTH`. Leaves the inertia of the whole in the first slot of
     /// `composite`.
     #[inline(always)]
-    pub(super) fn hanging_mass<const FUSED: bool, const BOTH: bool>(
+    pub(super) fn mass_in_dh_frames<const FUSED: bool, const BOTH: bool>(
         &mut self,
-        program: &Program,
+        flat: &FlatModel,
         q: &[f64],
         out: &mut [f64],
         n: usize,
     ) {
-        let Hanging { postures, places, blocks, gathered } = &mut self.hanging;
-        let (q, first_column) = if program.floating { (&q[7..], 6) } else { (q, 0) };
-        let normals = &program.normals;
-        for ((posture, zero), q) in postures.iter_mut().zip(&normals.zeros).zip(q.chunks(LANES)) {
+        let CrbaWorkspace { postures, places, blocks, gathered } = &mut self.crba;
+        let (q, first_column) = if flat.floating { (&q[7..], 6) } else { (q, 0) };
+        let frames = &flat.dh_frames;
+        for ((posture, zero), q) in postures.iter_mut().zip(&frames.zeros).zip(q.chunks(LANES)) {
             posture.take::<FUSED>(zero, q);
         }
-        gathered[0] = program.base;
-        // What the body above hands down.
+        gathered[0] = flat.base;
+        // Composite inertia from the body above.
         let mut carried = RigidInertia::ZERO;
-        let bodies = normals.arms.iter().zip(&*places).zip(&program.ends).enumerate();
-        for (index, ((arm, place), &end)) in bodies.rev() {
-            let mut inertia = arm.inertia;
+        let bodies = frames.bodies.iter().zip(&*places).zip(&flat.ends).enumerate();
+        for (index, ((body, place), &end)) in bodies.rev() {
+            let mut inertia = body.inertia;
             inertia += carried;
-            if arm.forks {
+            if body.forks {
                 inertia += std::mem::replace(&mut gathered[index + 1], RigidInertia::ZERO);
             }
             let blocks = &mut blocks[place.block..place.end];
             let Some(own) = blocks.first_mut() else { return };
-            own.set(place.lane, unit_wrench(arm, &inertia));
+            own.set(place.lane, unit_wrench(body, &inertia));
             // Without mimic joints columns stand in the order of the bodies.
-            let component = if arm.prismatic { 2 } else { 5 };
+            let component = if body.prismatic { 2 } else { 5 };
             let column = first_column + index;
             let mut at = column * n + column;
-            for body in &places[index..end] {
-                out[at] = blocks[body.block - place.block].0[component][body.lane];
+            for other in &places[index..end] {
+                out[at] = blocks[other.block - place.block].0[component][other.lane];
                 at += n;
             }
             if BOTH {
                 let mirrored = &mut out[column * n + column..][..end - index];
-                for (body, entry) in places[index..end].iter().zip(mirrored) {
-                    *entry = blocks[body.block - place.block].0[component][body.lane];
+                for (other, entry) in places[index..end].iter().zip(mirrored) {
+                    *entry = blocks[other.block - place.block].0[component][other.lane];
                 }
             }
-            if arm.parent == 0 && !program.floating {
+            if body.parent == 0 && !flat.floating {
                 carried = RigidInertia::ZERO;
                 continue;
             }
             let posture = &postures[index / LANES];
             let (turn, lift) = posture.of(index % LANES);
             let screwed = inertia.screwed_z::<FUSED>(&turn, lift);
-            let handed = match &arm.bend {
-                Bend::Normal { turn: bend, shift } => {
+            let handed = match &body.transform {
+                LinkTransform::CommonNormal { turn: twist, shift } => {
                     blocks.iter_mut().for_each(|block| {
                         block.screw_z::<FUSED>(&turn, lift);
-                        block.screw_x::<FUSED>(bend, *shift);
+                        block.screw_x::<FUSED>(twist, *shift);
                     });
-                    screwed.screwed_x::<FUSED>(bend, *shift)
+                    screwed.screwed_x::<FUSED>(twist, *shift)
                 }
-                Bend::Placement { rotation, translation } => {
+                LinkTransform::General { rotation, translation } => {
                     blocks.iter_mut().for_each(|block| {
                         block.screw_z::<FUSED>(&turn, lift);
                         block.place::<FUSED>(rotation, *translation);
@@ -152,14 +152,14 @@ impl Dynamics {
                     screwed.moved(rotation, *translation)
                 }
             };
-            if arm.parent == index && index != 0 {
+            if body.parent == index && index != 0 {
                 carried = handed;
             } else {
-                gathered[arm.parent] += handed;
+                gathered[body.parent] += handed;
                 carried = RigidInertia::ZERO;
             }
         }
-        if program.floating {
+        if flat.floating {
             for (index, place) in places.iter().enumerate() {
                 let column = first_column + index;
                 for (row, component) in blocks[place.block].0.iter().enumerate() {
@@ -177,7 +177,7 @@ impl Dynamics {
 impl Posture {
     /// `q`: as many joints as there are, up to [`LANES`].
     #[inline(always)]
-    fn take<const FUSED: bool>(&mut self, zero: &Zero, q: &[f64]) {
+    fn take<const FUSED: bool>(&mut self, zero: &JointZeros, q: &[f64]) {
         let mut positions = [0.0; LANES];
         match q.first_chunk() {
             Some(all) => positions = *all,
@@ -270,9 +270,9 @@ fn add<const FUSED: bool>(v: V3, scale: f64, sum: V3) -> V3 {
 
 /// The wrench that accelerates `inertia` by one unit of the joint's motion: about z, or along it.
 #[inline(always)]
-fn unit_wrench(arm: &Arm, inertia: &RigidInertia) -> Spatial {
+fn unit_wrench(body: &DhBody, inertia: &RigidInertia) -> Spatial {
     let (h, i) = (inertia.moment, &inertia.rotational);
-    if arm.prismatic {
+    if body.prismatic {
         Spatial::new(V3::new(0.0, 0.0, inertia.mass), V3::new(h.y, -h.x, 0.0))
     } else {
         Spatial::new(V3::new(-h.y, h.x, 0.0), V3::new(i.xz, i.yz, i.zz))

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, Vector3};
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
 use crate::algebra::{M3, RigidInertia, S3, Spatial, V3, Work, fused, widest};
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
 ///
@@ -85,9 +85,9 @@ impl Coriolis {
     }
 }
 
-/// What the recursion keeps for one body beside its composite inertia.
+/// Workspace of the derivatives for one body, beside its composite inertia.
 #[derive(Clone, Debug)]
-pub(super) struct Varied {
+pub(super) struct BodyDerivatives {
     velocity: Spatial,
     acceleration: Spatial,
     /// Rate of the joint's motion with the parent, and the rate of that.
@@ -98,7 +98,7 @@ pub(super) struct Varied {
     wrench: Spatial,
 }
 
-impl Varied {
+impl BodyDerivatives {
     pub(super) const START: Self = Self {
         velocity: Spatial::ZERO,
         acceleration: Spatial::ZERO,
@@ -128,22 +128,22 @@ impl Dynamics {
             "size of the derivatives"
         );
         self.place(model, q);
-        let program = model.program();
-        self.sweep(program);
-        self.vary(program, q, (v, a), gravity);
+        let flat = model.flat();
+        self.sweep(flat);
+        self.vary(flat, q, (v, a), gravity);
         for matrix in [&mut out.q, &mut out.v, &mut out.input] {
             matrix.fill(0.0);
         }
-        for index in (0..program.nodes.len()).rev() {
-            self.differentiate(program, index, out);
-            let parent = program.nodes[index].parent;
+        for index in (0..flat.nodes.len()).rev() {
+            self.differentiate(flat, index, out);
+            let parent = flat.nodes[index].parent;
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             outer[parent].inertia += inner[0].inertia;
-            let (outer, inner) = self.varied.split_at_mut(index + 1);
+            let (outer, inner) = self.body_derivatives.split_at_mut(index + 1);
             outer[parent].coriolis.add(&inner[0].coriolis);
             outer[parent].wrench += inner[0].wrench;
         }
-        if program.floating {
+        if flat.floating {
             self.differentiate_base(out);
         }
     }
@@ -178,20 +178,20 @@ impl Dynamics {
 
     /// Outward: velocities, accelerations and what varies with them.
     #[inline(always)]
-    fn vary(&mut self, program: &Program, q: &[f64], (v, a): (&[f64], &[f64]), gravity: Vector3<f64>) {
-        let up = Spatial::new(program.base_pose(q).0.tr_mul(-V3::from(gravity)), V3::ZERO);
-        let base = &mut self.varied[0];
-        *base = Varied { acceleration: up, second: up, ..Varied::START };
-        if program.floating {
+    fn vary(&mut self, flat: &FlatModel, q: &[f64], (v, a): (&[f64], &[f64]), gravity: Vector3<f64>) {
+        let up = Spatial::new(flat.base_pose(q).0.tr_mul(-V3::from(gravity)), V3::ZERO);
+        let base = &mut self.body_derivatives[0];
+        *base = BodyDerivatives { acceleration: up, second: up, ..BodyDerivatives::START };
+        if flat.floating {
             base.velocity = Spatial::from_slice(v);
             base.acceleration += Spatial::from_slice(a);
-            base.coriolis = Coriolis::of(&program.base, base.velocity);
-            base.wrench = program.base.apply(base.acceleration)
-                + base.velocity.cross_wrench(program.base.apply(base.velocity));
+            base.coriolis = Coriolis::of(&flat.base, base.velocity);
+            base.wrench = flat.base.apply(base.acceleration)
+                + base.velocity.cross_wrench(flat.base.apply(base.velocity));
         }
-        for (index, node) in program.nodes.iter().enumerate() {
-            let (outer, inner) = self.varied.split_at_mut(index + 1);
-            let (parent, varied) = (&outer[node.parent], &mut inner[0]);
+        for (index, node) in flat.nodes.iter().enumerate() {
+            let (outer, inner) = self.body_derivatives.split_at_mut(index + 1);
+            let (parent, body_derivatives) = (&outer[node.parent], &mut inner[0]);
             let body = &self.composite[index + 1];
             let first = parent.velocity.cross_motion(body.joint);
             let second = parent.acceleration.cross_motion(body.joint) + parent.velocity.cross_motion(first);
@@ -199,7 +199,7 @@ impl Dynamics {
             let velocity = parent.velocity + body.joint * rate;
             let acceleration = parent.acceleration + body.joint * rate_of_rate + first * rate;
             let inertia = &body.inertia;
-            *varied = Varied {
+            *body_derivatives = BodyDerivatives {
                 velocity,
                 acceleration,
                 first,
@@ -212,28 +212,29 @@ impl Dynamics {
 
     /// Entries that join the joint of body `index` with itself and those that carry it.
     #[inline(always)]
-    fn differentiate(&self, program: &Program, index: usize, out: &mut Derivatives) {
-        let node = &program.nodes[index];
-        let (body, varied) = (&self.composite[index + 1], &self.varied[index + 1]);
+    fn differentiate(&self, flat: &FlatModel, index: usize, out: &mut Derivatives) {
+        let node = &flat.nodes[index];
+        let (body, body_derivatives) = (&self.composite[index + 1], &self.body_derivatives[index + 1]);
         let joint = body.joint * node.multiplier;
-        let n = program.above.len();
+        let n = flat.above.len();
         let (by_q, by_v, by_a) = (out.q.as_mut_slice(), out.v.as_mut_slice(), out.input.as_mut_slice());
         // A joint's own motion does not change along itself: its rate is that with the parent, and counts twice.
-        let first = varied.first * node.multiplier;
+        let first = body_derivatives.first * node.multiplier;
         let weight = body.inertia.apply(joint);
-        let spin = varied.coriolis.twice_transposed(joint);
-        let change_q = varied.coriolis.twice(first)
-            + body.inertia.apply(varied.second * node.multiplier)
-            + joint.cross_wrench(varied.wrench);
-        let change_v = varied.coriolis.twice(joint) + body.inertia.apply(first * 2.0);
+        let spin = body_derivatives.coriolis.twice_transposed(joint);
+        let change_q = body_derivatives.coriolis.twice(first)
+            + body.inertia.apply(body_derivatives.second * node.multiplier)
+            + joint.cross_wrench(body_derivatives.wrench);
+        let change_v = body_derivatives.coriolis.twice(joint) + body.inertia.apply(first * 2.0);
         let column = node.column;
         by_q[column * n + column] += joint.dot(change_q);
         by_v[column * n + column] += joint.dot(change_v);
         by_a[column * n + column] += joint.dot(weight) + node.armature;
         let mut ancestor = node.parent;
         while ancestor != 0 {
-            let above = &program.nodes[ancestor - 1];
-            let (other, motion) = (&self.varied[ancestor], self.composite[ancestor].joint * above.multiplier);
+            let above = &flat.nodes[ancestor - 1];
+            let (other, motion) =
+                (&self.body_derivatives[ancestor], self.composite[ancestor].joint * above.multiplier);
             let (theirs, mine) = (above.column * n + column, column * n + above.column);
             by_q[mine] += motion.dot(change_q);
             by_v[mine] += motion.dot(change_v);
@@ -245,7 +246,7 @@ impl Dynamics {
             by_a[theirs] += mass;
             ancestor = above.parent;
         }
-        if program.floating {
+        if flat.floating {
             for (row, ((q, v), a)) in
                 change_q.array().into_iter().zip(change_v.array()).zip(weight.array()).enumerate()
             {
@@ -255,7 +256,7 @@ impl Dynamics {
                 by_a[row * n + column] += a;
             }
             // By the base's own motions: unit vectors, turning with the base's velocity.
-            let base = &self.varied[0];
+            let base = &self.body_derivatives[0];
             let by_turn = weight.linear.cross(base.second.linear);
             let rates = transposed_cross(base.velocity, weight);
             for (k, entry) in by_turn.array().into_iter().enumerate() {
@@ -269,7 +270,7 @@ impl Dynamics {
     }
 
     fn differentiate_base(&self, out: &mut Derivatives) {
-        let (inertia, base) = (&self.composite[0].inertia, &self.varied[0]);
+        let (inertia, base) = (&self.composite[0].inertia, &self.body_derivatives[0]);
         for column in 0..6 {
             let mut unit = [0.0; 6];
             unit[column] = 1.0;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::algebra::{Spatial, V3};
-use crate::model::program::Mount;
+use crate::model::flat::FramePlacement;
 
 /// A force and a moment at the origin of a frame, in its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,7 +15,10 @@ pub struct Wrench {
 }
 
 /// The wrench about the origin of the node the frame is mounted on, in its axes.
-pub(super) fn at_slot(mount: &Mount, wrench: &Wrench) -> Spatial {
-    let force = mount.rotation * V3::from(wrench.force);
-    Spatial { linear: force, angular: mount.rotation * V3::from(wrench.moment) + mount.position.cross(force) }
+pub(super) fn at_slot(placement: &FramePlacement, wrench: &Wrench) -> Spatial {
+    let force = placement.rotation * V3::from(wrench.force);
+    Spatial {
+        linear: force,
+        angular: placement.rotation * V3::from(wrench.moment) + placement.position.cross(force),
+    }
 }

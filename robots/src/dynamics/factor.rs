@@ -28,7 +28,7 @@ pub struct MassFactor {
 impl MassFactor {
     /// Room for the factor of `model`'s mass matrix.
     pub fn new(model: &Model) -> Self {
-        Self { above: model.program().above.clone(), factor: DMatrix::identity(model.nv(), model.nv()) }
+        Self { above: model.flat().above.clone(), factor: DMatrix::identity(model.nv(), model.nv()) }
     }
 
     /// Factors `mass`; its upper triangle is read.

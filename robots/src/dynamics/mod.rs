@@ -20,7 +20,7 @@ mod rnea;
 use nalgebra::DMatrix;
 
 use crate::Model;
-use crate::model::program::Positions;
+use crate::model::flat::Positions;
 
 pub use contact::{ConstrainedDynamics, ConstrainedError, Constraint};
 pub use derivatives::Derivatives;
@@ -42,8 +42,8 @@ pub struct Dynamics {
     /// Recursions in base coordinates, likewise.
     composite: Vec<base_sweep::Composite>,
     articulated: Vec<aba::Articulated>,
-    hanging: crba_local::Hanging,
-    varied: Vec<derivatives::Varied>,
+    crba: crba_local::CrbaWorkspace,
+    body_derivatives: Vec<derivatives::BodyDerivatives>,
     mass: DMatrix<f64>,
     factor: MassFactor,
     zero: Vec<f64>,
@@ -58,8 +58,8 @@ impl Dynamics {
             positions: Positions::new(model.bodies().len()),
             local: vec![rnea::Local::START; slots],
             composite: vec![base_sweep::Composite::START; slots],
-            varied: vec![derivatives::Varied::START; slots],
-            hanging: crba_local::Hanging::new(model.program()),
+            body_derivatives: vec![derivatives::BodyDerivatives::START; slots],
+            crba: crba_local::CrbaWorkspace::new(model.flat()),
             articulated: vec![aba::Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),
@@ -77,6 +77,6 @@ impl Dynamics {
     #[inline(always)]
     fn place(&mut self, model: &Model, q: &[f64]) {
         self.check(model, q);
-        self.positions.update(&model.program().nodes, q);
+        self.positions.update(&model.flat().nodes, q);
     }
 }

@@ -25,22 +25,18 @@ impl Dynamics {
         out: &mut Matrix<f64, R, C, S>,
     ) {
         assert_eq!(out.shape(), (6, model.nv()), "shape of the momentum matrix");
-        let program = model.program();
+        let flat = model.flat();
         let (axes, centre) = self.compose(model, q);
-        if program.coupled {
+        if flat.coupled {
             out.fill(0.0);
         }
-        for (node, body) in program.nodes.iter().zip(&self.composite[1..]) {
+        for (node, body) in flat.nodes.iter().zip(&self.composite[1..]) {
             let momentum = about(&axes, centre, body.inertia.apply(body.joint) * node.multiplier);
             for (row, entry) in momentum.array().into_iter().enumerate() {
-                if program.coupled {
-                    out[(row, node.column)] += entry
-                } else {
-                    out[(row, node.column)] = entry
-                }
+                if flat.coupled { out[(row, node.column)] += entry } else { out[(row, node.column)] = entry }
             }
         }
-        if program.floating {
+        if flat.floating {
             for column in 0..6 {
                 let mut unit = [0.0; 6];
                 unit[column] = 1.0;
@@ -55,13 +51,13 @@ impl Dynamics {
     /// Momentum of all that moves, about the centre of mass, in world axes.
     pub fn momentum(&mut self, model: &Model, q: &[f64], v: &[f64]) -> Momentum {
         assert_eq!(v.len(), model.nv(), "length of v");
-        let program = model.program();
+        let flat = model.flat();
         let (axes, centre) = self.compose(model, q);
         let mut sum = Spatial::ZERO;
-        for (node, body) in program.nodes.iter().zip(&self.composite[1..]) {
+        for (node, body) in flat.nodes.iter().zip(&self.composite[1..]) {
             sum += body.inertia.apply(body.joint) * (node.multiplier * v[node.column]);
         }
-        if program.floating {
+        if flat.floating {
             sum += self.composite[0].inertia.apply(Spatial::from_slice(v));
         }
         about(&axes, centre, sum).into()
@@ -91,7 +87,7 @@ impl Dynamics {
     /// Potential energy of all that moves \[J\]: zero with its centre of mass at the world's origin.
     pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
         let (axes, _) = self.compose(model, q);
-        let (_, position) = model.program().base_pose(q);
+        let (_, position) = model.flat().base_pose(q);
         let inertia = &self.composite[0].inertia;
         -V3::from(gravity).dot(position * inertia.mass + axes * inertia.moment)
     }
@@ -99,14 +95,14 @@ impl Dynamics {
     /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base coordinates.
     fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
         self.place(model, q);
-        let program = model.program();
-        self.sweep(program);
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+        let flat = model.flat();
+        self.sweep(flat);
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             outer[node.parent].inertia += inner[0].inertia;
         }
         let total = &self.composite[0].inertia;
-        (program.base_pose(q).0, total.moment * (1.0 / total.mass))
+        (flat.base_pose(q).0, total.moment * (1.0 / total.mass))
     }
 }
 

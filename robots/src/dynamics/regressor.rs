@@ -59,12 +59,12 @@ impl Dynamics {
         assert_eq!(out.shape(), (model.nv(), model.parameter_count()), "shape of the regressor");
         // Motions of all bodies, in their node frames; the efforts are of no interest.
         self.motions(model, q, v, a, gravity);
-        let program = model.program();
+        let flat = model.flat();
         out.fill(0.0);
         let mut column = 0;
-        for slot in usize::from(!program.floating)..=program.nodes.len() {
+        for slot in usize::from(!flat.floating)..=flat.nodes.len() {
             // From the node frame to the body frame; the base has only one.
-            let align = slot.checked_sub(1).map_or(M3::IDENTITY, |body| program.align[body]);
+            let align = slot.checked_sub(1).map_or(M3::IDENTITY, |body| flat.align[body]);
             let (acceleration, w, dw) = self.local[slot].motion();
             let motion = (align * acceleration, align * w, align * dw);
             for (place, wrench) in wrenches(motion).into_iter().enumerate() {
@@ -72,13 +72,13 @@ impl Dynamics {
                     Spatial { linear: align.tr_mul(wrench.linear), angular: align.tr_mul(wrench.angular) };
                 let mut at = slot;
                 while at != 0 {
-                    let node = &program.nodes[at - 1];
+                    let node = &flat.nodes[at - 1];
                     let share = if node.prismatic { wrench.linear.z } else { wrench.angular.z };
                     out[(node.column, column + place)] += node.multiplier * share;
                     wrench = self.local[at].to_parent(wrench);
                     at = node.parent;
                 }
-                if program.floating {
+                if flat.floating {
                     for (row, entry) in wrench.array().into_iter().enumerate() {
                         out[(row, column + place)] = entry;
                     }

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::{Dynamics, Wrench, external};
 use crate::algebra::{M3, Spatial, V3};
-use crate::model::program::{Node, Program};
+use crate::model::flat::{FlatModel, Node};
 use crate::{FrameId, Model};
 
-/// What the recursion keeps for one body, in its node frame.
+/// State of the recursion for one body, in its node frame.
 #[derive(Clone, Debug)]
 pub(super) struct Local {
     /// Pose in the parent.
@@ -20,7 +20,7 @@ pub(super) struct Local {
     /// Classical acceleration of the origin, gravity counted as acceleration upwards.
     acceleration: V3,
     /// `[alpha]x + [omega]x^2`: times a fixed point of the body, its acceleration relative to the origin.
-    swing: M3,
+    point_acceleration: M3,
     /// Net wrench on the body and all it carries, about the origin.
     pub(super) wrench: Spatial,
 }
@@ -32,7 +32,7 @@ impl Local {
         angular: V3::ZERO,
         angular_rate: V3::ZERO,
         acceleration: V3::ZERO,
-        swing: M3::ZERO,
+        point_acceleration: M3::ZERO,
         wrench: Spatial::ZERO,
     };
 
@@ -50,7 +50,7 @@ impl Local {
 
 impl Dynamics {
     /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six are the
-    /// wrench that an outside hand would have to apply to the base, at its origin and in its axes.
+    /// wrench that would have to act on the base from outside, at its origin and in its axes.
     #[expect(clippy::too_many_arguments, reason = "the textbook signature: model, q, v, a, gravity, tau")]
     pub fn rnea(
         &mut self,
@@ -64,11 +64,11 @@ impl Dynamics {
         assert_eq!(a.len(), model.nv(), "length of a");
         assert_eq!(v.len(), model.nv(), "length of v");
         self.place(model, q);
-        let program = model.program();
-        self.start(program, q, gravity, Some((v, Some(a))));
-        self.outward::<true>(program, v, a);
-        self.inward(program, tau_out);
-        turn_rotors(program, a, tau_out);
+        let flat = model.flat();
+        self.start(flat, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(flat, v, a);
+        self.inward(flat, tau_out);
+        turn_rotors(flat, a, tau_out);
     }
 
     /// [`rnea`](Self::rnea) of a robot on which outside wrenches act: `tau_out = M a + C v + g - sum J' f`.
@@ -88,26 +88,26 @@ impl Dynamics {
         assert_eq!(a.len(), model.nv(), "length of a");
         assert_eq!(v.len(), model.nv(), "length of v");
         self.place(model, q);
-        let program = model.program();
-        self.start(program, q, gravity, Some((v, Some(a))));
-        self.outward::<true>(program, v, a);
+        let flat = model.flat();
+        self.start(flat, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(flat, v, a);
         for (frame, wrench) in wrenches {
-            let mount = &program.mounts[frame.index()];
-            if mount.slot != Program::WORLD {
-                self.local[mount.slot].wrench -= external::at_slot(mount, wrench);
+            let placement = &flat.frame_placements[frame.index()];
+            if placement.slot != FlatModel::WORLD {
+                self.local[placement.slot].wrench -= external::at_slot(placement, wrench);
             }
         }
-        self.inward(program, tau_out);
-        turn_rotors(program, a, tau_out);
+        self.inward(flat, tau_out);
+        turn_rotors(flat, a, tau_out);
     }
 
     /// Leaves the motions of all bodies in their slots.
     pub(super) fn motions(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64], gravity: Vector3<f64>) {
         assert!(v.len() == model.nv() && a.len() == model.nv(), "length of v and a");
         self.place(model, q);
-        let program = model.program();
-        self.start(program, q, gravity, Some((v, Some(a))));
-        self.outward::<true>(program, v, a);
+        let flat = model.flat();
+        self.start(flat, q, gravity, Some((v, Some(a))));
+        self.outward::<true>(flat, v, a);
     }
 
     /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its axes.
@@ -122,32 +122,32 @@ impl Dynamics {
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
         self.place(model, q);
-        let program = model.program();
-        self.start(program, q, gravity, Some((v, None)));
-        self.outward::<false>(program, v, &[]);
-        self.inward(program, out);
+        let flat = model.flat();
+        self.start(flat, q, gravity, Some((v, None)));
+        self.outward::<false>(flat, v, &[]);
+        self.inward(flat, out);
     }
 
     /// Gravity torques: `out = g(q)` \[Nm or N\], the efforts that hold the robot still at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         self.place(model, q);
-        let program = model.program();
-        self.start(program, q, gravity, None);
-        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+        let flat = model.flat();
+        self.start(flat, q, gravity, None);
+        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
             let (rotation, translation) = node.pose(position);
             let up = rotation.tr_mul(self.local[node.parent].acceleration);
             let body = &mut self.local[index + 1];
             (body.rotation, body.translation, body.acceleration) = (rotation, translation, up);
             body.wrench = Spatial::new(up * node.inertia.mass, node.inertia.moment.cross(up));
         }
-        self.inward(program, out);
+        self.inward(flat, out);
     }
 
     /// Motion of the base and the wrench on it.
     #[inline(always)]
     fn start(
         &mut self,
-        program: &Program,
+        flat: &FlatModel,
         q: &[f64],
         gravity: Vector3<f64>,
         motion: Option<(&[f64], Option<&[f64]>)>,
@@ -155,11 +155,11 @@ impl Dynamics {
         let base = &mut self.local[0];
         // Standing still under gravity is being accelerated upwards.
         let up = -V3::from(gravity);
-        if !program.floating {
+        if !flat.floating {
             *base = Local { acceleration: up, ..Local::START };
             return;
         }
-        let (rotation, _) = program.base_pose(q);
+        let (rotation, _) = flat.base_pose(q);
         let up = rotation.tr_mul(up);
         let (v, a) = motion.unwrap_or((&[0.0; 6], None));
         let v = Spatial::from_slice(v);
@@ -167,20 +167,21 @@ impl Dynamics {
         base.angular = v.angular;
         base.angular_rate = a.angular;
         base.acceleration = a.linear + v.angular.cross(v.linear) + up;
-        base.swing = swing(v.angular, a.angular);
-        base.wrench = net_wrench(&program.base, base);
+        base.point_acceleration = point_acceleration(v.angular, a.angular);
+        base.wrench = net_wrench(&flat.base, base);
     }
 
     /// Outward pass: velocities, accelerations and the net wrench on each body.
     #[inline(always)]
-    fn outward<const ACCELERATED: bool>(&mut self, program: &Program, v: &[f64], a: &[f64]) {
-        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+    fn outward<const ACCELERATED: bool>(&mut self, flat: &FlatModel, v: &[f64], a: &[f64]) {
+        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
             let (outer, inner) = self.local.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
             let mut w = rotation.tr_mul(parent.angular);
             let mut dw = rotation.tr_mul(parent.angular_rate);
-            let mut acceleration = rotation.tr_mul(parent.acceleration + parent.swing * translation);
+            let mut acceleration =
+                rotation.tr_mul(parent.acceleration + parent.point_acceleration * translation);
             let rate = node.multiplier * v[node.column];
             let rate_of_rate = if ACCELERATED { node.multiplier * a[node.column] } else { 0.0 };
             if node.prismatic {
@@ -200,17 +201,17 @@ impl Dynamics {
             body.angular = w;
             body.angular_rate = dw;
             body.acceleration = acceleration;
-            body.swing = swing(w, dw);
+            body.point_acceleration = point_acceleration(w, dw);
             body.wrench = net_wrench(&node.inertia, body);
         }
     }
 
     /// Inward pass: sums the wrenches towards the base and projects them on the joint axes.
     #[inline(always)]
-    fn inward(&mut self, program: &Program, out: &mut [f64]) {
-        assert_eq!(out.len(), program.above.len(), "length of tau");
+    fn inward(&mut self, flat: &FlatModel, out: &mut [f64]) {
+        assert_eq!(out.len(), flat.above.len(), "length of tau");
         out.fill(0.0);
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let (outer, inner) = self.local.split_at_mut(index + 1);
             let (parent, body) = (&mut outer[node.parent], &inner[0]);
             out[node.column] += node.multiplier * along(node, body.wrench);
@@ -218,17 +219,17 @@ impl Dynamics {
             parent.wrench.linear += force;
             parent.wrench.angular += body.rotation * body.wrench.angular + body.translation.cross(force);
         }
-        if program.floating {
+        if flat.floating {
             out[..6].copy_from_slice(&self.local[0].wrench.array());
         }
     }
 }
 
-/// What the rotors of the drives take.
+/// Efforts that accelerate the rotors of the drives.
 #[inline(always)]
-fn turn_rotors(program: &Program, a: &[f64], tau: &mut [f64]) {
-    if program.geared {
-        for node in &program.nodes {
+fn turn_rotors(flat: &FlatModel, a: &[f64], tau: &mut [f64]) {
+    if flat.geared {
+        for node in &flat.nodes {
             tau[node.column] += node.armature * a[node.column];
         }
     }
@@ -242,7 +243,7 @@ fn along(node: &Node, wrench: Spatial) -> f64 {
 
 /// `[alpha]x + [omega]x^2`
 #[inline(always)]
-fn swing(w: V3, dw: V3) -> M3 {
+fn point_acceleration(w: V3, dw: V3) -> M3 {
     let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
     let (xy, xz, yz) = (w.x * w.y, w.x * w.z, w.y * w.z);
     M3 {
@@ -252,12 +253,12 @@ fn swing(w: V3, dw: V3) -> M3 {
     }
 }
 
-/// What moves a body as it moves, about the origin: Newton's and Euler's equations.
+/// The wrench about the origin that gives a body its motion: Newton's and Euler's equations.
 #[inline(always)]
 fn net_wrench(inertia: &crate::algebra::RigidInertia, body: &Local) -> Spatial {
     let spin = inertia.rotational * body.angular;
     Spatial {
-        linear: body.acceleration * inertia.mass + body.swing * inertia.moment,
+        linear: body.acceleration * inertia.mass + body.point_acceleration * inertia.moment,
         angular: inertia.rotational * body.angular_rate
             + body.angular.cross(spin)
             + inertia.moment.cross(body.acceleration),

@@ -8,7 +8,7 @@ use parry3d_f64::shape::SharedShape;
 use super::shape::ConvexShape;
 use super::solid::{MeshMode, Solid, SolidKind, SolidProblem};
 use crate::Srdf;
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 use crate::nearest::{nearest, suggestion};
 use crate::{Geometry, Model, Shape};
 
@@ -123,14 +123,14 @@ impl CollisionModel {
             free: Vec::new(),
             left_out: Vec::new(),
         };
-        let program = model.program();
+        let flat = model.flat();
         let identity = Isometry3::identity();
         let base = model.base();
-        let world = if base.floating { Program::WORLD } else { 0 };
+        let world = if base.floating { FlatModel::WORLD } else { 0 };
         let fixed = base.world_shapes.iter().map(|shape| (shape, world, identity));
         let bodies = model.bodies().iter().enumerate().flat_map(|(index, body)| {
             // Bodies' shapes in their node frames.
-            let turn = nalgebra::Matrix3::from(program.align[index].transpose());
+            let turn = nalgebra::Matrix3::from(flat.align[index].transpose());
             let turn = nalgebra::Rotation3::from_matrix_unchecked(turn);
             let within =
                 Isometry3::from_parts(Default::default(), UnitQuaternion::from_rotation_matrix(&turn));
@@ -185,7 +185,7 @@ impl CollisionModel {
         let (disabled, enabled) = (both_ways(&rules.disabled), both_ways(&rules.enabled));
         let silent: HashSet<&str> = rules.disabled_links.iter().map(String::as_str).collect();
         let carrier = carriers(model, &self.slots);
-        let parent = |slot: usize| model.program().nodes[slot - 1].parent;
+        let parent = |slot: usize| model.flat().nodes[slot - 1].parent;
         for second in 1..self.solids.len() {
             for first in 0..second {
                 let [a, b] = [first, second].map(|solid| self.slots[solid]);
@@ -193,7 +193,7 @@ impl CollisionModel {
                 if a == b || !options.self_collision {
                     continue;
                 }
-                let jointed = |slot: usize| slot != 0 && slot != Program::WORLD;
+                let jointed = |slot: usize| slot != 0 && slot != FlatModel::WORLD;
                 let siblings = jointed(a) && jointed(b) && parent(a) == parent(b);
                 let neighbours = [(a, b), (b, a)]
                     .into_iter()
@@ -261,14 +261,14 @@ impl CollisionModel {
         let index = self.solids.len();
         let checked = |other: &usize| {
             free || if *other < self.robot_solids {
-                self.slots[*other] != Program::WORLD
+                self.slots[*other] != FlatModel::WORLD
             } else {
                 self.free[*other - self.robot_solids]
             }
         };
         let pairs = (0..index).filter(checked).map(|other| [other, index]).collect::<Vec<_>>();
         self.solids.push(solid);
-        self.slots.push(Program::WORLD);
+        self.slots.push(FlatModel::WORLD);
         self.obstacle_frames.push(placement);
         self.free.push(free);
         self.pairs.extend(pairs);
@@ -311,7 +311,7 @@ impl CollisionModel {
     /// [`Attachment::Base`], too.
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
-            Program::WORLD => Attachment::World,
+            FlatModel::WORLD => Attachment::World,
             0 => Attachment::Base,
             slot => Attachment::Body(slot - 1),
         }
@@ -366,7 +366,7 @@ fn obstacle(
 
 /// For every slot the next one towards the base that has a shape.
 fn carriers(model: &Model, slots: &[usize]) -> Vec<usize> {
-    let nodes = &model.program().nodes;
+    let nodes = &model.flat().nodes;
     let mut carriers = vec![0; nodes.len() + 1];
     for (index, node) in nodes.iter().enumerate() {
         let shaped = node.parent == 0 || slots.contains(&node.parent);

@@ -5,12 +5,12 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 use super::Kinematics;
 use crate::Model;
 use crate::algebra::{RigidInertia, V3};
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 
 /// Motion of the centre of mass of all that moves, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CentreOfMass {
-    /// Where it is \[m\].
+    /// Its position \[m\].
     pub position: Vector3<f64>,
     /// Its velocity \[m/s\].
     pub velocity: Vector3<f64>,
@@ -22,18 +22,18 @@ impl Kinematics {
     /// The centre of mass, moving as the last update says. Links fixed to the world do not count. Not a number for a
     /// robot without mass.
     pub fn centre_of_mass(&self, model: &Model) -> CentreOfMass {
-        let program = model.program();
+        let flat = model.flat();
         let (mut mass, mut position, mut velocity, mut acceleration) = (0.0, V3::ZERO, V3::ZERO, V3::ZERO);
-        let inertias = std::iter::once(&program.base).chain(program.nodes.iter().map(|node| &node.inertia));
+        let inertias = std::iter::once(&flat.base).chain(flat.nodes.iter().map(|node| &node.inertia));
         for (body, inertia) in self.bodies.iter().zip(inertias) {
             // Everything times the mass: a body without any has no centre.
             let arm = body.rotation * inertia.moment;
-            let swing = body.angular.cross(arm);
+            let across = body.angular.cross(arm);
             mass += inertia.mass;
             position += body.position * inertia.mass + arm;
-            velocity += body.linear * inertia.mass + swing;
+            velocity += body.linear * inertia.mass + across;
             acceleration +=
-                body.linear_rate * inertia.mass + body.angular_rate.cross(arm) + body.angular.cross(swing);
+                body.linear_rate * inertia.mass + body.angular_rate.cross(arm) + body.angular.cross(across);
         }
         let inverse = 1.0 / mass;
         CentreOfMass {
@@ -53,14 +53,14 @@ impl Kinematics {
     ) {
         assert_eq!(out.shape(), (3, model.nv()), "shape of the Jacobian");
         out.fill(0.0);
-        let program = model.program();
-        let inverse = 1.0 / program.carried_masses[0];
-        let moment = if program.coupled {
-            self.couple_columns(program, inverse, out)
+        let flat = model.flat();
+        let inverse = 1.0 / flat.carried_masses[0];
+        let moment = if flat.coupled {
+            self.couple_columns(flat, inverse, out)
         } else {
-            self.fill_columns(program, inverse, out)
+            self.fill_columns(flat, inverse, out)
         };
-        if program.floating {
+        if flat.floating {
             let base = &self.bodies[0];
             let arm = moment * inverse - base.position;
             for (column, axis) in [base.rotation.x, base.rotation.y, base.rotation.z].into_iter().enumerate()
@@ -76,21 +76,21 @@ impl Kinematics {
     /// robot.
     fn fill_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
-        program: &Program,
+        flat: &FlatModel,
         inverse: f64,
         out: &mut Matrix<f64, R, C, S>,
     ) -> V3 {
-        let mut whole = self.moment(0, &program.base);
-        for (index, node) in program.nodes.iter().enumerate().rev() {
+        let mut whole = self.moment(0, &flat.base);
+        for (index, node) in flat.nodes.iter().enumerate().rev() {
             let at = node.column;
             let carried = V3::new(out[(0, at)], out[(1, at)], out[(2, at)]);
             let moment = self.moment(index + 1, &node.inertia) + carried;
             match node.parent.checked_sub(1) {
-                Some(parent) => add(out, program.nodes[parent].column, moment),
+                Some(parent) => add(out, flat.nodes[parent].column, moment),
                 None => whole += moment,
             }
             let body = &self.bodies[index + 1];
-            let mass = program.carried_masses[index + 1];
+            let mass = flat.carried_masses[index + 1];
             let axis = body.rotation.z * (node.multiplier * inverse);
             let column = if node.prismatic { axis * mass } else { axis.cross(moment - body.position * mass) };
             for (row, entry) in column.array().into_iter().enumerate() {
@@ -103,16 +103,16 @@ impl Kinematics {
     /// The same where several joints share a column: each body adds to the columns of all joints that carry it.
     fn couple_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
-        program: &Program,
+        flat: &FlatModel,
         inverse: f64,
         out: &mut Matrix<f64, R, C, S>,
     ) -> V3 {
-        let mut whole = self.moment(0, &program.base);
-        for (index, moved) in program.nodes.iter().enumerate() {
+        let mut whole = self.moment(0, &flat.base);
+        for (index, moved) in flat.nodes.iter().enumerate() {
             let (mass, moment) = (moved.inertia.mass, self.moment(index + 1, &moved.inertia));
             whole += moment;
-            for &slot in program.chain(index) {
-                let (node, body) = (&program.nodes[slot - 1], &self.bodies[slot]);
+            for &slot in flat.chain(index) {
+                let (node, body) = (&flat.nodes[slot - 1], &self.bodies[slot]);
                 let axis = body.rotation.z * (node.multiplier * inverse);
                 let column =
                     if node.prismatic { axis * mass } else { axis.cross(moment - body.position * mass) };

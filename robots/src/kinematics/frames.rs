@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use super::Kinematics;
 use crate::algebra::{M3, V3};
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference, Twist};
 
 impl Kinematics {
@@ -28,11 +28,11 @@ impl Kinematics {
 
     /// Velocity of `frame` with the point and axes of `reference`. Zero after [`update`](Self::update).
     pub fn velocity_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
-        let mount = &model.program().mounts[frame.index()];
-        let body = self.carrier(mount);
-        let arm = body.rotation * mount.position;
+        let placement = &model.flat().frame_placements[frame.index()];
+        let body = self.carrier(placement);
+        let arm = body.rotation * placement.position;
         let linear = body.linear + body.angular.cross(arm);
-        express(reference, &(body.rotation, mount.rotation), body.position + arm, (linear, body.angular))
+        express(reference, &(body.rotation, placement.rotation), body.position + arm, (linear, body.angular))
     }
 
     /// Classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
@@ -40,9 +40,9 @@ impl Kinematics {
     ///
     /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
     pub fn acceleration(&self, model: &Model, frame: FrameId) -> Twist {
-        let mount = &model.program().mounts[frame.index()];
-        let body = self.carrier(mount);
-        let arm = body.rotation * mount.position;
+        let placement = &model.flat().frame_placements[frame.index()];
+        let body = self.carrier(placement);
+        let arm = body.rotation * placement.position;
         let linear =
             body.linear_rate + body.angular_rate.cross(arm) + body.angular.cross(body.angular.cross(arm));
         Twist { linear: linear.into(), angular: body.angular_rate.into() }
@@ -58,33 +58,43 @@ impl Kinematics {
         if reference == Reference::LocalWorldAligned {
             return classical;
         }
-        let mount = &model.program().mounts[frame.index()];
-        let body = self.carrier(mount);
-        let arm = body.rotation * mount.position;
+        let placement = &model.flat().frame_placements[frame.index()];
+        let body = self.carrier(placement);
+        let arm = body.rotation * placement.position;
         let velocity = body.linear + body.angular.cross(arm);
         let linear = V3::from(classical.linear) - body.angular.cross(velocity);
-        express(reference, &(body.rotation, mount.rotation), body.position + arm, (linear, body.angular_rate))
+        express(
+            reference,
+            &(body.rotation, placement.rotation),
+            body.position + arm,
+            (linear, body.angular_rate),
+        )
     }
 
     /// Node frame of a slot in the world.
     pub(crate) fn slot_pose(&self, slot: usize) -> (M3, V3) {
-        let body = if slot == Program::WORLD { &self.world } else { &self.bodies[slot] };
+        let body = if slot == FlatModel::WORLD { &self.world } else { &self.bodies[slot] };
         (body.rotation, body.position)
     }
 
     /// Orientation and origin of `frame` in the world.
     pub(super) fn placement(&self, model: &Model, frame: FrameId) -> (M3, V3) {
-        let mount = &model.program().mounts[frame.index()];
-        let body = self.carrier(mount);
-        (body.rotation * mount.rotation, body.rotation * mount.position + body.position)
+        let placement = &model.flat().frame_placements[frame.index()];
+        let body = self.carrier(placement);
+        (body.rotation * placement.rotation, body.rotation * placement.position + body.position)
     }
 }
 
 /// A motion given at `point` in world axes, with the point and axes of `reference`.
-fn express(reference: Reference, (body, mount): &(M3, M3), point: V3, (linear, angular): (V3, V3)) -> Twist {
+fn express(
+    reference: Reference,
+    (body, placement): &(M3, M3),
+    point: V3,
+    (linear, angular): (V3, V3),
+) -> Twist {
     let (linear, angular) = match reference {
         Reference::LocalWorldAligned => (linear, angular),
-        Reference::Local => (mount.tr_mul(body.tr_mul(linear)), mount.tr_mul(body.tr_mul(angular))),
+        Reference::Local => (placement.tr_mul(body.tr_mul(linear)), placement.tr_mul(body.tr_mul(angular))),
         Reference::World => (linear + point.cross(angular), angular),
     };
     Twist { linear: linear.into(), angular: angular.into() }

@@ -4,7 +4,7 @@ use nalgebra::{Dim, Matrix, StorageMut};
 
 use super::{BodyState, Kinematics};
 use crate::algebra::{M3, V3};
-use crate::model::program::Program;
+use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference};
 
 impl Kinematics {
@@ -21,15 +21,15 @@ impl Kinematics {
     ) {
         assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
         clear(out);
-        let program = model.program();
-        let mount = &program.mounts[frame.index()];
-        if mount.slot == Program::WORLD {
+        let flat = model.flat();
+        let placement = &flat.frame_placements[frame.index()];
+        if placement.slot == FlatModel::WORLD {
             return;
         }
         let (rotation, position) = self.placement(model, frame);
         let point = if reference == Reference::World { V3::ZERO } else { position };
         let axes = (reference == Reference::Local).then_some(rotation);
-        if program.floating {
+        if flat.floating {
             let base = &self.bodies[0];
             for (column, axis) in [base.rotation.x, base.rotation.y, base.rotation.z].into_iter().enumerate()
             {
@@ -37,9 +37,9 @@ impl Kinematics {
                 write(out, column + 3, &axes, (axis.cross(point - base.position), axis), 1.0);
             }
         }
-        let Some(body) = mount.slot.checked_sub(1) else { return };
-        for &slot in program.chain(body) {
-            let (node, state) = (&program.nodes[slot - 1], &self.bodies[slot]);
+        let Some(body) = placement.slot.checked_sub(1) else { return };
+        for &slot in flat.chain(body) {
+            let (node, state) = (&flat.nodes[slot - 1], &self.bodies[slot]);
             write(out, node.column, &axes, column(node.prismatic, state, point), node.multiplier);
         }
     }
@@ -73,33 +73,33 @@ impl Kinematics {
         self.check(model, q);
         assert_eq!(out.shape(), (6, model.nv()), "shape of the Jacobian");
         clear(out);
-        let program = model.program();
-        let mount = &program.mounts[frame.index()];
-        if mount.slot == Program::WORLD {
+        let flat = model.flat();
+        let placement = &flat.frame_placements[frame.index()];
+        if placement.slot == FlatModel::WORLD {
             return;
         }
-        let chain = mount.slot.checked_sub(1).map_or(&[][..], |body| program.chain(body));
-        self.positions.update_chain(&program.nodes, chain, q);
+        let chain = placement.slot.checked_sub(1).map_or(&[][..], |body| flat.chain(body));
+        self.positions.update_chain(&flat.nodes, chain, q);
         // The frame in the axes and about the origin of the body it has come down to.
-        let (mut rotation, mut position) = (mount.rotation, mount.position);
+        let (mut rotation, mut position) = (placement.rotation, placement.position);
         for (place, &slot) in chain.iter().enumerate().rev() {
-            let node = &program.nodes[slot - 1];
+            let node = &flat.nodes[slot - 1];
             // z and z x position, in the frame's axes
             let axis = V3::new(rotation.x.z, rotation.y.z, rotation.z.z) * node.multiplier;
             let entries = if node.prismatic {
                 (axis, V3::ZERO)
             } else {
-                let swing = V3::new(-position.y, position.x, 0.0) * node.multiplier;
-                (rotation.tr_mul(swing), axis)
+                let turning = V3::new(-position.y, position.x, 0.0) * node.multiplier;
+                (rotation.tr_mul(turning), axis)
             };
             write(out, node.column, &None, entries, 1.0);
-            if place > 0 || program.floating {
+            if place > 0 || flat.floating {
                 let (r, p) = node.pose(self.positions.get(place));
                 rotation = r * rotation;
                 position = p + r * position;
             }
         }
-        if program.floating {
+        if flat.floating {
             for column in 0..3 {
                 let mut axis = [0.0; 3];
                 axis[column] = 1.0;
@@ -115,17 +115,17 @@ impl Kinematics {
     /// then valid, those of frames on other bodies and all velocities are what they were.
     pub fn place_carriers(&mut self, model: &Model, q: &[f64], frame: FrameId) {
         self.check(model, q);
-        let program = model.program();
-        (self.bodies[0].rotation, self.bodies[0].position) = program.base_pose(q);
-        let slot = program.mounts[frame.index()].slot;
-        if slot == Program::WORLD || slot == 0 {
+        let flat = model.flat();
+        (self.bodies[0].rotation, self.bodies[0].position) = flat.base_pose(q);
+        let slot = flat.frame_placements[frame.index()].slot;
+        if slot == FlatModel::WORLD || slot == 0 {
             return;
         }
-        let chain = program.chain(slot - 1);
-        self.positions.update_chain(&program.nodes, chain, q);
+        let chain = flat.chain(slot - 1);
+        self.positions.update_chain(&flat.nodes, chain, q);
         let mut parent = 0;
         for (place, &slot) in chain.iter().enumerate() {
-            let (rotation, translation) = program.nodes[slot - 1].pose(self.positions.get(place));
+            let (rotation, translation) = flat.nodes[slot - 1].pose(self.positions.get(place));
             let (r, p) = (self.bodies[parent].rotation, self.bodies[parent].position);
             let body = &mut self.bodies[slot];
             body.rotation = r * rotation;
@@ -181,11 +181,11 @@ impl Kinematics {
         row: &mut [f64],
         stride: usize,
     ) {
-        if slot == Program::WORLD {
+        if slot == FlatModel::WORLD {
             return;
         }
-        let program = model.program();
-        if program.floating {
+        let flat = model.flat();
+        if flat.floating {
             let base = &self.bodies[0];
             let linear = base.rotation.tr_mul(direction);
             let angular = base.rotation.tr_mul((point - base.position).cross(direction));
@@ -194,15 +194,15 @@ impl Kinematics {
             }
         }
         let Some(body) = slot.checked_sub(1) else { return };
-        for &slot in program.chain(body) {
-            let (node, state) = (&program.nodes[slot - 1], &self.bodies[slot]);
+        for &slot in flat.chain(body) {
+            let (node, state) = (&flat.nodes[slot - 1], &self.bodies[slot]);
             let (linear, _) = column(node.prismatic, state, point);
             row[node.column * stride] += node.multiplier * linear.dot(direction);
         }
     }
 }
 
-/// What one unit of velocity of the joint does to `point`.
+/// Linear and angular velocity of `point` for one unit of velocity of the joint.
 #[inline(always)]
 pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     let axis = body.rotation.z;

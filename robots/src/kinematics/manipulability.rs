@@ -1,4 +1,4 @@
-//! How well a frame can be moved: Yoshikawa's measure (IJRR 1985) and its slope.
+//! Manipulability of a frame: Yoshikawa's measure (IJRR 1985) and its gradient.
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -43,17 +43,17 @@ impl Kinematics {
         let gram = self.gram(model, frame, rows);
         let measure = gram.determinant().max(0.0).sqrt();
         let Some(factor) = gram.cholesky() else { return measure };
-        let program = model.program();
+        let flat = model.flat();
         let Some((chain, point)) = self.movers(model, frame) else { return measure };
         // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j over the
         // columns.
         for (place, &slot) in chain.iter().enumerate() {
-            let node = &program.nodes[slot - 1];
+            let node = &flat.nodes[slot - 1];
             let weight = factor.solve(&self.masked_column(model, chain, node.column, point, rows));
             let weight = weight * node.multiplier;
             let (linear, angular) = column(node.prismatic, &self.bodies[slot], point);
             for (other_place, &other) in chain.iter().enumerate() {
-                let mover = &program.nodes[other - 1];
+                let mover = &flat.nodes[other - 1];
                 let (their_linear, their_angular) = column(mover.prismatic, &self.bodies[other], point);
                 // Joints nearer the base turn the axis; those farther out move the point.
                 let (dl, da) = if other_place <= place {
@@ -74,12 +74,12 @@ impl Kinematics {
         for (row, counts) in rows.0.into_iter().enumerate() {
             gram[(row, row)] = if counts { 0.0 } else { 1.0 };
         }
-        let program = model.program();
+        let flat = model.flat();
         if let Some((chain, point)) = self.movers(model, frame) {
             for (place, &slot) in chain.iter().enumerate() {
                 // Once for each column of v, where its first joint comes.
-                let at = program.nodes[slot - 1].column;
-                if chain[..place].iter().any(|&earlier| program.nodes[earlier - 1].column == at) {
+                let at = flat.nodes[slot - 1].column;
+                if chain[..place].iter().any(|&earlier| flat.nodes[earlier - 1].column == at) {
                     continue;
                 }
                 let entries = self.masked_column(model, chain, at, point, rows);
@@ -91,10 +91,10 @@ impl Kinematics {
 
     /// The slots that move `frame`, and where its origin is.
     fn movers<'m>(&self, model: &'m Model, frame: FrameId) -> Option<(&'m [usize], V3)> {
-        let program = model.program();
-        let slot = program.mounts[frame.index()].slot;
-        let body = slot.checked_sub(1).filter(|body| *body < program.nodes.len())?;
-        Some((program.chain(body), self.placement(model, frame).1))
+        let flat = model.flat();
+        let slot = flat.frame_placements[frame.index()].slot;
+        let body = slot.checked_sub(1).filter(|body| *body < flat.nodes.len())?;
+        Some((flat.chain(body), self.placement(model, frame).1))
     }
 
     /// Column `at` of the Jacobian: the sum of all joints that share it.
@@ -106,10 +106,10 @@ impl Kinematics {
         point: V3,
         rows: TaskRows,
     ) -> Vector6<f64> {
-        let program = model.program();
+        let flat = model.flat();
         let mut sum = Vector6::zeros();
-        for &slot in chain.iter().filter(|&&slot| program.nodes[slot - 1].column == at) {
-            let node = &program.nodes[slot - 1];
+        for &slot in chain.iter().filter(|&&slot| flat.nodes[slot - 1].column == at) {
+            let node = &flat.nodes[slot - 1];
             let (l, a) = column(node.prismatic, &self.bodies[slot], point);
             sum += Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z) * node.multiplier;
         }

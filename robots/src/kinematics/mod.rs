@@ -10,7 +10,7 @@ pub use manipulability::TaskRows;
 
 use crate::Model;
 use crate::algebra::{M3, V3};
-use crate::model::program::{Mount, Positions, Program};
+use crate::model::flat::{FlatModel, FramePlacement, Positions};
 
 /// Motion of one body in world axes: of its node frame's origin.
 #[derive(Clone, Debug)]
@@ -57,7 +57,7 @@ impl Kinematics {
         Self {
             positions: Positions::new(model.bodies().len()),
             bodies: vec![BodyState::START; slots],
-            align: model.program().align.clone(),
+            align: model.flat().align.clone(),
             world: BodyState::START,
         }
     }
@@ -93,10 +93,10 @@ impl Kinematics {
 
     fn place(&mut self, model: &Model, q: &[f64]) {
         self.check(model, q);
-        let program = model.program();
-        self.positions.update(&program.nodes, q);
-        (self.bodies[0].rotation, self.bodies[0].position) = program.base_pose(q);
-        for (index, (node, position)) in program.nodes.iter().zip(self.positions.iter()).enumerate() {
+        let flat = model.flat();
+        self.positions.update(&flat.nodes, q);
+        (self.bodies[0].rotation, self.bodies[0].position) = flat.base_pose(q);
+        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
             let (outer, inner) = self.bodies.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
@@ -107,8 +107,8 @@ impl Kinematics {
 
     fn differentiate<const ACCELERATED: bool>(&mut self, model: &Model, v: &[f64], a: &[f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
-        let program = model.program();
-        if program.floating {
+        let flat = model.flat();
+        if flat.floating {
             let base = &mut self.bodies[0];
             let r = base.rotation;
             let (linear, angular) = (V3::from_slice(&v[..3]), V3::from_slice(&v[3..6]));
@@ -122,16 +122,16 @@ impl Kinematics {
             (base.linear, base.angular) = (r * linear, r * angular);
             (base.linear_rate, base.angular_rate) = (r * rate, r * angular_rate);
         }
-        for (index, node) in program.nodes.iter().enumerate() {
+        for (index, node) in flat.nodes.iter().enumerate() {
             let (outer, inner) = self.bodies.split_at_mut(index + 1);
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let arm = body.position - parent.position;
-            let swing = parent.angular.cross(arm);
+            let across = parent.angular.cross(arm);
             let own = body.rotation.z * (node.multiplier * v[node.column]);
-            let mut linear = parent.linear + swing;
+            let mut linear = parent.linear + across;
             let mut angular = parent.angular;
             let mut linear_rate =
-                parent.linear_rate + parent.angular_rate.cross(arm) + parent.angular.cross(swing);
+                parent.linear_rate + parent.angular_rate.cross(arm) + parent.angular.cross(across);
             let mut angular_rate = parent.angular_rate;
             let turning = parent.angular.cross(own);
             if node.prismatic {
@@ -152,7 +152,7 @@ impl Kinematics {
 
     /// The body a frame is mounted on.
     #[inline(always)]
-    fn carrier(&self, mount: &Mount) -> &BodyState {
-        if mount.slot == Program::WORLD { &self.world } else { &self.bodies[mount.slot] }
+    fn carrier(&self, placement: &FramePlacement) -> &BodyState {
+        if placement.slot == FlatModel::WORLD { &self.world } else { &self.bodies[placement.slot] }
     }
 }

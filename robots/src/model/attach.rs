@@ -11,7 +11,7 @@ use super::{Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Model, Sh
 pub struct Placed<'a> {
     /// The robot; its base must be fixed.
     pub model: &'a Model,
-    /// What its links and joints are called in the world: this, then their own names. `left/`, say.
+    /// Prefix of its links' and joints' names in the world, such as `left/`.
     pub prefix: &'a str,
     /// Its root frame in the world.
     pub placement: Isometry3<f64>,
@@ -52,21 +52,21 @@ impl Model {
         placement: &Isometry3<f64>,
         prefix: &str,
     ) -> Result<Self, AttachError> {
-        let mount = &self.frames[frame.index()];
+        let carrier = &self.frames[frame.index()];
         if tool.base.floating {
             return Err(AttachError::Floating(tool.name.clone()));
         }
-        if mount.in_world && self.base.floating {
-            return Err(AttachError::InWorld(mount.name.clone()));
+        if carrier.in_world && self.base.floating {
+            return Err(AttachError::InWorld(carrier.name.clone()));
         }
-        let at = mount.placement * placement;
+        let at = carrier.placement * placement;
         let named = |name: &str| format!("{prefix}{name}");
         let (mut base, mut bodies, mut frames) =
             (self.base.clone(), self.bodies.clone(), self.frames.clone());
 
         let renamed = |shape: &Shape| Shape { link: named(&shape.link), ..shape.clone() };
         let shapes = tool.base.shapes.iter().map(|shape| renamed(shape).moved(&at));
-        weld(&mut base, &mut bodies, mount.body, &tool.base.inertia.moved(&at), shapes);
+        weld(&mut base, &mut bodies, carrier.body, &tool.base.inertia.moved(&at), shapes);
 
         let (first, joints) = (bodies.len(), self.joint_count());
         bodies.extend(tool.bodies.iter().map(|body| {
@@ -81,7 +81,7 @@ impl Model {
             };
             match body.parent {
                 Some(parent) => body.parent = Some(parent + first),
-                None => (body.parent, body.joint.placement) = (mount.body, at * body.joint.placement),
+                None => (body.parent, body.joint.placement) = (carrier.body, at * body.joint.placement),
             }
             body
         }));
@@ -89,7 +89,7 @@ impl Model {
             Some(body) => Frame { name: named(&frame.name), body: Some(body + first), ..frame.clone() },
             None => Frame {
                 name: named(&frame.name),
-                body: mount.body,
+                body: carrier.body,
                 in_world: false,
                 placement: at * frame.placement,
             },
@@ -140,7 +140,7 @@ impl Model {
         Ok(world)
     }
 
-    /// Nothing but a frame.
+    /// A model of one frame and no body.
     fn of_frame(name: &str, frame: &str) -> Self {
         let base = Base {
             floating: false,

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// What a joint lets its body do.
+/// The motion a joint allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum JointKind {
     /// Rotation about the axis, within limits \[rad\].
@@ -74,7 +74,7 @@ impl Default for Drive {
 /// quantity of this crate contains them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
-    /// Where the allowed speed begins to shrink \[rad or m\].
+    /// Position from which on the allowed speed shrinks \[rad or m\].
     pub soft_lower: f64,
     /// The same at the other end \[rad or m\].
     pub soft_upper: f64,
@@ -84,7 +84,7 @@ pub struct SafetyController {
     pub k_velocity: f64,
 }
 
-/// Where the position of a joint comes from.
+/// The source of a joint's position: a coordinate of its own, or another joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
     /// Its own entry among the joints' part of `q` ([`Model::joints_of_q`](crate::Model::joints_of_q)).
@@ -137,7 +137,7 @@ impl Coordinate {
 pub struct Joint {
     /// Name in the file.
     pub name: String,
-    /// How it moves.
+    /// Kind of motion.
     pub kind: JointKind,
     /// Axis of rotation or translation in the joint frame, which is the body frame.
     pub axis: Unit<Vector3<f64>>,
@@ -147,11 +147,11 @@ pub struct Joint {
     pub limits: Limits,
     /// Damping and friction.
     pub dynamics: JointDynamics,
-    /// What drives it.
+    /// Reduction and rotor of its drive.
     pub drive: Drive,
     /// Limits for controllers, where the file gives them.
     pub safety: Option<SafetyController>,
-    /// Where its position comes from.
+    /// Source of its position.
     pub coordinate: Coordinate,
 }
 

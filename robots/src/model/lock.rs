@@ -23,7 +23,7 @@ pub enum LockError {
     Position {
         /// The joint.
         joint: String,
-        /// Where it was to be locked.
+        /// The position it was to be locked at \[rad or m\].
         position: f64,
     },
 }

@@ -1,12 +1,12 @@
 //! The robot: bodies, joints, frames. Immutable once built.
 
 mod attach;
+pub(crate) mod dh_frames;
+pub(crate) mod flat;
 mod frame;
 mod inertia;
 mod joint;
 mod lock;
-pub(crate) mod normals;
-pub(crate) mod program;
 mod scale;
 mod shape;
 
@@ -21,7 +21,7 @@ pub use scale::ScaleError;
 pub use shape::{Geometry, Shape};
 
 use crate::nearest::nearest;
-use program::Program;
+use flat::FlatModel;
 
 /// The body moved by one joint, with every link fixed to it merged in.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub struct Body {
     pub shapes: Vec<Shape>,
 }
 
-/// What stands at the root of the tree: every link fixed to the root link, merged.
+/// The root of the tree: every link fixed to the root link, merged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
     /// It moves freely: six entries of `v`, seven of `q`, before those of the joints.
@@ -66,7 +66,7 @@ pub struct Model {
     upper: DVector<f64>,
     velocity_limit: DVector<f64>,
     effort_limit: DVector<f64>,
-    program: Program,
+    flat: FlatModel,
 }
 
 impl Model {
@@ -92,7 +92,7 @@ impl Model {
             upper: limit(|limits| limits.upper),
             velocity_limit: limit(|limits| limits.velocity),
             effort_limit: limit(|limits| limits.effort),
-            program: Program::new(
+            flat: FlatModel::new(
                 &bodies,
                 &frames,
                 &base,
@@ -143,12 +143,12 @@ impl Model {
 
     /// Some joint follows another.
     pub fn has_mimics(&self) -> bool {
-        self.program.coupled
+        self.flat.coupled
     }
 
     /// Mass of all that moves \[kg\]: the base only if it floats.
     pub fn mass(&self) -> f64 {
-        self.program.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
+        self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
     }
 
     /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is one).
@@ -219,8 +219,8 @@ impl Model {
         &self.base.shapes
     }
 
-    pub(crate) fn program(&self) -> &Program {
-        &self.program
+    pub(crate) fn flat(&self) -> &FlatModel {
+        &self.flat
     }
 }
 

@@ -53,7 +53,7 @@ pub enum Geometry {
     Mesh {
         /// The file name as the URDF gives it.
         uri: String,
-        /// Where it was found, if it was.
+        /// The file, if it was found.
         path: Option<PathBuf>,
         /// Scale along x, y and z.
         scale: Vector3<f64>,

@@ -1,4 +1,4 @@
-//! What can be wrong with a profile.
+//! Faults of a profile.
 
 use crate::UnknownFrame;
 use crate::nearest::suggestion;
@@ -46,7 +46,7 @@ pub enum ProfileError {
     /// The profile lists a joint the model does not have.
     #[error("{what} names joint \"{joint}\", which is no independent joint of robot \"{robot}\"")]
     UnknownJoint {
-        /// Where it is named.
+        /// The key that names it.
         what: String,
         /// The joint.
         joint: String,
@@ -62,11 +62,11 @@ pub enum ProfileError {
     /// A value that cannot be.
     #[error("{what} is {found}, expected {expected}")]
     Value {
-        /// Which value.
+        /// Name of the value.
         what: String,
         /// The value.
         found: String,
-        /// What it should be.
+        /// The expected value.
         expected: &'static str,
     },
     /// A foot of both kinds.
@@ -75,9 +75,9 @@ pub enum ProfileError {
     /// A kind of mobile base without a fact it needs.
     #[error("the mobile base is {drive}, which needs `{key}`")]
     MobileBase {
-        /// How it is driven.
+        /// Kind of steering.
         drive: &'static str,
-        /// What is missing.
+        /// The missing key.
         key: &'static str,
     },
     /// A pose of the base of a robot whose base does not move.

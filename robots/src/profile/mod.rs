@@ -1,4 +1,4 @@
-//! What a URDF does not say of a robot: poses, end effectors, feet, gains. One TOML file beside the URDF.
+//! The profile of a robot: poses, end effectors, feet and gains, which a URDF does not have. One TOML file beside it.
 
 mod check;
 mod error;
@@ -20,11 +20,11 @@ use crate::nearest::nearest;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// What the robot is called in print.
+    /// Name of the robot in print.
     pub title: String,
-    /// Where the numbers come from.
+    /// Sources of the numbers.
     pub sources: Vec<String>,
-    /// How it stands in the world when nothing else is asked for.
+    /// Base of the robot unless the options of loading say otherwise. Default: as the URDF.
     #[serde(default)]
     pub base: BaseKind,
     /// Independent joints, in the order of every array below.
@@ -36,16 +36,16 @@ pub struct Profile {
     pub passive: Vec<String>,
     /// Named configurations of the joints \[rad or m\].
     pub poses: BTreeMap<String, Vec<f64>>,
-    /// Where a floating base is in these poses.
+    /// Poses of a floating base, by the name of the pose of the joints.
     #[serde(default)]
     pub base_poses: BTreeMap<String, BasePose>,
     /// Named end effectors.
     #[serde(default)]
     pub end_effectors: BTreeMap<String, EndEffector>,
-    /// What it stands on, by name. Driven wheels are in `mobile_base`.
+    /// Feet, by name. Driven wheels are in `mobile_base`.
     #[serde(default)]
     pub feet: BTreeMap<String, Foot>,
-    /// How it drives, if it does.
+    /// Wheels and steering of a mobile base.
     pub mobile_base: Option<MobileBase>,
     /// Named rotors.
     #[serde(default)]

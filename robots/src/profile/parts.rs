@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
-/// How a robot stands in the world.
+/// Kind of base: fixed to the world, or free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BaseKind {
@@ -61,7 +61,7 @@ pub struct Foot {
     pub sole: Option<[f64; 2]>,
 }
 
-/// How a mobile base is driven.
+/// Steering of a mobile base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Steering {
@@ -91,7 +91,7 @@ impl Steering {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MobileBase {
-    /// How it is driven.
+    /// Kind of steering.
     pub drive: Steering,
     /// Link that stands for the base: x ahead, z up.
     pub frame: String,
@@ -112,7 +112,7 @@ pub struct MobileBase {
     pub wheelbase: Option<f64>,
 }
 
-/// Which way a rotor turns, seen from above.
+/// Sense of rotation of a rotor, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spin {
@@ -128,7 +128,7 @@ pub enum Spin {
 pub struct Rotor {
     /// Link whose frame it pulls at.
     pub frame: String,
-    /// Which way it turns.
+    /// Sense of rotation.
     pub spin: Spin,
     /// Largest thrust \[N\].
     pub max_thrust: f64,

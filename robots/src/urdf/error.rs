@@ -1,4 +1,4 @@
-//! What can be wrong with a URDF file.
+//! Faults of a URDF file.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub struct UrdfError {
     pub file: Option<PathBuf>,
     /// The element at fault; `None` when the fault belongs to the whole file.
     pub at: Option<Position>,
-    /// What is wrong.
+    /// The fault.
     pub problem: Box<UrdfProblem>,
 }
 
@@ -44,7 +44,7 @@ impl UrdfError {
     }
 }
 
-/// What is wrong with a URDF file.
+/// A fault of a URDF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfProblem {
     /// Not well-formed XML.
@@ -64,7 +64,7 @@ pub enum UrdfProblem {
     MissingAttribute {
         /// Element at fault.
         element: String,
-        /// What it lacks.
+        /// The missing part.
         attribute: &'static str,
     },
     /// A missing child element.
@@ -72,7 +72,7 @@ pub enum UrdfProblem {
     MissingElement {
         /// Element at fault.
         element: String,
-        /// What it lacks.
+        /// The missing part.
         child: &'static str,
     },
     /// A child element given twice.
@@ -80,7 +80,7 @@ pub enum UrdfProblem {
     RepeatedElement {
         /// Element at fault.
         element: String,
-        /// What it has too often.
+        /// The repeated part.
         child: &'static str,
     },
     /// An attribute that is not the numbers it should be.
@@ -92,7 +92,7 @@ pub enum UrdfProblem {
         attribute: &'static str,
         /// Its value.
         value: String,
-        /// How many numbers it should hold.
+        /// Count of numbers it should hold.
         expected: usize,
     },
     /// A joint type that does not exist.
@@ -196,7 +196,7 @@ pub enum UrdfProblem {
     NegativeJointValue {
         /// Joint at fault.
         joint: String,
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
         /// The value.
         value: f64,

@@ -8,7 +8,7 @@ use super::source::JointSource;
 use super::warning::ModelWarning;
 use crate::{JointDynamics, JointKind, Limits};
 
-/// How the joint moves; `None` when it is fixed.
+/// Kind of motion of the joint; `None` when it is fixed.
 pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Option<JointKind>, UrdfError> {
     match joint.joint_type {
         JointType::Fixed => Ok(None),

@@ -16,7 +16,7 @@ pub(crate) struct Follow {
     pub(crate) offset: f64,
 }
 
-/// For every joint of the file: whom it follows, if anyone.
+/// For every joint of the file the joint it follows, if it is a mimic joint.
 pub(crate) fn resolve(robot: &Robot, survey: &Survey) -> Result<Vec<Option<Follow>>, UrdfError> {
     let by_name: HashMap<&str, usize> =
         robot.joints.iter().enumerate().map(|(index, joint)| (&*joint.name, index)).collect();

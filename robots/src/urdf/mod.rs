@@ -23,7 +23,7 @@ pub use warning::ModelWarning;
 
 use crate::{LoadOptions, Model};
 
-/// What becomes of mimic joints.
+/// Treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
     /// They follow their master, as the file says.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Where packages are looked for.
+/// Folders that packages are searched in.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PackagePath {
     /// Folders that are packages or contain them (`ROS_PACKAGE_PATH`).
@@ -29,7 +29,7 @@ impl PackagePath {
     ///
     /// # Errors
     ///
-    /// The folders searched in vain.
+    /// The folders that were searched without success.
     pub fn resolve(&self, uri: &str, file: Option<&Path>) -> Result<PathBuf, Vec<PathBuf>> {
         let package = uri.strip_prefix("package://").or_else(|| uri.strip_prefix("model://"));
         let Some((name, path)) = package.map(|rest| rest.split_once('/').unwrap_or((rest, ""))) else {

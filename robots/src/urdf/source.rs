@@ -12,7 +12,7 @@ use super::warning::ModelWarning;
 use crate::nearest::nearest;
 use crate::{Drive, SafetyController};
 
-/// What the parsed values do not show, in file order.
+/// Facts of the file that the parsed values do not show, in file order.
 pub(crate) struct Survey {
     pub(crate) links: Vec<Position>,
     pub(crate) joints: Vec<JointSource>,

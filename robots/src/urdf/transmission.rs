@@ -66,7 +66,7 @@ pub(crate) fn read<'a, 'i>(
     Ok(())
 }
 
-/// Names the joints that transmissions name in vain.
+/// Warns of transmissions whose joints do not exist.
 pub(crate) fn warn_of_unknown_joints(robot: &Robot, survey: &Survey, warnings: &mut Vec<ModelWarning>) {
     let known = |joint: &str| robot.joints.iter().any(|known| known.name == joint);
     let drives = survey.drives.iter().filter(|(joint, _)| !known(joint));

@@ -30,7 +30,7 @@ pub enum ModelWarning {
         /// Link at fault.
         link: String,
     },
-    /// Nothing beyond a joint has inertia, so the mass matrix is singular.
+    /// No link beyond a joint has inertia, so the mass matrix is singular.
     #[error(
         "link \"{link}\" and all beyond it have no inertia: kinematics work, but forward dynamics of joint \
          \"{joint}\" is impossible; give the link an <inertial>"
@@ -98,11 +98,11 @@ pub enum ModelWarning {
     Ignored {
         /// An attribute and its element, or an element and its section.
         what: String,
-        /// Where the file has it first.
+        /// Place in the file of the first.
         at: Position,
-        /// How often the file has it.
+        /// Count in the file.
         count: usize,
-        /// Why it is ignored.
+        /// Reason for ignoring it.
         reason: &'static str,
     },
     /// A mesh file that is nowhere.

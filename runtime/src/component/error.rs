@@ -3,7 +3,7 @@
 use crate::declare::ConfigError;
 use crate::transport::PortError;
 
-/// A component that could not be configured.
+/// The error of a component that could not be configured.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigureError {
     /// Its configuration does not work.
@@ -12,13 +12,13 @@ pub enum ConfigureError {
     /// A port could not be opened.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// Anything else, in the component's own words.
+    /// Any other failure, with the component's message.
     #[error("{0}")]
     Failed(String),
 }
 
 impl ConfigureError {
-    /// A failure in the component's own words.
+    /// A failure with a message.
     pub fn failed(message: impl core::fmt::Display) -> Self {
         Self::Failed(message.to_string())
     }

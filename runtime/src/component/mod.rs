@@ -1,4 +1,4 @@
-//! What a component is: the one place to start reading.
+//! The trait of a component, and what it is configured with: the place to start reading.
 //!
 //! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs as
 //! a process of its own or hosted with others in one process, in real time or in lockstep, without change.
@@ -6,7 +6,8 @@
 //! * [`Component`] is the trait to implement;
 //! * [`Declare`] takes its ports and parameters, so that a graph can be checked while nothing runs;
 //! * [`Setup`] hands out the ports when it is configured;
-//! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such as `physics.rapier`.
+//! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such
+//!   as `physics.rapier`.
 
 mod error;
 mod setup;
@@ -27,10 +28,18 @@ pub use crate::{
 
 use std::time::Duration;
 
-/// One step in the life of a component: the time it is for, not the time it runs at.
+/// One step of a component: its number and the time it computes for, which is not the time it runs at.
+///
+/// ```
+/// use motorium::component::Tick;
+/// use std::time::Duration;
+///
+/// let tick = Tick { index: 3, time_ns: 3_000_000, period: Duration::from_millis(1) };
+/// assert_eq!((tick.dt(), tick.time()), (0.001, 0.003));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Counts the steps of this component from 0, through restarts.
+    /// Number of the step, from 0; it goes on through restarts of the component.
     pub index: u64,
     /// Nanoseconds since the run began for which the step computes: the scheduled release of a time-triggered
     /// component, the publish time of the sample that woke a triggered one.
@@ -106,25 +115,25 @@ pub trait Component: Sized + 'static {
     /// Declares ports and parameters, and checks the configuration as far as that is possible without running.
     ///
     /// # Errors
-    /// What in the configuration cannot be: the graph is then refused before anything starts.
+    /// The configuration cannot work: the graph is refused before anything starts.
     fn declare(config: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError>;
 
     /// Builds the component. All memory it will ever need is allocated here.
     ///
     /// # Errors
-    /// Whatever keeps the component from running.
+    /// The component cannot run.
     fn configure(config: Self::Config, setup: &mut Setup) -> Result<Self, ConfigureError>;
 
     /// Computes one step: read inputs, compute, publish. No allocation, no lock, no log, no system call.
     ///
     /// # Errors
-    /// A step that failed; what then happens is the policy of the graph file (`on_error`).
+    /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
     /// Runs once when the run ends in an orderly way. Not called when the process is killed.
     fn stop(&mut self) {}
 
-    /// What the component has to say about the finished run: its entry under `results` in the report.
+    /// The component's entry under `results` in the report of the finished run.
     fn result(&self) -> Option<serde_json::Value> {
         None
     }

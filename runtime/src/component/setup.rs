@@ -1,4 +1,4 @@
-//! What a component is configured with: its ports, its parameters, its place in the graph.
+//! The set-up of a component: its ports, its parameters, its place in the graph.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -16,9 +16,29 @@ use crate::transport::{
     Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput, Trigger, open_trigger,
 };
 
-/// Hands a component what it declared.
+/// The set-up of one component: it opens the ports and parameters that the component declared.
 ///
 /// Ports are opened here, once; a port that the graph leaves unwired can be opened too and stays silent.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// struct Filter {
+///     state: Input<JointState>,
+///     filtered: Output<JointState>,
+///     time_constant: Parameter<f64>,
+///     dt: f64,
+/// }
+///
+/// fn configure(setup: &mut Setup) -> Result<Filter, ConfigureError> {
+///     Ok(Filter {
+///         state: setup.input("state")?,
+///         filtered: setup.output("filtered")?,
+///         time_constant: setup.parameter("time_constant")?,
+///         dt: setup.period().as_secs_f64(),
+///     })
+/// }
+/// ```
 pub struct Setup {
     plan: Plan,
     index: usize,
@@ -76,7 +96,7 @@ impl Setup {
     /// The robot the graph gives this component.
     ///
     /// # Errors
-    /// The graph gives it none; say so in `declare` already, so that `check` finds it.
+    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
@@ -229,10 +249,10 @@ impl Setup {
         Ok(Parameter::new(value.clone()))
     }
 
-    /// A place for `N` numbers that outlives a crash of this component.
+    /// Memory for numbers that outlives a crash of this component.
     ///
     /// # Errors
-    /// More than it holds.
+    /// The checkpoint has no room for so many.
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
@@ -262,7 +282,23 @@ fn same_type(layout: &TypeLayout, plan: &PortPlan) -> Result<(), PortError> {
     })
 }
 
-/// Numbers that outlive a crash of their component: saved at a step, found again after a restart.
+/// Numbers that outlive a crash of their component: saved at a step, loaded after a restart.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// /// The angle of a motion, which goes on after a crash where it was.
+/// fn resume(setup: &mut Setup) -> Result<(Checkpoint, f64), ConfigureError> {
+///     let mut checkpoint = setup.checkpoint(1)?;
+///     let angle = checkpoint.resume().map_or(0.0, |numbers| numbers[0]);
+///     Ok((checkpoint, angle))
+/// }
+///
+/// fn step(checkpoint: &mut Checkpoint, angle: &mut f64, tick: &Tick) {
+///     *angle += tick.dt();
+///     checkpoint.save([*angle]);
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Checkpoint {
     context: Rc<Context>,
@@ -270,7 +306,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Saves the numbers: as many as the checkpoint was made for. A writer killed half-way leaves the older ones.
+    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older ones.
     pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for (word, number) in self.words.iter_mut().zip(numbers) {
             *word = number.to_bits();
@@ -278,7 +314,7 @@ impl Checkpoint {
         self.context.block().checkpoint.save(self.words.iter().copied());
     }
 
-    /// The numbers saved before the component was restarted, if it was and they are all finite.
+    /// The numbers saved before a restart of the component; `None` at its first start, or if one is not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
         if self.context.incarnation() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;

@@ -1,4 +1,4 @@
-//! What a component says of itself before it runs: ports, parameters, what it needs.
+//! The declaration of a component: its ports, its parameters, its needs.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::state::{StateBuffer, TypeLayout};
 
-/// Whether a port reads or writes its topic.
+/// The direction of a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -16,13 +16,13 @@ pub enum Direction {
     Output,
 }
 
-/// How a topic carries its samples.
+/// The pattern by which a topic carries its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TopicPattern {
-    /// The newest value, read in place; older ones are gone.
+    /// State: the newest value; older ones are gone.
     State,
-    /// A queue of this many samples per reader; what does not fit is dropped, oldest first, and counted.
+    /// Stream: a queue for each reader; samples that do not fit are dropped, oldest first, and counted.
     Stream {
         /// Samples a reader may lag behind before it loses the oldest.
         capacity: usize,
@@ -55,9 +55,9 @@ pub struct PortDeclaration {
     pub direction: Direction,
     /// State or stream.
     pub pattern: TopicPattern,
-    /// The type it carries.
+    /// Layout of its samples.
     pub layout: TypeLayout,
-    /// Whether the graph must wire it.
+    /// True if the graph must wire it.
     pub required: bool,
     /// One line of explanation.
     pub doc: String,
@@ -126,10 +126,10 @@ pub struct ParameterDeclaration {
 }
 
 impl ParameterDeclaration {
-    /// Checks a value against type and range; an integer is taken where a float is wanted.
+    /// Checks a value against type and range; an integer is accepted for a float.
     ///
     /// # Errors
-    /// Says what was found and what was expected.
+    /// A text with the value found and the values expected.
     pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
         let value = match (self.default.kind(), value) {
             (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
@@ -165,12 +165,12 @@ impl ParameterDeclaration {
     }
 }
 
-/// The robot a component works on, as far as the runtime knows it: a name and where its model is.
+/// The robot of a component, as the runtime knows it: its name and the place of its model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RobotReference {
     /// Its name in the graph file.
     pub name: String,
-    /// What the graph file says: a catalogue name, a folder or a URDF file.
+    /// The value of `urdf` in the graph file: a catalogue name, a folder or a URDF file.
     pub urdf: String,
     /// Folder against which a relative path is resolved: that of the graph file.
     pub base: PathBuf,
@@ -187,7 +187,20 @@ pub struct Declaration {
     pub actuator: bool,
 }
 
-/// Takes the declarations of a component.
+/// The receiver of a component's declarations.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// let mut declare = Declare::new(None);
+/// declare.input::<JointState>("state", "measured joint state");
+/// declare.output::<JointState>("filtered", "joint state with filtered velocities");
+/// declare.float("time_constant", 0.01, 0.0..=1.0, "s", "time constant of the filter");
+///
+/// let declaration = declare.into_declaration();
+/// assert_eq!(declaration.ports.len(), 2);
+/// assert!(declaration.parameters[0].admit(motorium::declare::ParameterValue::Float(2.0)).is_err());
+/// ```
 #[derive(Debug)]
 pub struct Declare {
     pub(crate) declaration: Declaration,
@@ -200,7 +213,7 @@ impl Declare {
         Self { declaration: Declaration::default(), robot }
     }
 
-    /// What was declared.
+    /// The collected declaration.
     pub fn into_declaration(self) -> Declaration {
         self.declaration
     }
@@ -220,7 +233,7 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
     }
 
-    /// An output. Leaving it unwired is allowed: what is published there is then read by nobody.
+    /// An output. The graph may leave it unwired; its samples are then discarded.
     pub fn output<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
     }

@@ -4,15 +4,22 @@ use std::borrow::Cow;
 
 use crate::state::Defect;
 
-/// A configuration that cannot work, found while the graph is checked.
+/// The error of a configuration that cannot work, found while the graph is checked.
+///
+/// ```
+/// use motorium::declare::ConfigError;
+///
+/// let error = ConfigError::key("radius", "0.9 m, expected 0 to 0.5 m").advise("the arm reaches 0.85 m");
+/// assert_eq!(error.key.as_deref(), Some("radius"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct ConfigError {
     /// The key of the `config` table at fault, dotted, if one can be named.
     pub key: Option<String>,
-    /// What was found and what was expected.
+    /// The value found, and the values expected.
     pub message: String,
-    /// What to try, if something can be advised.
+    /// Advice, if there is any.
     pub advice: Option<String>,
 }
 
@@ -27,7 +34,7 @@ impl ConfigError {
         Self { key: None, message: message.into(), advice: None }
     }
 
-    /// Adds what to try.
+    /// Adds advice.
     #[must_use]
     pub fn advise(mut self, advice: impl Into<String>) -> Self {
         self.advice = Some(advice.into());
@@ -35,15 +42,24 @@ impl ConfigError {
     }
 }
 
-/// A step that failed. Holds no heap memory unless its words were put together at run time.
+/// The error of a step. It holds no heap memory unless its message was formatted at run time.
+///
+/// ```
+/// use motorium::declare::StepError;
+///
+/// fn check(joints: usize) -> Result<(), StepError> {
+///     if joints == 7 { Ok(()) } else { Err(StepError::failed("the state has another number of joints")) }
+/// }
+/// assert_eq!(check(6).unwrap_err().to_string(), "the state has another number of joints");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// An output held what must never be published; it was not published.
+    /// An output held an invalid value, which was not published.
     #[error("output `{port}`: {defect}")]
     InvalidOutput {
         /// The port.
         port: &'static str,
-        /// What was wrong with the sample.
+        /// The defect of the sample.
         defect: Defect,
     },
     /// The transport refused to lend or send a sample.
@@ -51,16 +67,16 @@ pub enum StepError {
     Transport {
         /// The port.
         port: &'static str,
-        /// What the transport said.
+        /// The transport's reason.
         reason: &'static str,
     },
-    /// Anything else, in the component's own words.
+    /// Any other failure, with the component's message.
     #[error("{0}")]
     Failed(Cow<'static, str>),
 }
 
 impl StepError {
-    /// A failure in the component's own words.
+    /// A failure with a message.
     pub fn failed(message: impl Into<Cow<'static, str>>) -> Self {
         Self::Failed(message.into())
     }

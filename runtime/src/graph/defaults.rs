@@ -1,4 +1,4 @@
-//! What holds when the graph file does not say. The JSON Schema shows the same values.
+//! Defaults of the graph file. The JSON Schema shows the same values.
 
 use super::values::{Schedule, Share, SpinChoice};
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};

@@ -1,4 +1,4 @@
-//! What is wrong with a graph, where, and what to do about it.
+//! The findings of a check: message, place, advice.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::source::{Sources, Span};
 use crate::severity::Severity;
 
-/// A place in the graph file, or in a `--set` override, with what is to be seen there.
+/// A place in the graph file, or in a `--set` override, with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Label {
     pub span: Span,
@@ -35,16 +35,16 @@ pub struct PlaceReport {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// What is to be seen there; may be empty.
+    /// Label of the place; may be empty.
     pub label: String,
 }
 
 /// One mistake as data, for `--json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct DiagnosticReport {
-    /// How bad it is.
+    /// The severity.
     pub severity: Severity,
-    /// What was found and what was expected.
+    /// The value found, and the values expected.
     pub message: String,
     /// The graph file, or `--set` for an override of the command line.
     pub file: String,
@@ -52,28 +52,28 @@ pub struct DiagnosticReport {
     pub line: Option<usize>,
     /// Column in characters, from 1.
     pub column: Option<usize>,
-    /// What is to be seen at that place; may be empty.
+    /// Label of the place; may be empty.
     pub label: String,
-    /// Other places that have to do with it.
+    /// Related places.
     pub related: Vec<PlaceReport>,
     /// Further facts.
     pub notes: Vec<String>,
-    /// What to try.
+    /// Advice, in one sentence.
     pub advice: Option<String>,
 }
 
 impl Diagnostic {
-    /// How bad it is.
+    /// The severity.
     pub fn severity(&self) -> Severity {
         self.severity
     }
 
-    /// What was found and what was expected, in one line.
+    /// The value found and the values expected, in one line.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// What to try.
+    /// Advice, in one sentence.
     pub fn advice(&self) -> Option<&str> {
         self.advice.as_deref()
     }
@@ -105,7 +105,7 @@ impl Diagnostic {
         self
     }
 
-    /// Another place that has to do with it.
+    /// Adds a related place.
     pub(super) fn and(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
         self.secondary.push(Label { span: span.clone(), text: label.into() });
         self
@@ -117,7 +117,7 @@ impl Diagnostic {
         self
     }
 
-    /// What to try.
+    /// Advice, in one sentence.
     pub(super) fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
         self.advice = Some(advice.into());
         self
@@ -130,7 +130,7 @@ impl Serialize for Diagnostic {
     }
 }
 
-/// Collects what is wrong while a graph is read and resolved.
+/// The findings collected while a graph is read and resolved.
 #[derive(Debug)]
 pub(super) struct Report {
     sources: Arc<Sources>,

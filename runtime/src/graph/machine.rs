@@ -1,4 +1,4 @@
-//! What a graph must know of the machine it is checked for.
+//! The machine for which a graph is checked.
 
 /// The cores a graph may use.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -45,7 +45,7 @@ use source::Sources;
 pub struct Checked {
     /// The graph, resolved.
     pub plan: Plan,
-    /// What is allowed but probably not meant.
+    /// Findings that are allowed but probably not meant.
     pub warnings: Vec<Diagnostic>,
 }
 

@@ -10,7 +10,14 @@ use crate::declare::ParameterValue;
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
 use crate::units::{Rate, TimeSpan};
 
-/// A graph of components that share state: what runs, how it is wired, when it steps and what keeps it safe.
+/// A table whose fields are the values of the keys of the same names.
+macro_rules! take_fields {
+    ($keys:ident, $($field:ident),* $(; $rest:ident: $value:expr)?) => {
+        Self { $( $field: $keys.take(stringify!($field)), )* $( $rest: $value )? }
+    };
+}
+
+/// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
@@ -20,14 +27,14 @@ pub(super) struct GraphTable<'i> {
     /// `realtime`: the machine's clock; `lockstep`: simulated time, deterministic, as fast as the machine allows.
     #[schemars(extend("default" = defaults::CLOCK))]
     pub clock: Option<At<ClockKind>>,
-    /// How long to run; until it is stopped if left out.
+    /// Duration of the run. Default: until it is stopped.
     pub duration: Option<At<TimeSpan>>,
     /// Seed of all random numbers: every component derives its own from this and its name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Which cores do what.
+    /// Use of the cores.
     pub cores: Option<At<CoresTable>>,
-    /// How real time is kept.
+    /// Settings of real time.
     pub realtime: Option<At<RealtimeTable>>,
     /// Robots, by name.
     pub robot: Option<At<Named<RobotTable>>>,
@@ -38,9 +45,9 @@ pub(super) struct GraphTable<'i> {
     pub topic: Option<At<Named<TopicTable>>>,
     /// End-to-end latency budgets, measured from stamps that travel with the data.
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
-    /// What keeps the robot safe when commands fail.
+    /// Limits and states that keep the robot safe.
     pub safety: Option<At<SafetyTable>>,
-    /// Keys that misspelt ones probably mean.
+    /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -63,26 +70,16 @@ pub(super) const TOP_KEYS: [&str; 11] = [
 impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
-        let mut table = Self {
-            name: keys.take("name"),
-            clock: keys.take("clock"),
-            duration: keys.take("duration"),
-            seed: keys.take("seed"),
-            cores: keys.take("cores"),
-            realtime: keys.take("realtime"),
-            robot: keys.take("robot"),
-            component: keys.take("component"),
-            topic: keys.take("topic"),
-            latency: keys.take("latency"),
-            safety: keys.take("safety"),
-            meant: Vec::new(),
-        };
+        let mut table = take_fields!(
+            keys, name, clock, duration, seed, cores, realtime, robot, component, topic, latency, safety;
+            meant: Vec::new()
+        );
         table.meant = keys.finish("the graph");
         Some(table)
     }
 }
 
-/// Which cores do what.
+/// Use of the cores.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Cores")]
 pub(super) struct CoresTable {
@@ -97,13 +94,13 @@ pub(super) struct CoresTable {
 impl<'i> Read<'i> for CoresTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self { realtime: keys.take("realtime"), shared: keys.take("shared") };
+        let table = take_fields!(keys, realtime, shared);
         keys.finish("`[cores]`");
         Some(table)
     }
 }
 
-/// How real time is kept.
+/// Settings of real time.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Realtime")]
 pub(super) struct RealtimeTable {
@@ -114,7 +111,8 @@ pub(super) struct RealtimeTable {
     /// A component whose spin is `"auto"` takes at most this share of its core for it.
     #[schemars(extend("default" = defaults::SPIN_SHARE))]
     pub spin_share: Option<At<Share>>,
-    /// Without the privilege for priorities, cores or locked memory: go on and say so, or refuse to run.
+    /// Treatment of requests for priorities, cores and locked memory that the system denies: go on and report them, or
+    /// refuse.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
     /// Idle states that take longer than this to leave are kept from all cores while the graph runs.
@@ -125,12 +123,7 @@ pub(super) struct RealtimeTable {
 impl<'i> Read<'i> for RealtimeTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self {
-            spin: keys.take("spin"),
-            spin_share: keys.take("spin_share"),
-            on_denied: keys.take("on_denied"),
-            idle_exit: keys.take("idle_exit"),
-        };
+        let table = take_fields!(keys, spin, spin_share, on_denied, idle_exit);
         keys.finish("`[realtime]`");
         Some(table)
     }
@@ -148,7 +141,7 @@ pub(super) struct TopicTable {
 impl<'i> Read<'i> for TopicTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("topic.{key}"), value, report)?;
-        let table = Self { history: keys.take("history") };
+        let table = take_fields!(keys, history);
         keys.finish(&format!("topic `{key}`"));
         Some(table)
     }
@@ -161,7 +154,7 @@ pub(super) struct RobotTable {
     /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
     #[schemars(required)]
     pub urdf: Option<At<String>>,
-    /// Keys that misspelt ones probably mean.
+    /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -169,13 +162,13 @@ pub(super) struct RobotTable {
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = Self { urdf: keys.take("urdf"), meant: Vec::new() };
+        let mut table = take_fields!(keys, urdf; meant: Vec::new());
         table.meant = keys.finish(&format!("robot `{key}`"));
         Some(table)
     }
 }
 
-/// A component: what it runs, when it steps, what it is wired to, and what happens when it fails.
+/// A component: its program, its activation, its wiring, and the consequences of its failure.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Component")]
 pub(super) struct ComponentTable<'i> {
@@ -200,7 +193,7 @@ pub(super) struct ComponentTable<'i> {
     /// Real-time priority. If left out: the faster the component, the higher; as the head of its trigger chain.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
-    /// How long this component spins before its releases, instead of what `[realtime]` says; only with `rate`.
+    /// Spin time of this component before its releases, in place of that in `[realtime]`; only with `rate`.
     pub spin: Option<At<SpinChoice>>,
     /// Core, one of those in `[cores]`. If left out: that of its trigger chain, or the first of its class.
     pub core: Option<At<usize>>,
@@ -212,21 +205,21 @@ pub(super) struct ComponentTable<'i> {
     pub params: Option<At<Named<ParameterValue>>>,
     /// Configuration of the kind.
     pub config: Option<At<AnyTable<'i>>>,
-    /// What happens after a step that ran past the next release.
+    /// Consequence of a step that ran past the next release.
     #[schemars(extend("default" = defaults::ON_OVERRUN))]
     pub on_overrun: Option<At<OnOverrun>>,
-    /// Late steps that are tolerated before the graph goes to its safe state; each step in time makes up for a late one.
-    /// If left out: none with `on_overrun = "safe_stop"`, else any number.
+    /// Late steps that are tolerated before the graph goes to its safe state; each step in time makes up for a late
+    /// one. If left out: none with `on_overrun = "safe_stop"`, else any number.
     pub overruns_tolerated: Option<At<u32>>,
-    /// What happens after a step that failed.
+    /// Consequence of a step that failed.
     #[schemars(extend("default" = defaults::ON_ERROR))]
     pub on_error: Option<At<OnError>>,
-    /// What happens when the component has failed and is not restarted.
+    /// Consequence of a failure without restart.
     #[schemars(extend("default" = defaults::ON_FAILURE))]
     pub on_failure: Option<At<OnFailure>>,
-    /// When it is started again.
+    /// Restart policy.
     pub restart: Option<At<RestartTable>>,
-    /// Keys that misspelt ones probably mean.
+    /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -234,39 +227,20 @@ pub(super) struct ComponentTable<'i> {
 impl<'i> Read<'i> for ComponentTable<'i> {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
-        let mut table = Self {
-            kind: keys.take("kind"),
-            exec: keys.take("exec"),
-            robot: keys.take("robot"),
-            rate: keys.take("rate"),
-            trigger: keys.take("trigger"),
-            phase: keys.take("phase"),
-            budget: keys.take("budget"),
-            schedule: keys.take("schedule"),
-            priority: keys.take("priority"),
-            spin: keys.take("spin"),
-            core: keys.take("core"),
-            subscribe: keys.take("subscribe"),
-            publish: keys.take("publish"),
-            params: keys.take("params"),
-            config: keys.take("config"),
-            on_overrun: keys.take("on_overrun"),
-            overruns_tolerated: keys.take("overruns_tolerated"),
-            on_error: keys.take("on_error"),
-            on_failure: keys.take("on_failure"),
-            restart: keys.take("restart"),
-            meant: Vec::new(),
-        };
+        let mut table = take_fields!(
+            keys, kind, exec, robot, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
+            params, config, on_overrun, overruns_tolerated, on_error, on_failure, restart; meant: Vec::new()
+        );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)
     }
 }
 
-/// When a component is started again.
+/// The restart policy of a component.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Restart")]
 pub(super) struct RestartTable {
-    /// After what.
+    /// Condition of a restart.
     #[schemars(extend("default" = defaults::RESTART_WHEN))]
     pub when: Option<At<RestartWhen>>,
     /// At most this many restarts within `window`.
@@ -283,12 +257,7 @@ pub(super) struct RestartTable {
 impl<'i> Read<'i> for RestartTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self {
-            when: keys.take("when"),
-            at_most: keys.take("at_most"),
-            window: keys.take("window"),
-            within: keys.take("within"),
-        };
+        let table = take_fields!(keys, when, at_most, window, within);
         keys.finish("`restart`");
         Some(table)
     }
@@ -307,10 +276,10 @@ pub(super) struct LatencyTable {
     /// Longest time from the source time of `from` to the publication of `to`.
     #[schemars(required)]
     pub max: Option<At<TimeSpan>>,
-    /// What happens when it takes longer.
+    /// Consequence of a longer time.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
-    /// Keys that misspelt ones probably mean.
+    /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -318,29 +287,23 @@ pub(super) struct LatencyTable {
 impl<'i> Read<'i> for LatencyTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let mut table = Self {
-            from: keys.take("from"),
-            to: keys.take("to"),
-            max: keys.take("max"),
-            on_miss: keys.take("on_miss"),
-            meant: Vec::new(),
-        };
+        let mut table = take_fields!(keys, from, to, max, on_miss; meant: Vec::new());
         table.meant = keys.finish("`[[latency]]`");
         Some(table)
     }
 }
 
-/// What keeps the robot safe. The side that applies commands does this by itself, whoever died.
+/// Limits and states that keep the robot safe. The actuator applies them by itself, whichever process died.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Safety")]
 pub(super) struct SafetyTable {
     /// A command older than this is never applied.
     #[schemars(extend("default" = defaults::STALE_AFTER))]
     pub stale_after: Option<At<TimeSpan>>,
-    /// What is applied instead.
+    /// State applied instead.
     #[schemars(extend("default" = defaults::SAFE_STATE))]
     pub safe_state: Option<At<SafeState>>,
-    /// How long the actuators stay in the safe state before they are stopped, at every end of a run.
+    /// Time for which the actuators stay in the safe state before they are stopped, at every end of a run.
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
 }
@@ -348,11 +311,7 @@ pub(super) struct SafetyTable {
 impl<'i> Read<'i> for SafetyTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = Self {
-            stale_after: keys.take("stale_after"),
-            safe_state: keys.take("safe_state"),
-            settle: keys.take("settle"),
-        };
+        let table = take_fields!(keys, stale_after, safe_state, settle);
         keys.finish("`[safety]`");
         Some(table)
     }

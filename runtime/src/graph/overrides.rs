@@ -17,14 +17,14 @@ use crate::nearest::{list, nearest};
 /// One value of the command line in place of that of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Where it goes, dotted: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a component
-    /// may stand for `component.NAME`.
+    /// Where it goes, dotted: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a
+    /// component may stand for `component.NAME`.
     pub path: String,
     /// The value as TOML; what is not TOML is taken as text, so that `clock=lockstep` needs no quotes.
     pub value: String,
 }
 
-/// An argument that is no override.
+/// The error of an argument that is no override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);
@@ -156,7 +156,7 @@ fn read_path<'i>(
     Some(path)
 }
 
-/// Where a path has led so far.
+/// The position of a path so far.
 enum Place<'t, 'i> {
     Table(&'t mut DeTable<'i>),
     Array(&'t mut DeArray<'i>),

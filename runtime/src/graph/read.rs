@@ -12,7 +12,7 @@ use crate::nearest::{list, nearest};
 /// A TOML value with its place.
 pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 
-/// What stands at a key of the file.
+/// The value at a key of the file.
 #[derive(Debug, Clone)]
 pub(super) struct At<T> {
     /// The value; `None` if it was refused, which has then been reported.
@@ -63,7 +63,7 @@ pub(super) trait Read<'i>: Sized {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self>;
 }
 
-/// Takes the keys of one table, one after the other; [`Keys::finish`] reports those that nobody asked for.
+/// The keys of one table, taken one after the other; [`Keys::finish`] reports those that were not taken.
 pub(super) struct Keys<'t, 'i, 'r> {
     table: &'t DeTable<'i>,
     known: Vec<&'static str>,
@@ -82,7 +82,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Some(Self::of(table, report))
     }
 
-    /// What stands at a key.
+    /// The value at a key.
     pub(super) fn take<T: Read<'i>>(&mut self, name: &'static str) -> Option<At<T>> {
         self.known.push(name);
         let (key, value) = self.table.get_key_value(name)?;

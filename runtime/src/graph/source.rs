@@ -11,7 +11,7 @@ pub(super) type Span = Range<usize>;
 /// One text.
 #[derive(Clone, PartialEq)]
 pub(super) struct Source {
-    /// What messages call it: the path of the file, or `--set`.
+    /// Its name in messages: the path of the file, or `--set`.
     pub name: String,
     /// Its content.
     pub text: String,

@@ -1,8 +1,8 @@
-//! Nobody steps before every port is connected.
+//! The barrier before the first step: every port is connected.
 
 use std::time::{Duration, Instant};
 
-use super::{CONFIGURE_WITHIN, Event, Launch, LaunchError, ending::Signals};
+use super::{CONFIGURE_WITHIN, Event, Launch, LaunchError, shutdown::Signals};
 use crate::plan::{ClockKind, SchedulingClass};
 use crate::region::{Command, Phase};
 use std::sync::atomic::Ordering::Relaxed;
@@ -68,7 +68,7 @@ impl Launch<'_> {
         Ok(true)
     }
 
-    /// What was asked for and not granted, from what the workers read back.
+    /// The requests that were not granted, from the settings that the workers read back.
     fn losses(&self) -> Vec<String> {
         if self.plan.clock == ClockKind::Lockstep || self.options.hosting == super::Hosting::OneProcess {
             return Vec::new();
@@ -99,8 +99,11 @@ impl Launch<'_> {
             ("locked memory", memory),
             ("the core asked for", core),
         ];
-        let idle =
-            self.idling.denied.as_ref().map(|_| "a limit on idle states (/dev/cpu_dma_latency)".to_string());
+        let idle = self
+            .idle_states
+            .denied
+            .as_ref()
+            .map(|_| "a limit on idle states (/dev/cpu_dma_latency)".to_string());
         lost.into_iter()
             .filter(|(_, names)| !names.is_empty())
             .map(|(what, names)| format!("{what} ({})", names.join(", ")))
@@ -108,7 +111,7 @@ impl Launch<'_> {
             .collect()
     }
 
-    /// Passes on what the components have printed.
+    /// Passes on the lines that the components have printed.
     pub(super) fn relay_output(&self, observe: &mut dyn FnMut(Event<'_>)) {
         for child in &self.children {
             for line in child.printed() {

@@ -38,7 +38,7 @@ impl Child {
         Self::spawn(command, program, name)
     }
 
-    /// Starts the guard. It is the head of a process group of its own: what kills the launcher's group spares it.
+    /// Starts the guard as the head of a process group of its own: a signal to the launcher's group spares it.
     pub(super) fn guard(program: &Path, folder: &RunFolder) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
         command.arg(GUARD).arg(folder.path()).process_group(0);
@@ -101,7 +101,7 @@ impl Child {
         self.lines.try_iter()
     }
 
-    /// How it ended, in words, once it has; reaps the process.
+    /// The kind of its end as text, once it has ended; reaps the process.
     pub(super) fn ended(&mut self) -> Option<&str> {
         if self.ended.is_none() {
             self.ended = match &mut self.body {
@@ -126,8 +126,8 @@ impl Child {
         self.ended.as_deref()
     }
 
-    /// Makes it look at the run's command.
-    pub(super) fn nudge(&self, thread: i32) {
+    /// Interrupts its waiting, so that it reads the command.
+    pub(super) fn interrupt(&self, thread: i32) {
         match &self.body {
             Body::Process { watch, .. } => watch.signal(Signal::USR2),
             Body::Thread(Some(_)) if thread != 0 => interrupt_thread(thread),
@@ -148,7 +148,7 @@ impl Child {
         self.ended().is_some()
     }
 
-    /// Ends it by force, if it is a process and still there; reaps it.
+    /// Kills and reaps it if it is a process that still runs.
     pub(super) fn kill(&mut self) {
         if self.ended().is_none()
             && let Body::Process { process, .. } = &mut self.body

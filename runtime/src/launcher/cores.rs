@@ -1,8 +1,8 @@
-//! What else a core did during a run: interrupts, soft interrupts, and time that its host took away.
+//! The other work of a core during a run: interrupts, soft interrupts, and time that its host took away.
 //!
-//! The kernel books an interrupt's time on the thread it interrupts (unless it was built to account for it), so that a
-//! step looks long which was merely interrupted. What is read here are the kernel's counts of the whole system, before
-//! and after a run, by the launcher: no real-time thread does anything for it.
+//! The kernel books an interrupt's time on the thread it interrupts (unless it was built to account for it), so that an
+//! interrupted step looks long. The launcher reads the kernel's counts of the whole system before and after a run; no
+//! real-time thread does anything for it.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -15,38 +15,38 @@ use crate::os::machine::CoreTimes;
 /// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
 const TICK_MS: f64 = 10.0;
 
-/// What happened on one core besides what threads did.
+/// The other work of one core during a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CoreReport {
     /// The core.
     pub core: usize,
-    /// For how long it was watched, s.
+    /// Time of the measurement, s.
     pub seconds: f64,
     /// Time the host of a virtual machine took away from it, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
     /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 where the kernel does not account for it.
     pub interrupt_ms: f64,
-    /// Interrupts by their name in `/proc/interrupts`, those that came at least once: `LOC` is the timer, `RES` and `CAL`
+    /// Interrupts that came at least once, by their name in `/proc/interrupts`: `LOC` is the timer, `RES` and `CAL`
     /// are other cores, the rest are devices.
     pub interrupts: BTreeMap<String, u64>,
-    /// Soft interrupts by their name in `/proc/softirqs`, those that came at least once.
+    /// Soft interrupts that came at least once, by their name in `/proc/softirqs`.
     pub softirqs: BTreeMap<String, u64>,
 }
 
 impl CoreReport {
-    /// All interrupts together.
+    /// Number of all interrupts.
     pub fn interrupts_in_all(&self) -> u64 {
         self.interrupts.values().sum()
     }
 
-    /// Interrupts of devices, which could be bound to another core: without timers and other cores.
+    /// Number of interrupts of devices, which could be bound to another core: without timers and other cores.
     pub fn from_devices(&self) -> u64 {
         let device =
             |name: &&String| !(name.len() == 3 && name.chars().all(|letter| letter.is_ascii_uppercase()));
         self.interrupts.iter().filter(|(name, _)| device(name)).map(|(_, count)| count).sum()
     }
 
-    /// Adds what was seen of the same core at another time.
+    /// Adds a measurement of the same core at another time.
     pub fn add(&mut self, other: &Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;
@@ -59,7 +59,7 @@ impl CoreReport {
     }
 }
 
-/// Watches what happens on cores.
+/// A measurement of the other work of cores.
 #[derive(Debug)]
 pub struct CoreWatch {
     since: Instant,
@@ -68,14 +68,14 @@ pub struct CoreWatch {
 }
 
 impl CoreWatch {
-    /// Begins to watch some cores.
+    /// Starts to measure some cores.
     pub fn start(mut cores: Vec<usize>) -> Self {
         cores.sort_unstable();
         cores.dedup();
         Self { cores, before: Counts::now(), since: Instant::now() }
     }
 
-    /// What happened on each of them since; nothing of what the system does not tell.
+    /// The measurement of each core since the start; zero where the system has no counts.
     pub fn stop(&self) -> Vec<CoreReport> {
         let seconds = self.since.elapsed().as_secs_f64();
         let after = Counts::now();
@@ -123,7 +123,7 @@ impl Counts {
     }
 }
 
-/// What came between two looks on a core.
+/// The counts of a core between two readings.
 fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
     let count = |counts: &ByName, name: &str| counts.get(name).and_then(|cores| cores.get(&core)).copied();
     after
@@ -135,8 +135,8 @@ fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
         .collect()
 }
 
-/// A table of the kernel: cores in the first line, then a label and a number for each core. What has a number as its
-/// label is named by its last word, the device; several of one name are added.
+/// A table of the kernel: cores in the first line, then a label and a number for each core. A row with a number as its
+/// label is named by its last word, the device; rows of one name are added.
 fn table(text: &str) -> ByName {
     let mut lines = text.lines();
     let head = lines.next().unwrap_or_default();
@@ -148,7 +148,7 @@ fn table(text: &str) -> ByName {
         let label = label.trim();
         let mut words = rest.split_whitespace();
         let counts: Vec<u64> = words.by_ref().take(cores.len()).map_while(|word| word.parse().ok()).collect();
-        // what is counted once for all cores (`ERR`, `MIS`) belongs to none
+        // rows with one count for all cores (`ERR`, `MIS`) belong to no core
         if counts.len() < cores.len() {
             continue;
         }

@@ -1,19 +1,19 @@
-//! What a launch tells while it runs.
+//! The events of a run.
 
 use super::Status;
 use crate::plan::Plan;
 
-/// Something worth telling.
+/// An event of a run.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The run's services exist; its components are being started.
     Created {
         /// The run's name.
         run: &'a str,
-        /// What will run.
+        /// The plan.
         plan: &'a Plan,
     },
-    /// What the system denied, in one line.
+    /// The requests that the system denied, in one line.
     Lost(&'a str),
     /// Every port is connected; the first step is due.
     Started,
@@ -30,9 +30,9 @@ pub enum Event<'a> {
         component: &'a str,
         /// Index of the step at which it failed.
         tick: u64,
-        /// What happened.
+        /// The reason.
         reason: &'a str,
-        /// What follows.
+        /// The consequence.
         consequence: &'a str,
     },
     /// A restarted component steps again.
@@ -44,14 +44,14 @@ pub enum Event<'a> {
     },
     /// The graph goes to its safe state.
     SafeStop {
-        /// Why.
+        /// The reason.
         reason: &'a str,
     },
     /// The actuators are in their safe state.
     Safe {
-        /// Time from the cause being noticed to the last actuator's safe state, ns.
+        /// Time from the detection of the cause to the last actuator's safe state, ns.
         after_ns: u64,
     },
-    /// How things are.
+    /// The status of the graph.
     Status(&'a Status),
 }

@@ -1,4 +1,4 @@
-//! A process that outlives a killed launcher: it sees the robot into its safe state and leaves nothing behind.
+//! The guard, a process that outlives a killed launcher: it brings the robot to its safe state and cleans up.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use crate::plan::Plan;
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 
-/// Waits for the launcher's end. A launcher that ends in good order kills its guard first; any other end is the
-/// guard's business.
+/// Waits for the end of the launcher, and ends the run in its place. A launcher that ends in good order kills its guard
+/// first.
 pub fn main(folder: &RunFolder) -> ExitCode {
-    // Whatever ends the launcher's terminal session must not end the guard.
+    // The signals of the launcher's terminal session must not end the guard.
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
     }
@@ -57,8 +57,8 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The living workers of the run. A process number may have been reused since: only programs that were started for
-/// this very run count.
+/// The living workers of the run. A process number may have been reused since: only programs that were started for this
+/// run count.
 fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Watch)> {
     plan.components
         .iter()

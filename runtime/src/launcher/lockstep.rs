@@ -1,17 +1,17 @@
-//! Handing out ticks of simulated time, one component at a time, in a fixed order.
+//! The launcher's side of lockstep: ticks of simulated time, one component at a time, in a fixed order.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
 
-use super::ending::Signals;
-use super::supervise::{Care, Verdict};
+use super::shutdown::Signals;
+use super::supervise::{AfterEnd, Supervision};
 use super::{Event, Exit, Launch, Services};
 use crate::os::{futex_wait, futex_wake, monotonic_ns};
 use crate::plan::Activation;
 use crate::region::{Command, Phase};
 
 impl Launch<'_> {
-    /// Runs simulated time to the run's end, a signal, or a failure. Returns the exit and the simulated time, ns.
+    /// Runs simulated time to the end of the run, a signal, or a failure. Returns the exit and the simulated time, ns.
     pub(super) fn run_lockstep(
         &mut self,
         services: &Services,
@@ -30,7 +30,8 @@ impl Launch<'_> {
             })
             .collect();
         let mut seen = vec![0; next.len()];
-        let mut care: Vec<Care> = self.children.iter().map(|_| Care::default()).collect();
+        let mut supervision: Vec<Supervision> =
+            self.children.iter().map(|_| Supervision::default()).collect();
         let end = self.plan.duration_ns.unwrap_or(u64::MAX);
         let mut next_status = 0;
         loop {
@@ -42,24 +43,24 @@ impl Launch<'_> {
                 return (Exit::Interrupted, time);
             }
             let mut stop = (self.region.header().command() == Command::SafeStop)
-                .then(|| super::ordered::reason(&self.plan, &self.region));
+                .then(|| super::stop_reason::reason(&self.plan, &self.region));
             for &index in &order {
                 if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
-                    stop = self.tick(index, time, &mut care[index], services, observe);
+                    stop = self.tick(index, time, &mut supervision[index], services, observe);
                 }
             }
             if let Some(reason) = stop {
                 observe(Event::SafeStop { reason: &reason });
-                let time = self.settle_lockstep(time, &mut care, services, observe);
+                let time = self.settle_lockstep(time, &mut supervision, services, observe);
                 return (Exit::SafeStop { reason }, time);
             }
             let now = monotonic_ns();
             if now >= next_status {
                 next_status = now + 50_000_000;
                 self.relay_output(observe);
-                self.look_after_guard(observe);
-                for (index, care) in care.iter_mut().enumerate() {
-                    self.tell_tolerated(index, care, observe);
+                self.monitor_guard(observe);
+                for (index, supervision) in supervision.iter_mut().enumerate() {
+                    self.tell_tolerated(index, supervision, observe);
                 }
                 observe(Event::Status(&self.status()));
             }
@@ -88,18 +89,18 @@ impl Launch<'_> {
     fn settle_lockstep(
         &mut self,
         time: u64,
-        care: &mut [Care],
+        supervision: &mut [Supervision],
         services: &Services,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> u64 {
         self.region.header().order(Command::SafeStop);
         let end = time + self.plan.safety.settle_ns;
-        for (index, care) in care.iter_mut().enumerate() {
+        for (index, supervision) in supervision.iter_mut().enumerate() {
             let component = &self.plan.components[index];
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
-            while actuator && !care.is_gone() && next <= end {
-                if self.tick(index, next, care, services, observe).is_some() {
+            while actuator && !supervision.is_gone() && next <= end {
+                if self.tick(index, next, supervision, services, observe).is_some() {
                     break;
                 }
                 next += period;
@@ -113,12 +114,12 @@ impl Launch<'_> {
         &mut self,
         index: usize,
         time: u64,
-        care: &mut Care,
+        supervision: &mut Supervision,
         services: &Services,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<String> {
         let block = &self.region.components()[index];
-        if block.phase() != Phase::Running && !self.await_running(index, care, services, observe) {
+        if block.phase() != Phase::Running && !self.await_running(index, supervision, services, observe) {
             return None;
         }
         let block = &self.region.components()[index];
@@ -136,38 +137,38 @@ impl Launch<'_> {
             if block.tick_done.load(Acquire) == given {
                 return None;
             }
-            match self.look_after(index, care, services, observe) {
-                // The tick it died in is lost; its successor takes part from the next one on.
-                Some(Verdict::Restarted) => {
+            match self.monitor(index, supervision, services, observe) {
+                // The tick in which it died is lost; its successor starts with the next one.
+                Some(AfterEnd::Restarted) => {
                     let block = &self.region.components()[index];
                     block.tick_done.store(given, Release);
-                    self.await_running(index, care, services, observe);
+                    self.await_running(index, supervision, services, observe);
                     return None;
                 }
-                Some(Verdict::Ignored) => return None,
-                Some(Verdict::Fatal(reason)) => return Some(reason),
+                Some(AfterEnd::Ignored) => return None,
+                Some(AfterEnd::Fatal(reason)) => return Some(reason),
                 None => {}
             }
         }
     }
 
-    /// Simulated time stands still while a component starts. False if it is gone for good.
+    /// Waits while a component starts; simulated time stands still. False if it has ended for good.
     fn await_running(
         &mut self,
         index: usize,
-        care: &mut Care,
+        supervision: &mut Supervision,
         services: &Services,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> bool {
-        while !care.is_gone() {
+        while !supervision.is_gone() {
             let block = &self.region.components()[index];
             let phase = block.phase();
             if phase == Phase::Running {
-                self.look_after(index, care, services, observe);
+                self.monitor(index, supervision, services, observe);
                 return true;
             }
             futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
-            self.look_after(index, care, services, observe);
+            self.monitor(index, supervision, services, observe);
         }
         false
     }

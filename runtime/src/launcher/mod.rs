@@ -1,4 +1,4 @@
-//! From a plan to running processes, and back to nothing.
+//! The launcher: from a plan to running processes, and back to nothing.
 //!
 //! The launcher makes every service, starts one process per component, holds them at a barrier until all ports
 //! are connected, watches them, restarts what may be restarted, brings the robot to its safe state when something
@@ -8,15 +8,15 @@
 mod barrier;
 mod child;
 mod cores;
-mod ending;
 mod event;
 pub mod guard;
-mod idling;
+mod idle_states;
 mod lockstep;
-mod ordered;
 mod report;
 mod restart;
+mod shutdown;
 mod status;
+mod stop_reason;
 mod supervise;
 
 use std::path::PathBuf;
@@ -33,35 +33,35 @@ use crate::run_folder::{RunFolder, RunFolderError};
 use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicMemory, TopicService};
 use crate::worker::Registry;
 use child::Child;
-use idling::Idling;
+use idle_states::IdleStates;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use event::Event;
 pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
 pub use status::{ComponentStatus, Status};
 
-/// How to launch.
+/// Options of a launch.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Whether components get processes of their own.
+    /// Processes or threads for the components.
     pub hosting: Hosting,
-    /// The program that hosts built-in kinds and the guard: this one, as a rule.
+    /// The program that hosts built-in kinds and the guard; usually the current one.
     pub program: PathBuf,
 }
 
-/// Where components run.
+/// The hosting of components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosting {
-    /// Each in a process of its own.
+    /// Each component in a process of its own.
     Processes,
-    /// All as threads of the launching process: for tests and for learning, without protection from each other.
+    /// All components as threads of the launching process, unprotected from one another: for tests and for learning.
     OneProcess,
 }
 
-/// A graph could not be launched.
+/// Error of a launch.
 #[derive(Debug, thiserror::Error)]
 pub enum LaunchError {
-    /// The run's folder or region could not be made.
+    /// The run's folder or its control block could not be made.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
     /// The run's domain could not be joined.
@@ -77,7 +77,7 @@ pub enum LaunchError {
         name: String,
         /// Its program.
         program: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
     /// A component failed before the graph began to run.
@@ -85,26 +85,26 @@ pub enum LaunchError {
     Component {
         /// The component.
         name: String,
-        /// What it said, or how it ended.
+        /// Its error, or the kind of its end.
         reason: String,
     },
-    /// The system denied the launcher something it cannot do without.
+    /// The system denied the launcher something that it needs.
     #[error("{what}: {reason}")]
     System {
-        /// What was tried.
+        /// The action that was tried.
         what: &'static str,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
 }
 
 /// Runs a plan to its end: its duration, a signal, or a failure that its policies do not forgive.
 ///
-/// `observe` hears of everything worth telling while the graph runs, about 20 times a second.
+/// `observe` is called with every [`Event`] while the graph runs; with a [`Status`] about 20 times a second.
 ///
 /// # Errors
-/// The graph could not be brought to run; nothing is left behind then. A graph that ran and failed is no error:
-/// its report says how it ended.
+/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report says how
+/// it ended.
 pub fn run(
     plan: Plan,
     registry: &Registry,
@@ -112,7 +112,7 @@ pub fn run(
     observe: &mut dyn FnMut(Event<'_>),
 ) -> Result<Report, LaunchError> {
     crate::transport::quieten();
-    let signals = ending::Signals::catch()
+    let signals = shutdown::Signals::catch()
         .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
     let (folder, region) = RunFolder::create(&plan)?;
     let mut launch = Launch {
@@ -124,7 +124,7 @@ pub fn run(
         children: Vec::new(),
         guard: None,
         lost: Vec::new(),
-        idling: Idling::default(),
+        idle_states: IdleStates::default(),
     };
     let result = launch.live(&signals, observe);
     launch.clean_up();
@@ -141,7 +141,7 @@ struct Launch<'a> {
     children: Vec<Child>,
     guard: Option<Child>,
     lost: Vec<String>,
-    idling: Idling,
+    idle_states: IdleStates,
 }
 
 /// Everything in shared memory that must outlive the components.
@@ -156,11 +156,11 @@ struct Services {
 impl Launch<'_> {
     fn live(
         &mut self,
-        signals: &ending::Signals,
+        signals: &shutdown::Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<Report, LaunchError> {
         self.place_launcher();
-        self.limit_idling()?;
+        self.limit_idle_states()?;
         if self.options.hosting == Hosting::Processes {
             self.start_guard()?;
         }
@@ -176,7 +176,7 @@ impl Launch<'_> {
         }
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let header = self.region.header();
-        // Time enough for every process to be waiting for its first release.
+        // By then every process waits for its first release.
         let watch =
             CoreWatch::start(self.plan.components.iter().filter_map(|component| component.core).collect());
         let start = if lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
@@ -205,7 +205,7 @@ impl Launch<'_> {
         let core = self.plan.components.iter().find_map(|component| component.core).filter(|_| lockstep);
         let cores = core.map_or_else(|| self.plan.scheduling.shared_cores.clone(), |core| vec![core]);
         let class = crate::plan::SchedulingClass::Normal;
-        // Without the right to choose its cores the launcher does its work where it is.
+        // Without the right to choose its cores the launcher stays where it is.
         let _ = crate::os::apply(&crate::os::Request { class, cores, lock_memory: false });
     }
 
@@ -247,10 +247,10 @@ impl Launch<'_> {
         Ok(())
     }
 
-    /// Makes every worker look at the command, whatever it waits for.
+    /// Interrupts every worker, so that it reads the command.
     fn signal_all(&self) {
         for (index, child) in self.children.iter().enumerate() {
-            child.nudge(self.region.components()[index].thread.load(Relaxed) as i32);
+            child.interrupt(self.region.components()[index].thread.load(Relaxed) as i32);
         }
     }
 
@@ -265,7 +265,7 @@ impl Launch<'_> {
     }
 }
 
-/// How long components may take to configure themselves.
+/// Time within which components must be configured.
 const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
-/// How long they may take to end when told to.
+/// Time within which components must end after the command to stop.
 const STOP_WITHIN: Duration = Duration::from_secs(2);

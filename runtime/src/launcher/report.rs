@@ -15,7 +15,7 @@ use crate::telemetry::Percentiles;
 /// Version of the report's format; raised when a field changes its meaning or goes.
 pub const REPORT_VERSION: u32 = 2;
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum Exit {
@@ -25,7 +25,7 @@ pub enum Exit {
     Interrupted,
     /// Something failed; the robot was brought to its safe state.
     SafeStop {
-        /// What failed.
+        /// The failure.
         reason: String,
     },
 }
@@ -37,20 +37,20 @@ pub struct Report {
     pub version: u32,
     /// Name of the graph.
     pub graph: String,
-    /// The clock that drove it.
+    /// The clock of the run.
     pub clock: ClockKind,
-    /// How long it ran, s: simulated time in lockstep.
+    /// Duration of the run, s: simulated time in lockstep.
     pub duration_s: f64,
     /// Simulated time per wall-clock time; 1 in real time.
     pub realtime_factor: f64,
     /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
     pub state_hash: Option<String>,
-    /// How it ended.
+    /// The end of the run.
     pub exit: Exit,
-    /// What the system denied, in words; empty when everything asked for was granted.
+    /// The requests that the system denied, as text; empty if it granted all.
     pub lost: Vec<String>,
-    /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where nothing was
-    /// asked for (lockstep, no real-time component) or the system denied it.
+    /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where no limit was
+    /// requested (lockstep, no real-time component) or the system denied it.
     #[serde(default)]
     pub idle_exit_ns: Option<u64>,
     /// Each component, in the order of the graph file.
@@ -59,15 +59,15 @@ pub struct Report {
     pub latencies: Vec<LatencyReport>,
     /// Each topic and each of its readers.
     pub edges: Vec<EdgeReport>,
-    /// Each core with components that have a core of their own: what else happened there.
+    /// Other work of each core to which a component was pinned.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// What components had to say, by name.
+    /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
 }
 
 /// One component in the report.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComponentReport {
     /// Its name in the graph.
     pub name: String,
@@ -77,15 +77,15 @@ pub struct ComponentReport {
     pub steps: u64,
     /// Steps per second between its first and its last step.
     pub rate_hz: f64,
-    /// From release (or triggering publication) to the beginning of the step, ns.
+    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns.
     pub lateness_ns: Percentiles,
-    /// From the beginning to the end of the step, on the clock on the wall, ns.
+    /// Execution time: from the beginning to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
-    /// Time of the core that each step took: its waiting and waking included, its spinning not, ns.
+    /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu_ns: Percentiles,
-    /// How long it spun before a release at the end of the run, ns.
+    /// Spin time before a release at the end of the run, ns.
     pub spin_ns: u64,
-    /// What it saw of the machine while it spun: for how long, and how often, the core stood still.
+    /// Stalls of the machine while it spun.
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
@@ -93,19 +93,19 @@ pub struct ComponentReport {
     pub errors: u64,
     /// Samples withheld or refused because of their content or their lateness.
     pub refused: u64,
-    /// How often it was restarted.
+    /// Restarts.
     pub restarts: u32,
-    /// Heap allocations in steps after the first 100, its own; `null` if its program does not count them.
+    /// Heap allocations of its own in steps after the first 100; `null` if its program does not count them.
     pub allocations: Option<u64>,
-    /// Heap allocations in steps after the first 100 made by foreign code that is named in its docs.
+    /// Heap allocations in steps after the first 100 by foreign code that its documentation names.
     pub allocations_apart: Option<u64>,
     /// Page faults of its thread after the first 100 steps.
     pub page_faults: u64,
     /// `SCHED_FIFO` priority read back; 0 for any other class.
     pub fifo_priority: u32,
-    /// Whether it ran under `SCHED_DEADLINE`, read back.
+    /// True if it ran under `SCHED_DEADLINE`, read back.
     pub deadline: bool,
-    /// Whether its memory was locked, read back.
+    /// True if its memory was locked, read back.
     pub memory_locked: bool,
 }
 
@@ -118,11 +118,11 @@ pub struct LatencyReport {
     pub to: String,
     /// The budget, ns.
     pub max_ns: u64,
-    /// Measured, from the source time of `from` to the publish time of `to`, ns.
+    /// Latency from the source time of `from` to the publish time of `to`, ns.
     pub latency_ns: Percentiles,
-    /// Measurements above the budget.
+    /// Number of measurements above the budget.
     pub missed: u64,
-    /// Measurements in all.
+    /// Number of measurements.
     pub count: u64,
 }
 
@@ -135,8 +135,8 @@ pub struct EdgeReport {
     pub reader: String,
     /// Samples it read.
     pub read: u64,
-    /// Age of each sample, since its publication, at the beginning of the step that first looked at it, ns; 0 in
-    /// lockstep, where a tick takes no time.
+    /// Age of each sample since its publication, at the beginning of the step that read it first, ns; 0 in lockstep,
+    /// where a tick takes no time.
     pub age_ns: Percentiles,
 }
 
@@ -183,7 +183,7 @@ impl Launch<'_> {
             state_hash: lockstep.then(|| self.state_hash()),
             exit,
             lost: self.lost.clone(),
-            idle_exit_ns: self.idling.exit_ns,
+            idle_exit_ns: self.idle_states.exit_ns,
             components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
             latencies: latencies(&self.plan, &self.region),
             edges: edges(&self.plan, &self.region),
@@ -209,13 +209,14 @@ impl Launch<'_> {
 }
 
 /// Steps per second between the first and the last step.
-pub(super) fn rate_hz(block: &ComponentBlock) -> f64 {
+fn rate_hz(block: &ComponentBlock) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
     let intervals = block.steps.load(Relaxed).saturating_sub(1);
     if last > first { intervals as f64 * 1e9 / (last - first) as f64 } else { 0.0 }
 }
 
-fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
+/// The report of one component, from its counters.
+pub(super) fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
     let counts = block.counts_allocations.load(Relaxed) != 0;
     ComponentReport {
         name: name.to_string(),

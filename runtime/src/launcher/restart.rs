@@ -1,15 +1,15 @@
-//! Whether a component that ended is started again: a pure decision over its history.
+//! The decision on a restart, as a pure function of a component's history.
 
 use crate::plan::{RestartPlan, RestartWhen};
 
-/// The ends of one component so far.
+/// The restarts of one component so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
     restarts_ns: Vec<u64>,
 }
 
 impl History {
-    /// Decides on a component that ended at `now_ns`; a restart that is granted is remembered.
+    /// Decides on a component that ended at `now_ns`; a granted restart is added to the history.
     pub(super) fn grant(&mut self, policy: &RestartPlan, failed: bool, now_ns: u64) -> bool {
         let wanted = match policy.when {
             RestartWhen::Never => false,

@@ -1,16 +1,15 @@
-//! How a running graph is doing, read from its region without touching any component.
+//! The status of a running graph, read from its control block without touching any component.
 
 use std::sync::atomic::Ordering::Relaxed;
 
 use serde::Serialize;
 
-use super::{EdgeReport, LatencyReport, Launch, report};
+use super::{ComponentReport, EdgeReport, LatencyReport, Launch, report};
 use crate::os::monotonic_ns;
 use crate::plan::Plan;
-use crate::region::{Misses, Phase, Region, Stalls};
-use crate::telemetry::Percentiles;
+use crate::region::{Phase, Region};
 
-/// How a running graph is doing.
+/// The status of a running graph.
 #[derive(Debug, Clone, Serialize)]
 pub struct Status {
     /// Time since the start, ns.
@@ -23,35 +22,16 @@ pub struct Status {
     pub edges: Vec<EdgeReport>,
 }
 
-/// How a component is doing.
+/// The status of a component: its phase, and its report so far.
 #[derive(Debug, Clone, Serialize)]
 pub struct ComponentStatus {
-    /// Its name.
-    pub name: String,
-    /// Where it is in its life.
+    /// Phase of its life.
     pub phase: Phase,
-    /// Its process.
-    pub pid: u32,
-    /// Steps done.
-    pub steps: u64,
-    /// Steps per second so far.
-    pub rate_hz: f64,
-    /// Release lateness, ns.
-    pub lateness_ns: Percentiles,
-    /// Execution time on the clock on the wall, ns.
-    pub execution_ns: Percentiles,
-    /// Time of the core that each step took, ns.
-    pub cpu_ns: Percentiles,
-    /// How long it now spins before a release, ns.
-    pub spin_ns: u64,
-    /// What it saw of the machine while it spun.
-    pub stalls: Stalls,
-    /// Missed steps by cause.
-    pub misses: Misses,
-    /// How often it was restarted.
-    pub restarts: u32,
-    /// Whether it is an actuator in its safe state.
+    /// True if it is an actuator in its safe state.
     pub safe: bool,
+    /// Its measurements so far.
+    #[serde(flatten)]
+    pub report: ComponentReport,
 }
 
 impl Status {
@@ -63,19 +43,9 @@ impl Status {
             .iter()
             .zip(region.components())
             .map(|(component, block)| ComponentStatus {
-                name: component.name.clone(),
                 phase: block.phase(),
-                pid: block.pid.load(Relaxed),
-                steps: block.steps.load(Relaxed),
-                rate_hz: report::rate_hz(block),
-                lateness_ns: block.lateness.percentiles(),
-                execution_ns: block.execution.percentiles(),
-                cpu_ns: block.cpu.percentiles(),
-                spin_ns: block.spin_ns.load(Relaxed),
-                stalls: block.stalls(),
-                misses: block.misses(),
-                restarts: block.restarts.load(Relaxed),
                 safe: block.safe.load(Relaxed) != 0,
+                report: report::component(&component.name, block),
             })
             .collect();
         Self {

@@ -1,18 +1,18 @@
-//! Watching a graph run in real time.
+//! Supervision of a graph in real time.
 
 use std::sync::atomic::Ordering::Relaxed;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::restart::History;
-use super::{Event, Exit, Launch, Services, ending::Signals, ordered};
+use super::{Event, Exit, Launch, Services, shutdown::Signals, stop_reason};
 use crate::os::monotonic_ns;
 use crate::plan::OnFailure;
 use crate::region::{Command, Phase};
 
-/// What follows from a component's end.
-pub(super) enum Verdict {
-    /// It is being started again.
+/// The consequence of a component's end.
+pub(super) enum AfterEnd {
+    /// It is restarted.
     Restarted,
     /// The graph goes on without it.
     Ignored,
@@ -20,17 +20,17 @@ pub(super) enum Verdict {
     Fatal(String),
 }
 
-/// What is remembered of each component while the graph runs.
+/// The supervision state of one component.
 #[derive(Default)]
-pub(super) struct Care {
+pub(super) struct Supervision {
     history: History,
-    /// When it ended, if it is on its way up again.
+    /// Time of its end while it restarts, ns.
     down_since_ns: Option<u64>,
     gone: bool,
     tolerated: u64,
 }
 
-impl Care {
+impl Supervision {
     /// Whether it has ended for good.
     pub(super) fn is_gone(&self) -> bool {
         self.gone
@@ -38,7 +38,7 @@ impl Care {
 }
 
 impl Launch<'_> {
-    /// Watches until the run's duration is over, a signal comes, or something fails for good.
+    /// Supervises until the run's duration is over, a signal comes, or something fails for good.
     pub(super) fn supervise(
         &mut self,
         services: &Services,
@@ -47,7 +47,8 @@ impl Launch<'_> {
     ) -> Exit {
         let start = self.region.header().start_ns.load(Relaxed);
         let end = self.plan.duration_ns.map(|duration| start + duration);
-        let mut care: Vec<Care> = self.children.iter().map(|_| Care::default()).collect();
+        let mut supervision: Vec<Supervision> =
+            self.children.iter().map(|_| Supervision::default()).collect();
         let mut next_status = start;
         loop {
             let now = monotonic_ns();
@@ -59,21 +60,21 @@ impl Launch<'_> {
             }
             self.relay_output(observe);
             if self.region.header().command() == Command::SafeStop {
-                let reason = ordered::reason(&self.plan, &self.region);
+                let reason = stop_reason::reason(&self.plan, &self.region);
                 self.safe_stop(&reason, observe);
                 return Exit::SafeStop { reason };
             }
-            for (index, care) in care.iter_mut().enumerate() {
-                let verdict = self.look_after(index, care, services, observe);
-                if let Some(Verdict::Fatal(reason)) = verdict {
+            for (index, supervision) in supervision.iter_mut().enumerate() {
+                let verdict = self.monitor(index, supervision, services, observe);
+                if let Some(AfterEnd::Fatal(reason)) = verdict {
                     self.safe_stop(&reason, observe);
                     return Exit::SafeStop { reason };
                 }
             }
-            if care.iter().all(|care| care.gone) {
+            if supervision.iter().all(|supervision| supervision.gone) {
                 return Exit::Finished;
             }
-            self.look_after_guard(observe);
+            self.monitor_guard(observe);
             if now >= next_status {
                 next_status = now + 50_000_000;
                 observe(Event::Status(&self.status()));
@@ -82,7 +83,7 @@ impl Launch<'_> {
         }
     }
 
-    /// Waits until a process ends, a signal comes, or it is time to look again.
+    /// Waits until a process ends, a signal comes, or the next check is due.
     fn wait_for_something(&self, signals: &Signals, remaining_ns: Option<u64>) {
         let wait = remaining_ns.unwrap_or(u64::MAX).min(20_000_000);
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
@@ -95,24 +96,24 @@ impl Launch<'_> {
         let _ = poll(&mut polled, Some(&timeout));
     }
 
-    /// Looks whether a component ended or came back, and acts by its policy.
-    pub(super) fn look_after(
+    /// Checks whether a component ended or came back, and acts by its policy.
+    pub(super) fn monitor(
         &mut self,
         index: usize,
-        care: &mut Care,
+        supervision: &mut Supervision,
         services: &Services,
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> Option<Verdict> {
-        if care.gone {
+    ) -> Option<AfterEnd> {
+        if supervision.gone {
             return None;
         }
-        self.tell_tolerated(index, care, observe);
+        self.tell_tolerated(index, supervision, observe);
         let now = monotonic_ns();
         let component = &self.plan.components[index];
         let block = &self.region.components()[index];
-        if let Some(down) = care.down_since_ns {
+        if let Some(down) = supervision.down_since_ns {
             if block.phase() == Phase::Running && self.children[index].ended().is_none() {
-                care.down_since_ns = None;
+                supervision.down_since_ns = None;
                 observe(Event::Restarted { component: &component.name, after_ns: now - down });
             } else if now - down > component.restart.within_ns && self.children[index].ended().is_none() {
                 let took = component.restart.within_ns / 1_000_000;
@@ -124,7 +125,7 @@ impl Launch<'_> {
             }
         }
         let how = self.children[index].ended()?.to_string();
-        care.down_since_ns = None;
+        supervision.down_since_ns = None;
         let block = &self.region.components()[index];
         let failed = block.phase() != Phase::Stopped;
         let (tick, reason) = match block.failure() {
@@ -134,9 +135,9 @@ impl Launch<'_> {
         self.relay_output(observe);
         let name = self.plan.components[index].name.clone();
         let policy = self.plan.components[index].restart;
-        if care.history.grant(&policy, failed, now) {
+        if supervision.history.grant(&policy, failed, now) {
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "restarting" });
-            // The dead process still holds its places in the topics until somebody cleans up after it.
+            // The dead process holds its places in the topics until they are cleaned up.
             services.node.try_cleanup_dead_nodes();
             let block = &self.region.components()[index];
             block.restarts.fetch_add(1, Relaxed);
@@ -145,30 +146,35 @@ impl Launch<'_> {
             return match self.start(index) {
                 Ok(child) => {
                     self.children[index] = child;
-                    care.down_since_ns = Some(now);
-                    Some(Verdict::Restarted)
+                    supervision.down_since_ns = Some(now);
+                    Some(AfterEnd::Restarted)
                 }
-                Err(error) => Some(Verdict::Fatal(error.to_string())),
+                Err(error) => Some(AfterEnd::Fatal(error.to_string())),
             };
         }
-        care.gone = true;
-        // Nobody asked it to end: a component that went in good order is missing all the same.
+        supervision.gone = true;
+        // It was not asked to end: a component that stopped in good order is missing all the same.
         let reason = if failed { reason } else { "it ended while the graph runs".to_string() };
         if self.plan.components[index].on_failure == OnFailure::Ignore {
             let consequence = "the graph goes on without it";
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
-            return Some(Verdict::Ignored);
+            return Some(AfterEnd::Ignored);
         }
         observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "safe stop" });
-        Some(Verdict::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
+        Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
     }
 
-    /// Tells of the first error that a component returned and its policy tolerates.
-    pub(super) fn tell_tolerated(&self, index: usize, care: &mut Care, observe: &mut dyn FnMut(Event<'_>)) {
+    /// Reports the first error of a component that its policy tolerates.
+    pub(super) fn tell_tolerated(
+        &self,
+        index: usize,
+        supervision: &mut Supervision,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
         let block = &self.region.components()[index];
         let errors = block.errors.load(Relaxed);
-        if errors > 0 && care.tolerated == 0 {
-            care.tolerated = errors;
+        if errors > 0 && supervision.tolerated == 0 {
+            supervision.tolerated = errors;
             if let Some((tick, reason)) = block.failure() {
                 let component = &self.plan.components[index].name;
                 let consequence = "tolerated, as the graph says; later ones are only counted";
@@ -178,8 +184,8 @@ impl Launch<'_> {
         }
     }
 
-    /// A guard that was killed is replaced: there must always be one.
-    pub(super) fn look_after_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+    /// Replaces a guard that was killed.
+    pub(super) fn monitor_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let Some(guard) = &mut self.guard else { return };
         let Some(how) = guard.ended().map(str::to_string) else { return };
         let consequence = match self.start_guard() {

@@ -1,18 +1,18 @@
-//! What the kernel knows of a thread's time: how long it ran, and how long it waited for its core.
+//! Times of a thread, as the kernel counts them: running, and waiting for its core.
 
 use std::fs::File;
 
 use rustix::thread::ClockId;
 
-/// Time that the calling thread has run, ns: `CLOCK_THREAD_CPUTIME_ID`. A system call of a few hundred nanoseconds.
+/// CPU time of the calling thread, ns: `CLOCK_THREAD_CPUTIME_ID`. A system call of a few hundred nanoseconds.
 ///
-/// A guest kernel that hears of stolen time from its host leaves it out.
+/// A guest kernel that is told of time stolen by its host leaves it out.
 pub fn thread_cpu_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Reads how long a thread was ready to run but another one of this system had its core.
+/// A reader of the time for which a thread was ready to run while another thread of this system had its core.
 #[derive(Debug)]
 pub struct WaitedForCore(Option<File>);
 
@@ -30,7 +30,7 @@ impl WaitedForCore {
     }
 }
 
-/// `schedstat` says: time run, time waited, number of turns.
+/// The fields of `schedstat`: time run, time waited, number of turns.
 fn second_number(text: &[u8]) -> Option<u64> {
     let text = core::str::from_utf8(text).ok()?;
     text.split_ascii_whitespace().nth(1)?.parse().ok()

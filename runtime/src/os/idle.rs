@@ -1,25 +1,25 @@
-//! Keeping cores out of idle states that take long to leave.
+//! A limit on the idle states of all cores.
 
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::time::Duration;
 
-/// Where the kernel takes requests, each held for as long as its file is open.
+/// The kernel's file of requests; each holds as long as its file is open.
 const REQUESTS: &str = "/dev/cpu_dma_latency";
 
-/// A limit on how long any core of the machine may take to leave its idle state, held until this is dropped or the
-/// process ends, however it ends (Linux, *PM Quality Of Service Interface*).
+/// A limit on the time that any core may take to leave its idle state (Linux, *PM Quality Of Service Interface*), held
+/// until this is dropped or the process ends in any way.
 ///
-/// In a virtual machine whose guest may look on instead of halting (`haltpoll`), a limit of zero keeps its processors
-/// from being given away whenever they have nothing to do: they wake up in a fraction of the time, with warm caches.
+/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero keeps the host from taking its
+/// processors whenever they are idle: they wake up in a fraction of the time, with warm caches.
 #[derive(Debug)]
 pub struct IdleLimit(#[expect(dead_code, reason = "held open")] File);
 
 impl IdleLimit {
-    /// Asks for a limit; the shortest that anybody asks for holds. The kernel counts in microseconds, rounded down.
+    /// Requests a limit; the shortest of all requests holds. The kernel counts in microseconds, rounded down.
     ///
     /// # Errors
-    /// This process may not (it is reserved to root), or the system has no such limits.
+    /// The process lacks the right (it is reserved to root), or the system has no such limits.
     pub fn hold(limit: Duration) -> io::Result<Self> {
         let mut requests = File::options().write(true).open(REQUESTS)?;
         let limit_us = i32::try_from(limit.as_micros()).unwrap_or(i32::MAX);

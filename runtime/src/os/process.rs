@@ -1,4 +1,4 @@
-//! Threads and processes: interrupting one's own waiting thread, watching another process end.
+//! Threads and processes: interrupting a waiting thread, watching for the end of another process.
 
 #![allow(unsafe_code)] // signal handlers and `tgkill` have no safe wrapper that keeps EINTR
 
@@ -31,7 +31,7 @@ pub fn install_interrupt() -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Interrupts whatever system call a thread of this process waits in.
+/// Interrupts the system call in which a thread of this process waits.
 pub fn interrupt_thread(thread: i32) {
     // SAFETY: a system call on integers; a thread that is gone gives ESRCH, which is fine.
     unsafe {
@@ -39,7 +39,7 @@ pub fn interrupt_thread(thread: i32) {
     }
 }
 
-/// A handle on another process that tells when it has ended, whatever becomes of its number.
+/// A handle on another process that reports its end, even if its number is reused.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
 

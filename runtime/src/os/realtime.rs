@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::plan::SchedulingClass;
 
-/// What a process asks for.
+/// The real-time settings that a process requests.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// Scheduling class.
@@ -21,16 +21,16 @@ pub struct Request {
     pub lock_memory: bool,
 }
 
-/// What it got, read back from the kernel.
+/// The settings that hold, read back from the kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Applied {
     /// `SCHED_FIFO` priority, or 0 for any other class.
     pub fifo_priority: u8,
-    /// Whether it runs under `SCHED_DEADLINE`.
+    /// True if it runs under `SCHED_DEADLINE`.
     pub deadline: bool,
     /// Cores it may run on.
     pub cores: Vec<usize>,
-    /// Whether its memory is locked.
+    /// True if its memory is locked.
     pub memory_locked: bool,
 }
 
@@ -40,30 +40,30 @@ pub enum Denied {
     /// No real-time priority.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// No time of its own in every period: no privilege, or more than the kernel has left to promise.
+    /// No `SCHED_DEADLINE`: no privilege, or more time than the kernel has left to promise.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
-        /// Time asked for, ns.
+        /// CPU time requested, ns.
         runtime_ns: u64,
         /// In each period of this length, ns.
         period_ns: u64,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
-    /// Not those cores.
+    /// Other cores than requested.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
-    /// Memory not locked.
+    /// Memory that is not locked.
     #[error("locked memory ({0})")]
     Memory(String),
 }
 
-/// Applies a request to the calling thread and process, reads back what holds, and names what was denied.
+/// Applies a request to the calling thread and process, reads the settings back, and lists the denied ones.
 pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     let mut denied = Vec::new();
     let deadline = matches!(request.class, SchedulingClass::Deadline { .. });
     let mut cores = CpuSet::new();
-    // The kernel promises time on any core, so it wants a thread that may run on any.
+    // The kernel grants deadlines only to threads that may run on any core.
     let wanted = if deadline { (0..CpuSet::MAX_CPU).collect() } else { request.cores.clone() };
     wanted.iter().for_each(|core| cores.set(*core));
     if let Err(error) = sched_setaffinity(None, &cores) {
@@ -92,7 +92,7 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
             .unwrap_or_default(),
         memory_locked: request.lock_memory && locked_memory(),
     };
-    // The kernel may say yes and do otherwise (a cpuset, a container): what was read back decides.
+    // The kernel may accept and do otherwise (a cpuset, a container): the settings read back decide.
     if denied.is_empty() {
         if let SchedulingClass::Fifo(priority) = request.class
             && applied.fifo_priority != priority
@@ -131,7 +131,7 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     let mut attributes: libc::sched_attr = unsafe { core::mem::zeroed() };
     attributes.size = size_of::<libc::sched_attr>() as u32;
     attributes.sched_policy = libc::SCHED_DEADLINE as u32;
-    // A thread with a deadline may not make others that have one too.
+    // A thread with a deadline may not create others with one.
     attributes.sched_flags = libc::SCHED_FLAG_RESET_ON_FORK as u64;
     (attributes.sched_runtime, attributes.sched_deadline, attributes.sched_period) =
         (runtime_ns, period_ns, period_ns);
@@ -172,7 +172,7 @@ pub fn page_faults() -> u64 {
     (usage.ru_minflt + usage.ru_majflt) as u64
 }
 
-/// How often the calling thread went to sleep so far: waiting, blocking, not being interrupted.
+/// Number of times the calling thread went to sleep (voluntary context switches).
 pub fn times_asleep() -> u64 {
     usage().ru_nvcsw as u64
 }

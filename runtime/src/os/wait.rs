@@ -19,17 +19,17 @@ pub fn sleep_until(deadline_ns: u64) {
         tv_sec: (deadline_ns / 1_000_000_000) as i64,
         tv_nsec: (deadline_ns % 1_000_000_000) as _,
     };
-    // An error means an interrupting signal (the caller looks at the clock again anyway).
+    // An error means an interrupting signal; the caller reads the clock again anyway.
     let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &deadline);
 }
 
-/// Waits until `word` is no longer `value`, somebody wakes it, a signal arrives, or the timeout passes.
+/// Waits until `word` is no longer `value`, a process wakes it, a signal arrives, or the timeout passes.
 ///
-/// The word may lie in memory shared with other processes. Returns whether it was a signal that ended the wait. Without
-/// one the word may be as it was too: who rings late may wake whoever waits for the next ring.
+/// The word may lie in memory shared with other processes. Returns true if a signal ended the wait. The word may be
+/// unchanged without a signal too: a late wake-up of the value before may end the wait for the next.
 pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
-    // Every other outcome means the same to the caller: look at the word again.
+    // Every other outcome means the same to the caller: read the word again.
     futex::wait(word, futex::Flags::empty(), value, timeout.as_ref()) == Err(rustix::io::Errno::INTR)
 }
 
@@ -43,7 +43,7 @@ pub fn current_core() -> usize {
     rustix::thread::sched_getcpu()
 }
 
-/// Lets others of the same priority run on this core first.
+/// Lets other threads of the same priority run on this core first.
 pub fn yield_core() {
     rustix::thread::sched_yield();
 }

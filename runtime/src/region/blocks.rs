@@ -1,6 +1,6 @@
-//! The blocks of a region.
+//! The parts of a control block.
 
-use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
 
 use serde::{Deserialize, Serialize};
@@ -8,45 +8,45 @@ use serde::{Deserialize, Serialize};
 use super::CheckpointBlock;
 use crate::telemetry::Histogram;
 
-/// What the launcher wants of every worker.
+/// A command of the launcher to all workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Command {
-    /// Configure, open all ports, report ready.
+    /// Configure, open all ports, enter the phase `Ready`.
     Configure = 0,
-    /// All ports exist: connect them, report connected.
+    /// All ports exist: connect them, enter the phase `Connected`.
     Connect = 1,
     /// Step.
     Run = 2,
     /// Go on stepping, but actuators apply the safe state.
     SafeStop = 3,
-    /// Finish in good order.
+    /// End the loop, stop the component, save its result.
     Stop = 4,
 }
 
-/// Where a component is in its life.
+/// The phase of a component's life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum Phase {
-    /// Its process was started or is being started.
+    /// The process is starting.
     Created = 0,
-    /// Configured, all its ports open.
+    /// Configured; all ports are open.
     Ready = 1,
-    /// All its ports connected; waits for the start.
+    /// All ports are connected; it waits for the start.
     Connected = 2,
     /// Stepping.
     Running = 3,
-    /// It failed.
+    /// Failed.
     Faulted = 4,
-    /// It ended in good order.
+    /// Ended in good order.
     Stopped = 5,
 }
 
 macro_rules! from_word {
     ($type:ident, $fallback:ident, $($variant:ident),*) => {
         impl $type {
-            /// Reads a word of the region; an unknown value reads as the most careful variant.
+            /// Decodes a word of the control block; an unknown value reads as the most careful variant.
             pub fn from_word(word: u32) -> Self {
                 $( if word == Self::$variant as u32 { return Self::$variant; } )*
                 Self::$fallback
@@ -57,7 +57,7 @@ macro_rules! from_word {
 from_word!(Command, Stop, Configure, Connect, Run, SafeStop, Stop);
 from_word!(Phase, Faulted, Created, Ready, Connected, Running, Faulted, Stopped);
 
-/// The head of a region. Written by the launcher (and the guard, once the launcher is dead).
+/// The head of a control block. Written by the launcher, and by the guard once the launcher is dead.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Header {
@@ -67,9 +67,9 @@ pub struct Header {
     pub(super) latencies: AtomicU32,
     pub(super) edges: AtomicU32,
     command: AtomicU32,
-    /// Time zero of the run on `CLOCK_MONOTONIC`, ns.
+    /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
-    /// When the safe stop was ordered, ns; 0 if it was not.
+    /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before.
     pub safe_stop_ns: AtomicU64,
     /// Process id of the launcher.
     pub launcher: AtomicU32,
@@ -78,7 +78,7 @@ pub struct Header {
 }
 
 impl Header {
-    /// What the launcher wants.
+    /// The current command.
     pub fn command(&self) -> Command {
         Command::from_word(self.command.load(Acquire))
     }
@@ -88,69 +88,66 @@ impl Header {
         &self.command
     }
 
-    /// Orders something of all workers. A safe stop is never taken back, only followed by a stop.
+    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one, of a
+    /// component or the guard, takes back no stop.
     pub fn order(&self, command: Command) {
-        if self.command() == Command::SafeStop && command != Command::Stop {
-            return;
-        }
-        self.command.store(command as u32, Release);
+        self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
     }
 }
 
-/// Why a step missed its time.
+/// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
     /// The component was ready to run, and another thread of this system had its core.
     LateWake,
-    /// The step itself took too long.
+    /// The step took too long by itself.
     LongStep,
-    /// Nobody in this system had the core, and still the component did not run: the host of a virtual machine had it, or
-    /// the hardware woke late.
+    /// The component did not run although no thread of this system had its core: the host of a virtual machine had it,
+    /// or the hardware woke late.
     Stolen,
-    /// An input that should have been there was stale.
+    /// The command of an actuator was stale.
     LateInput,
 }
 
 /// Missed steps by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Misses {
-    /// The step ended after its deadline because others had the core for too long.
+    /// Steps that ended after their deadline because other threads had the core for too long.
     pub late_wake: u64,
-    /// The step ran past its deadline by its own length.
+    /// Steps that ran past their deadline by their own length.
     pub long_step: u64,
-    /// The step ended after its deadline because the host of the virtual machine, or idle hardware, took too long to run
-    /// it at all.
+    /// Steps that ended after their deadline because the host of the virtual machine, or idle hardware, ran them late.
     pub stolen: u64,
-    /// An actuator found its command stale and applied the safe state instead.
+    /// Steps of an actuator that found the command stale and applied the safe state.
     pub late_input: u64,
-    /// Releases dropped by the overrun policy in consequence.
+    /// Releases dropped by the overrun policy.
     pub skipped: u64,
-    /// Steps longer than the budget, whether or not they met their deadline.
+    /// Steps longer than the budget, late or not.
     pub over_budget: u64,
 }
 
 impl Misses {
-    /// Steps that missed their time, whatever the cause.
+    /// Missed steps of all causes.
     pub fn missed(&self) -> u64 {
         self.late_wake + self.long_step + self.stolen + self.late_input
     }
 }
 
-/// What a component saw of the machine while it did nothing but read the clock: spinning before its releases.
+/// Stalls of the machine that a component measured while it spun before its releases, reading nothing but the clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Stalls {
-    /// For how long it watched, ns.
+    /// Time spent spinning, ns.
     pub watched_ns: u64,
-    /// Times it was stopped for longer than 10 us.
+    /// Number of stalls longer than 10 us.
     pub count: u64,
-    /// For how long in all, ns.
+    /// Sum of the stalls, ns.
     pub total_ns: u64,
-    /// The longest, ns.
+    /// The longest stall, ns.
     pub longest_ns: u64,
 }
 
-/// What one component says of itself. Written by its worker, but for the fields named otherwise.
+/// The state and the counters of one component. Written by its worker, except where a field names another writer.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct ComponentBlock {
@@ -159,19 +156,19 @@ pub struct ComponentBlock {
     pub pid: AtomicU32,
     /// Thread id of the stepping thread.
     pub thread: AtomicU32,
-    /// How often it was restarted. Written by the launcher.
+    /// Restarts. Written by the launcher.
     pub restarts: AtomicU32,
-    /// Lockstep: counts the ticks handed out. Written by the launcher.
+    /// Lockstep: number of ticks handed out. Written by the launcher.
     pub tick_given: AtomicU32,
-    /// Lockstep: counts the ticks done.
+    /// Lockstep: number of ticks done.
     pub tick_done: AtomicU32,
     /// Lockstep: simulated time of the given tick, ns. Written by the launcher.
     pub tick_time_ns: AtomicU64,
     /// Steps done, through restarts.
     pub steps: AtomicU64,
-    /// When the first step began, on the run's clock, ns.
+    /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
-    /// When the last step began, on the run's clock, ns.
+    /// Start of the last step, on the run's clock, ns.
     pub last_step_ns: AtomicU64,
     late_wake: AtomicU64,
     long_step: AtomicU64,
@@ -183,17 +180,17 @@ pub struct ComponentBlock {
     pub over_budget: AtomicU64,
     /// Steps that returned an error and were tolerated.
     pub errors: AtomicU64,
-    /// Samples withheld or refused because of their content.
+    /// Samples withheld because they were late, or refused because of their content.
     pub refused: AtomicU64,
     /// Heap allocations in steps, after the warm-up.
     pub allocations: AtomicU64,
     /// Heap allocations in steps made by named foreign code, after the warm-up.
     pub allocations_apart: AtomicU64,
-    /// 1 if the program counts allocations at all.
+    /// 1 if the program counts allocations.
     pub counts_allocations: AtomicU32,
     /// 1 while an actuator applies the safe state.
     pub safe: AtomicU32,
-    /// When it last entered the safe state, on `CLOCK_MONOTONIC`, ns.
+    /// Last entry into the safe state, on `CLOCK_MONOTONIC`, ns.
     pub safe_since_ns: AtomicU64,
     /// Page faults of the stepping thread, after the warm-up.
     pub page_faults: AtomicU64,
@@ -201,7 +198,7 @@ pub struct ComponentBlock {
     stall_count: AtomicU64,
     stall_total_ns: AtomicU64,
     stall_longest_ns: AtomicU64,
-    /// How long it now spins before a release, ns.
+    /// Current spin time before a release, ns.
     pub spin_ns: AtomicU64,
     /// 1 if it runs under `SCHED_DEADLINE`, read back.
     pub deadline: AtomicU32,
@@ -217,21 +214,21 @@ pub struct ComponentBlock {
     failure: [AtomicU8; 2048],
     /// Release lateness, ns.
     pub lateness: Histogram,
-    /// Execution time of steps on the clock on the wall, ns.
+    /// Execution time of steps, wall-clock ns.
     pub execution: Histogram,
-    /// Time of the core that each step took, its waiting and waking included, its spinning not, ns.
+    /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu: Histogram,
-    /// What a restarted component may resume from.
+    /// Numbers that a restarted component may resume from.
     pub(crate) checkpoint: CheckpointBlock,
 }
 
 impl ComponentBlock {
-    /// Where it is in its life.
+    /// The phase.
     pub fn phase(&self) -> Phase {
         Phase::from_word(self.phase.load(Acquire))
     }
 
-    /// Enters a phase and wakes whoever waits for it.
+    /// Enters a phase and wakes the processes that wait for it.
     pub fn enter(&self, phase: Phase) {
         self.phase.store(phase as u32, Release);
         crate::os::futex_wake(&self.phase);
@@ -265,12 +262,12 @@ impl ComponentBlock {
         }
     }
 
-    /// Counts time spent reading nothing but the clock.
+    /// Adds time spent spinning.
     pub(crate) fn watched(&self, ns: u64) {
         add(&self.stall_watched_ns, ns);
     }
 
-    /// Counts a time for which it was stopped while reading nothing but the clock.
+    /// Counts a stall while spinning.
     pub(crate) fn stalled(&self, ns: u64) {
         add(&self.stall_count, 1);
         add(&self.stall_total_ns, ns);
@@ -279,7 +276,7 @@ impl ComponentBlock {
         }
     }
 
-    /// What it saw of the machine so far.
+    /// The stalls so far.
     pub fn stalls(&self) -> Stalls {
         Stalls {
             watched_ns: self.stall_watched_ns.load(Relaxed),
@@ -289,7 +286,7 @@ impl ComponentBlock {
         }
     }
 
-    /// Leaves the last words of a failing component for the launcher; what does not fit is cut.
+    /// Saves the message of a failing component for the launcher, cut to the capacity.
     pub fn set_failure(&self, tick: u64, message: &str) {
         let mut end = message.len().min(self.failure.len());
         while !message.is_char_boundary(end) {
@@ -302,26 +299,26 @@ impl ComponentBlock {
         self.failure_length.store(end as u32, Release);
     }
 
-    /// The last words of a failed component, if it left any.
+    /// The tick and the message of a failed component, if it saved one.
     pub fn failure(&self) -> Option<(u64, String)> {
         let length = (self.failure_length.load(Acquire) as usize).min(self.failure.len());
         let bytes: Vec<u8> = self.failure[..length].iter().map(|cell| cell.load(Relaxed)).collect();
         (length > 0).then(|| (self.failure_tick.load(Relaxed), String::from_utf8_lossy(&bytes).into_owned()))
     }
 
-    /// Makes the block ready for a restarted process.
+    /// Clears the failure before a restart.
     pub fn forget_failure(&self) {
         self.failure_length.store(0, Release);
     }
 }
 
-/// What is known of one topic. Written by its publisher.
+/// The counters of one topic. Written by its publisher.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct TopicBlock {
     /// Samples published, through restarts of the publisher.
     pub published: AtomicU64,
-    /// When the last sample was published, on the run's clock, ns.
+    /// Time of the last publication, on the run's clock, ns.
     pub last_publish_ns: AtomicU64,
     /// Lockstep: digest of everything published.
     pub digest: AtomicU64,
@@ -333,7 +330,7 @@ pub struct TopicBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EdgeBlock {
-    /// Age of each sample, since its publication, at the beginning of the step that first looked at it, ns.
+    /// Age of each sample since its publication, at the beginning of the step that read it first, ns.
     pub age: Histogram,
 }
 
@@ -351,4 +348,36 @@ pub struct LatencyBlock {
 #[inline]
 pub(crate) fn add(cell: &AtomicU64, value: u64) {
     cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_safe_stop_takes_back_no_stop_and_a_late_run_no_safe_stop() {
+        let header = Header {
+            magic: AtomicU64::new(0),
+            components: AtomicU32::new(0),
+            topics: AtomicU32::new(0),
+            latencies: AtomicU32::new(0),
+            edges: AtomicU32::new(0),
+            command: AtomicU32::new(0),
+            start_ns: AtomicU64::new(0),
+            safe_stop_ns: AtomicU64::new(0),
+            launcher: AtomicU32::new(0),
+            guard: AtomicU32::new(0),
+        };
+        for (order, expected) in [
+            (Command::Connect, Command::Connect),
+            (Command::Run, Command::Run),
+            (Command::SafeStop, Command::SafeStop),
+            (Command::Run, Command::SafeStop),
+            (Command::Stop, Command::Stop),
+            (Command::SafeStop, Command::Stop),
+        ] {
+            header.order(order);
+            assert_eq!(header.command(), expected, "after {order:?}");
+        }
+    }
 }

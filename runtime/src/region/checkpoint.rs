@@ -1,4 +1,4 @@
-//! A place where a component leaves its state, so that it can resume after a crash.
+//! Memory for a component's state that outlives a crash of the component.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 

@@ -1,4 +1,4 @@
-//! Maps the region's file and hands out its blocks.
+//! The mapped file of a control block.
 
 #![allow(unsafe_code)] // the one place where mapped bytes become blocks
 
@@ -11,31 +11,31 @@ use memmap2::{MmapOptions, MmapRaw};
 use super::{ComponentBlock, EdgeBlock, Header, LatencyBlock, TopicBlock};
 use crate::plan::Plan;
 
-/// First word of every region; the low digits are the version of its layout.
+/// First word of every control block; the low digits are the version of its layout.
 const MAGIC: u64 = 0x6d6f_746f_7269_0002;
 
-/// A region could not be made or opened.
+/// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]
 pub enum RegionError {
-    /// The file system refused.
+    /// The file system refused it.
     #[error("{path}: {source}")]
     Io {
-        /// The region's file.
+        /// The file.
         path: PathBuf,
-        /// What it said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The file is not a region, or one of another version of motorium, or cut short.
+    /// The file is no control block, is one of another version of motorium, or is cut short.
     #[error("{path}: {found}; expected the shared memory of a run made by this version of motorium")]
     NotARegion {
-        /// The region's file.
+        /// The file.
         path: PathBuf,
-        /// What was found.
+        /// The value found.
         found: String,
     },
 }
 
-/// How many blocks of each sort a region holds.
+/// Numbers of blocks in a control block.
 #[derive(Debug, Clone, Copy, Default)]
 struct Counts {
     components: usize,
@@ -62,7 +62,7 @@ impl Counts {
     }
 }
 
-/// The mapped region of a run.
+/// The control block of a run, mapped into this process.
 #[derive(Debug)]
 pub struct Region {
     memory: MmapRaw,
@@ -70,7 +70,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// Makes the region of a run.
+    /// Makes the control block of a run.
     ///
     /// # Errors
     /// The file cannot be made: no space, no permission, or it exists.
@@ -98,10 +98,10 @@ impl Region {
         Ok(region)
     }
 
-    /// Opens the region of a run.
+    /// Opens the control block of a run.
     ///
     /// # Errors
-    /// The file cannot be opened, or is no region of this version.
+    /// The file cannot be opened, or is no control block of this version.
     pub fn open(path: &Path) -> Result<Self, RegionError> {
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
         let wrong = |found: String| RegionError::NotARegion { path: path.to_path_buf(), found };

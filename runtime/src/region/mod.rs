@@ -1,7 +1,7 @@
-//! The run's own shared memory, beside the state buffers: lifecycle, lockstep hand-over, measurements.
+//! The control block of a run: its lifecycle, the ticks of lockstep, its measurements, in shared memory.
 //!
-//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is
-//! atomics, valid from zero bytes on; each block has one writer, named in its docs.
+//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is atomics,
+//! for which zero bytes are valid; each part has one writer, named in its docs.
 
 mod blocks;
 mod checkpoint;

@@ -1,4 +1,4 @@
-//! What an admission says.
+//! The result of an admission.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,7 +7,7 @@ use super::{Overheads, RtLimit};
 use crate::plan::ClockKind;
 use crate::severity::Severity;
 
-/// Whether a graph can hold its times, with the arithmetic.
+/// The result of the analysis of a graph's times, with the arithmetic.
 ///
 /// What is not known (components without a budget, releases by components that are not real-time) counts as nothing in
 /// all sums. What exceeds its limit even so is refused; what does not, but rests on it, is not provable.
@@ -17,9 +17,9 @@ pub struct Admission {
     pub verdict: Verdict,
     /// The clock of the graph: in lockstep nothing has a deadline, and nothing is analysed.
     pub clock: ClockKind,
-    /// What the machine and the runtime were taken to cost.
+    /// The overheads assumed.
     pub overheads: Overheads,
-    /// How much of a core real-time threads may have.
+    /// The kernel's limit on real-time threads.
     pub rt_limit: RtLimit,
     /// Every core with real-time components.
     pub cores: Vec<CoreLoad>,
@@ -29,23 +29,23 @@ pub struct Admission {
     pub tasks: Vec<TaskBound>,
     /// Every latency budget, in the order of the plan.
     pub latencies: Vec<LatencyBound>,
-    /// What does not hold, or cannot be proved to.
+    /// Problems: bounds that do not hold, or cannot be proved to.
     pub problems: Vec<Problem>,
 }
 
 impl Admission {
-    /// Whether the graph must not run: something cannot hold.
+    /// True if the graph must not run, because a bound does not hold.
     pub fn refuses(&self) -> bool {
         self.verdict == Verdict::Exceeds
     }
 
-    /// What cannot hold.
+    /// The bounds that do not hold.
     pub fn refusals(&self) -> impl Iterator<Item = &Problem> {
         self.problems.iter().filter(|problem| problem.severity == Severity::Error)
     }
 }
 
-/// Whether something holds.
+/// The verdict on a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -59,7 +59,7 @@ pub enum Verdict {
     Exceeds,
 }
 
-/// How busy real-time components keep a core.
+/// The load of real-time components on a core.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct CoreLoad {
     /// The core.
@@ -68,37 +68,37 @@ pub struct CoreLoad {
     pub share: f64,
     /// Share that real-time threads may have before the kernel stops them.
     pub limit: f64,
-    /// Whether it holds.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What the share is made of.
+    /// The terms of the share.
     pub terms: Vec<LoadTerm>,
     /// The sum in one line.
     pub arithmetic: String,
 }
 
-/// What the components that the kernel schedules by their deadlines take of all cores together.
+/// The load on all cores together of the components that the kernel schedules by deadlines.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DeadlineLoad {
-    /// How many cores the graph has.
+    /// Number of cores of the graph.
     pub cores: usize,
     /// Share of one core's time that they reserve, together.
     pub share: f64,
     /// The most that the kernel takes.
     pub limit: f64,
-    /// Whether it does.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What the share is made of.
+    /// The terms of the share.
     pub terms: Vec<LoadTerm>,
     /// The sum in one line.
     pub arithmetic: String,
 }
 
-/// What one component does to its core.
+/// The load of one component on its core.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LoadTerm {
     /// Name of the component.
     pub component: String,
-    /// What it takes the time for.
+    /// The use of the time.
     pub activity: Activity,
     /// Time per period, ns.
     pub cost_ns: u64,
@@ -108,7 +108,7 @@ pub struct LoadTerm {
     pub share: f64,
 }
 
-/// What a component does with a core.
+/// A component's use of a core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activity {
@@ -120,7 +120,7 @@ pub enum Activity {
     Reserved,
 }
 
-/// How long a component may take from its release to the end of its step.
+/// Bound on the time of a component from its release to the end of its step.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TaskBound {
     /// Name of the component.
@@ -142,13 +142,13 @@ pub struct TaskBound {
     pub chain_ns: Option<u64>,
     /// The next release may follow after this time, ns: until then the step must have ended.
     pub deadline_ns: u64,
-    /// Whether it holds.
+    /// The verdict.
     pub verdict: Verdict,
-    /// How `response_ns` comes about, in one line.
+    /// The sum that gives `response_ns`, in one line.
     pub arithmetic: String,
 }
 
-/// How long data may take from one topic to another.
+/// Bound on the latency of data from one topic to another.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LatencyBound {
     /// Topic at the head of the chain.
@@ -161,21 +161,21 @@ pub struct LatencyBound {
     pub bound_ns: Option<u64>,
     /// Longest time allowed, ns.
     pub max_ns: u64,
-    /// Whether it holds.
+    /// The verdict.
     pub verdict: Verdict,
-    /// How `bound_ns` comes about, in one line.
+    /// The sum that gives `bound_ns`, in one line.
     pub arithmetic: String,
 }
 
 /// Something that does not hold (an error), or cannot be proved to (a warning).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
-    /// How bad it is.
+    /// The severity.
     pub severity: Severity,
-    /// What it is.
+    /// The problem, in one sentence.
     pub message: String,
     /// The sum behind it, in one line.
     pub arithmetic: Option<String>,
-    /// What to try.
+    /// Advice, in one sentence.
     pub advice: String,
 }

@@ -1,4 +1,4 @@
-//! Whether a graph can hold its times: a static plan, response times, latencies; all pure functions, without a clock.
+//! The analysis of a plan's times: a static plan, response times, latencies; pure functions without a clock.
 //!
 //! [`admit`] is the check before a launch. Its model, and what it rests on:
 //!
@@ -13,28 +13,17 @@
 //!   cannot be interrupted are no part of the model: they show while the graph runs, counted by cause.
 //! * Equal priorities: a chain that is ahead in the queue is counted whole. What waits for the clock goes to the end of
 //!   the queue once more as it gets the core, so that those which a publication woke meanwhile come first.
-//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds up
-//!   those that are triggered on its core, unless they are more urgent.
+//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds
+//!   up those that are triggered on its core, unless they are more urgent.
 //! * What is not known counts as nothing, and what rests on it as not provable.
 //!
-//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and cores
-//! to components for which a graph does not.
+//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and
+//! cores to components for which a graph does not.
 
 mod admission;
-pub mod assign;
-mod global;
-mod latency;
-mod load;
-mod overheads;
-mod phases;
-mod problems;
-mod response;
-mod tasks;
-mod terms;
+mod analysis;
+mod explain;
 mod timeline;
-mod unknown;
-mod window;
-mod words;
 
 #[cfg(test)]
 pub(crate) mod tests;
@@ -42,13 +31,15 @@ pub(crate) mod tests;
 pub use admission::{
     Activity, Admission, CoreLoad, DeadlineLoad, LatencyBound, LoadTerm, Problem, TaskBound, Verdict,
 };
-pub use overheads::{Overheads, RtLimit};
-pub use tasks::{Place, Release, Reservation, Stage, StaticPlan, Step, Task};
+pub use analysis::assign;
+pub use analysis::overheads::{Overheads, RtLimit};
+pub use analysis::tasks::{Place, Release, Reservation, Stage, StaticPlan, Step, Task};
 pub use timeline::{CoreTimeline, Lane, Segment, Timeline, timeline};
 
 use crate::plan::{ClockKind, Plan};
-use latency::Analysis;
-use unknown::Unknown;
+use analysis::unknown::Unknown;
+use analysis::{Analysis, response};
+use explain::{latency, load, problems, task};
 
 /// Finds out whether a graph can hold its times on a machine with these overheads and this limit for real-time threads.
 pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
@@ -73,7 +64,7 @@ pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission
     admission.cores =
         tasks.cores().into_iter().map(|core| load::load(plan, &tasks, core, &rt_limit)).collect();
     admission.deadlines = load::deadlines(plan, &tasks, &rt_limit);
-    admission.tasks = (0..plan.components.len()).map(|component| bound(&analysis, component)).collect();
+    admission.tasks = (0..plan.components.len()).map(|component| task::bound(&analysis, component)).collect();
     admission.latencies = plan.latencies.iter().map(|latency| latency::latency(&analysis, latency)).collect();
     problems::find(&analysis, &mut admission);
     let verdicts = (admission.cores.iter().map(|core| core.verdict))
@@ -82,105 +73,4 @@ pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission
         .chain(admission.latencies.iter().map(|latency| latency.verdict));
     admission.verdict = verdicts.max().unwrap_or(Verdict::BestEffort);
     admission
-}
-
-/// The bound of one component.
-fn bound(analysis: &Analysis<'_>, component: usize) -> TaskBound {
-    let (plan, tasks) = (analysis.plan, analysis.tasks);
-    let planned = &plan.components[component];
-    let deadline_ns = planned.period_ns();
-    let mut found = TaskBound {
-        component: planned.name.clone(),
-        core: tasks::core(plan, planned),
-        priority: tasks::priority(planned),
-        period_ns: planned.period_ns(),
-        budget_ns: planned.budget_ns,
-        released_with: planned.name.clone(),
-        response_ns: None,
-        chain_ns: None,
-        deadline_ns,
-        verdict: Verdict::BestEffort,
-        arithmetic: "not real-time".to_string(),
-    };
-    if let Some((index, reservation)) = tasks.reservation(component) {
-        return by_deadline(analysis, index, reservation, found);
-    }
-    let Some(place) = tasks.places[component] else {
-        if found.priority.is_some() {
-            found.verdict = Verdict::NotProvable;
-            found.arithmetic = "may run on several cores".to_string();
-        }
-        return found;
-    };
-    let task = &tasks.tasks[place.task];
-    found.released_with.clone_from(&plan.components[task.head()].name);
-    let bound = analysis.responses.bounds[place.task].as_ref().and_then(|stages| stages.get(place.stage));
-    let Some(bound) = bound else {
-        found.verdict = Verdict::Exceeds;
-        found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
-        return found;
-    };
-    // a time-triggered component is measured from its release, not from where it begins to spin
-    let (sum, spin) = match task.release {
-        Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
-        Release::Trigger { .. } => (&bound.response, 0),
-    };
-    let response = u64::try_from(sum.total - spin).unwrap_or(0);
-    let holds = response <= deadline_ns;
-    let known = !analysis.unknown.rests[place.task];
-    let terms: Vec<String> = terms::of(analysis, place, 0, sum)
-        .iter()
-        .enumerate()
-        .map(|(index, term)| terms::joined(index, term))
-        .collect();
-    found.response_ns = Some(response);
-    found.chain_ns = latency::since_release(analysis, component);
-    found.verdict = match (holds, known) {
-        (false, _) => Verdict::Exceeds,
-        (true, false) => Verdict::NotProvable,
-        (true, true) => Verdict::Holds,
-    };
-    found.arithmetic = words::comparison(&terms, words::time(response), holds, &words::time(deadline_ns));
-    found
-}
-
-/// The bound of a component that the kernel schedules by its deadline.
-fn by_deadline(
-    analysis: &Analysis<'_>,
-    index: usize,
-    reservation: &Reservation,
-    mut found: TaskBound,
-) -> TaskBound {
-    let (cost, runtime) = (reservation.step.cost_ns(), reservation.runtime_ns);
-    let deadline = words::time(found.deadline_ns);
-    found.verdict = Verdict::Exceeds;
-    if cost > runtime {
-        found.arithmetic =
-            format!("{} > {} that the kernel gives it", words::time(cost), words::time(runtime));
-        return found;
-    }
-    let responses = analysis.responses;
-    let (Some(response), Some(finish)) = (
-        responses.reserved_response[index],
-        responses.reserved_finish(index).and_then(|ns| u64::try_from(ns).ok()),
-    ) else {
-        found.arithmetic = format!("not in time for certain beside the other deadlines > {deadline}");
-        return found;
-    };
-    let holds = finish <= found.deadline_ns;
-    let mut terms = vec![format!("{} ({})", words::time(cost), found.component)];
-    let mut add = |ns: u64, what: &str| {
-        if ns > 0 {
-            terms.push(format!("+ {} ({what})", words::time(ns)));
-        }
-    };
-    add(u64::try_from(response).unwrap_or(0).saturating_sub(cost), "others by their deadlines");
-    add(u64::try_from(responses.reserved_late).unwrap_or(0), "released late");
-    found.response_ns = Some(finish);
-    found.chain_ns = Some(finish);
-    if holds {
-        found.verdict = if found.budget_ns.is_some() { Verdict::Holds } else { Verdict::NotProvable };
-    }
-    found.arithmetic = words::comparison(&terms, words::time(finish), holds, &deadline);
-    found
 }

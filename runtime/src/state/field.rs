@@ -1,4 +1,4 @@
-//! What a state buffer may consist of.
+//! The types that a state buffer may consist of.
 
 #![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
 
@@ -73,7 +73,7 @@ impl core::fmt::Debug for Digest {
     }
 }
 
-/// What is wrong with the content of a state buffer. Holds no heap memory: it is made on the hot path.
+/// A defect in the content of a state buffer. It holds no heap memory: it is made on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Defect {
     /// A number is NaN or infinite.
@@ -83,7 +83,7 @@ pub enum Defect {
         field: &'static str,
         /// Its index when it is an array, else 0.
         index: usize,
-        /// What was found.
+        /// The value found.
         value: f64,
     },
     /// A count is larger than the buffer behind it.

@@ -1,7 +1,7 @@
 //! Cartesian state: poses, twists, wrenches, inertial measurements, phases.
 
 crate::state_buffer! {
-    /// Where a frame should be and how it should move, expressed in the world frame.
+    /// The target pose and velocity of a frame, expressed in the world frame.
     pub struct PoseTarget as "motorium.PoseTarget" {
         /// Position of the frame's origin, m.
         pub position: [f64; 3],
@@ -19,8 +19,8 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Where the base of a robot is and how it moves: with the joints' state, the whole state of a robot whose base moves
-    /// freely.
+    /// Where the base of a robot is and how it moves: with the joints' state, the whole state of a robot whose base
+    /// moves freely.
     ///
     /// Position, orientation, then both velocities are the base's part of the `q` and `v` of `motorium-robots`.
     pub struct BaseState as "motorium.BaseState" {

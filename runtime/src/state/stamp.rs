@@ -4,7 +4,8 @@
 use super::StateBuffer;
 
 crate::state_buffer! {
-    /// The header of a sample: its number, its times and its publisher. The user header of every [`StateBuffer`] sample.
+    /// The header of a sample: its number, its times and its publisher. The user header of every [`StateBuffer`]
+    /// sample.
     ///
     /// Times are nanoseconds on `CLOCK_MONOTONIC`, or simulated nanoseconds since the start in lockstep.
     pub struct Stamp as "motorium.Stamp" {

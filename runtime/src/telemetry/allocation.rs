@@ -1,4 +1,4 @@
-//! A global allocator that counts, so that a run can prove its hot path allocates nothing.
+//! A global allocator that counts the allocations of each thread.
 
 #![allow(unsafe_code)] // `GlobalAlloc` is an unsafe trait; every call goes straight to the system's allocator
 
@@ -12,9 +12,9 @@ pub struct CountingAllocator;
 /// Heap allocations of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// All but those set apart.
+    /// All except those within [`set_apart`].
     pub own: u64,
-    /// Those made inside [`set_apart`].
+    /// Those within [`set_apart`].
     pub set_apart: u64,
 }
 
@@ -68,7 +68,7 @@ pub fn counts_allocations() -> bool {
     allocations() != before
 }
 
-/// Runs a call into somebody else's code whose allocations are known and counted apart.
+/// Runs a call into foreign code whose allocations are known, and counts them apart.
 pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
     let outer = APART.replace(true);
     let result = call();

@@ -48,7 +48,7 @@ impl Snapshot {
         reached.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// What was recorded since an earlier snapshot of the same histogram.
+    /// The values recorded since an earlier snapshot of the same histogram.
     ///
     /// Its maximum is exact if it is one of the whole histogram; else it is that of its bucket, at most 1/32 above.
     pub fn since(&self, earlier: &Self) -> Self {

@@ -1,7 +1,7 @@
 //! Counts of heap allocations.
 
-/// The heap allocations of a call, in the calling thread. Those within [`set_apart`](crate::telemetry::set_apart) do not
-/// count.
+/// The heap allocations of a call, in the calling thread. Those within [`set_apart`](crate::telemetry::set_apart) do
+/// not count.
 ///
 /// ```
 /// motorium::count_allocations!();

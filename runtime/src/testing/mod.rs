@@ -2,8 +2,8 @@
 //!
 //! A test builds a [`Graph`] in code, or takes the text of a graph file and adds to it, and runs it hosted: every
 //! component is a thread of the test's process, by default in lockstep, so that a run of a simulated second takes
-//! milliseconds and gives the same numbers every time. [`Source`] publishes what a closure returns, [`Function`] answers
-//! an input with an output, [`Probe`] records what it reads.
+//! milliseconds and gives the same numbers every time. [`Source`] publishes what a closure returns, [`Function`]
+//! answers an input with an output, [`Probe`] records what it reads.
 //!
 //! ```
 //! use motorium::prelude::*;

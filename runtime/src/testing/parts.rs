@@ -12,13 +12,13 @@ use crate::declare::{ConfigError, Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
-/// A component that publishes on a topic what a closure returns in each step; nothing in a step where it returns `None`.
-/// At 1 kHz unless its instance says otherwise.
+/// A component that publishes on a topic what a closure returns in each step; nothing in a step where it returns
+/// `None`. At 1 kHz unless its instance says otherwise.
 #[derive(Debug)]
 pub struct Source(Instance);
 
-/// A component that reads the newest sample of one topic, gives it to a closure (`None` before the first), and publishes
-/// on another what the closure returns. At 1 kHz unless its instance says otherwise.
+/// A component that reads the newest sample of one topic, gives it to a closure (`None` before the first), and
+/// publishes on another what the closure returns. At 1 kHz unless its instance says otherwise.
 #[derive(Debug)]
 pub struct Function(Instance);
 

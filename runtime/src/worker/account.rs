@@ -1,4 +1,4 @@
-//! The accounts of one component: what its steps cost, which were late, and why.
+//! The accounts of one component: cost of its steps, late steps, causes.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -8,11 +8,11 @@ use crate::os::{WaitedForCore, thread_cpu_ns, times_asleep};
 use crate::plan::{ComponentPlan, OnOverrun};
 use crate::region::{ComponentBlock, MissCause, add};
 
-/// Steps after which the kernel's numbers of waiting and sleeping are read again, so that a miss is not charged with what
-/// was long before. Reading them costs about as much as a short step, hence not at each.
+/// Steps between two readings of the kernel's counts of waiting and sleeping, so that a miss is not charged with old
+/// waiting. A reading costs about as much as a short step.
 const REFRESH: u32 = 64;
 
-/// What is remembered from step to step. Everything here happens after a step has published, outside the hot path.
+/// The accounts from step to step. All of it runs after a step has published, outside the hot path.
 #[derive(Debug)]
 pub(super) struct Accounts {
     budget_ns: Option<u64>,
@@ -29,11 +29,11 @@ pub(super) struct Accounts {
     last_cause: Option<MissCause>,
 }
 
-/// What follows from a step.
+/// The consequence of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Consequence {
     GoOn,
-    /// More overruns than the graph tolerates.
+    /// The graph stops safely: there were more overruns than it tolerates.
     SafeStop,
 }
 
@@ -56,28 +56,28 @@ impl Accounts {
         }
     }
 
-    /// Begins to count: what the thread has used so far went into getting ready.
+    /// Begins to count; time used before went into the set-up.
     pub(super) fn open(&mut self) {
         self.cpu_ns = thread_cpu_ns();
         self.refresh();
     }
 
-    /// The worker has slept for the step to come; any other sleep is the component's.
+    /// Notes that the worker slept before the coming step; any other sleep is the component's.
     pub(super) fn slept(&mut self) {
         self.waits += 1;
     }
 
-    /// Time for which those had the core that the step has triggered: no wait for the core that could make it late.
+    /// Adds time for which components that this step triggered had the core, ns; it does not count as waiting.
     pub(super) fn handed_over(&mut self, ns: u64) {
         self.handed_over_ns += ns;
     }
 
-    /// Time spent spinning before the release of the step to come; it is the wait's, not the step's.
+    /// Adds time spent spinning before the coming release, ns; it is not the step's.
     pub(super) fn spun(&mut self, ns: u64) {
         self.spun_ns += ns;
     }
 
-    /// Records the time of the core that went into the step that just ended. Returns it, ns.
+    /// Records the CPU time of the step that just ended. Returns it, ns.
     pub(super) fn charge(&mut self, block: &ComponentBlock) -> u64 {
         let now = thread_cpu_ns();
         let cpu = now.saturating_sub(self.cpu_ns).saturating_sub(self.spun_ns);
@@ -128,7 +128,7 @@ impl Accounts {
     }
 }
 
-/// Shows in the region how long the component spins before a release, and what it saw while it did.
+/// Publishes the spin time in the control block.
 pub(super) fn show_spin(block: &ComponentBlock, margin_ns: u64, spun_ns: u64) {
     block.spin_ns.store(margin_ns, Relaxed);
     block.watched(spun_ns);

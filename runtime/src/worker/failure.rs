@@ -1,15 +1,15 @@
-//! Failures of a component: errors and panics, told in one line.
+//! Failures of a component: errors and panics, as one line of text.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
-/// Why and when a component failed.
+/// The failure of a component.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
     /// Index of the step, or of the step that would have been next.
     pub tick: u64,
-    /// What happened.
+    /// The message of the error or panic.
     pub message: String,
 }
 
@@ -18,7 +18,7 @@ thread_local! {
     static CAUGHT: RefCell<bool> = const { RefCell::new(false) };
 }
 
-/// Keeps the words of a panic in the calling thread instead of printing them: the launcher prints them, with the
+/// Keeps the message of a panic in the calling thread instead of printing it: the launcher prints it, with the
 /// component's name.
 pub(super) fn catch_panic_messages() {
     static ONCE: Once = Once::new();

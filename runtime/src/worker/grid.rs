@@ -9,12 +9,12 @@ pub(super) struct Grid {
     release_ns: u64,
 }
 
-/// What follows from a step that ended.
+/// The next release after a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Next {
-    /// Whether the step ended after the following release.
+    /// True if the step ended after the following release.
     pub(super) overrun: bool,
-    /// Releases that are dropped.
+    /// Number of releases dropped.
     pub(super) skipped: u64,
 }
 
@@ -35,7 +35,7 @@ impl Grid {
         self.release_ns + self.period_ns
     }
 
-    /// Moves on after a step that ended at `end_ns`.
+    /// Moves to the next release after a step that ended at `end_ns`.
     pub(super) fn advance(&mut self, end_ns: u64, policy: OnOverrun) -> Next {
         let deadline = self.deadline_ns();
         if end_ns <= deadline {

@@ -1,20 +1,20 @@
-//! How long before its release a component stops sleeping and spins.
+//! The time before its release at which a component stops sleeping and spins.
 
 use crate::plan::Spin;
 
-/// Sleeps in a window. The second largest error of a window is about its 99.6th percentile.
+/// Sleeps in a window; the second largest error of a window is about its 99.6th percentile.
 const WINDOW: u32 = 256;
-/// Windows that the margin remembers.
+/// Number of windows kept.
 const WINDOWS: usize = 8;
-/// What a tuned margin begins with, ns: enough on most machines.
+/// Initial value of a tuned margin, ns: enough on most machines.
 const BEGIN_NS: u64 = 100_000;
-/// Room above the wake errors seen, ns: the clock is read, the loop gets going.
+/// Margin above the measured wake errors, ns: for reading the clock and entering the loop.
 const ROOM_NS: u64 = 2_000;
 
-/// The margin of one component, tuned to how late the system wakes it if the plan asks for that.
+/// The spin margin of one component; if the plan asks for it, tuned to the measured wake errors.
 ///
 /// A tuned margin covers the second largest wake error of each of the last windows, and an eighth more: single stalls
-/// do not widen it, and what the machine does every day is covered. It never exceeds its share of the period.
+/// do not widen it. It never exceeds its share of the period.
 #[derive(Debug, Clone)]
 pub(super) struct Margin {
     spin: Spin,
@@ -34,12 +34,12 @@ impl Margin {
         Self { spin, margin_ns, largest: [0; 2], sleeps: 0, windows: [0; WINDOWS], next: 0 }
     }
 
-    /// The margin now, ns.
+    /// The current margin, ns.
     pub(super) fn ns(&self) -> u64 {
         self.margin_ns
     }
 
-    /// Learns how late a sleep ended, ns.
+    /// Adds a wake error, ns.
     pub(super) fn woke(&mut self, error_ns: u64) {
         let Spin::Tuned { at_most_ns } = self.spin else { return };
         let [first, second] = self.largest;

@@ -37,7 +37,7 @@ use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 use stepper::Stepper;
 
-/// A component to be run: which one, of which run.
+/// One component of one run, ready to be run.
 #[derive(Debug)]
 pub struct Worker {
     folder: RunFolder,
@@ -47,12 +47,12 @@ pub struct Worker {
     own_process: bool,
 }
 
-/// How a component's life ended.
+/// The end of a component's life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// In good order.
+    /// It ended in good order.
     Stopped,
-    /// It failed; why stands in its block of the region.
+    /// It failed; the reason stands in its part of the control block.
     Failed,
 }
 
@@ -72,7 +72,7 @@ impl Worker {
         Ok(Self { folder, plan, region, index, own_process: true })
     }
 
-    /// The same, for a component hosted in the launcher's process.
+    /// Turns it into a component hosted in the launcher's process.
     pub(crate) fn hosted(mut self) -> Self {
         self.own_process = false;
         self
@@ -136,7 +136,7 @@ fn live<C: Component>(
     let (ports, parameters, trigger) = setup.finish();
     let mut stepper = Stepper::new(made, context.clone(), parameters, component);
 
-    // Nobody steps before every port of every component is connected.
+    // No component steps before every port of every component is connected.
     block.enter(Phase::Ready);
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
@@ -189,7 +189,7 @@ fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
 fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool) -> Vec<os::Denied> {
     let component = &plan.components[index];
     let block = &region.components()[index];
-    // In lockstep one process runs at a time: all on one core, where handing over is cheapest.
+    // In lockstep one process runs at a time: all share one core, where handing over is cheapest.
     let lockstep_core = plan.components.iter().find_map(|component| component.core);
     let core = if plan.clock == ClockKind::Lockstep { lockstep_core } else { component.core };
     let cores = core.map_or_else(|| plan.scheduling.shared_cores.clone(), |core| vec![core]);

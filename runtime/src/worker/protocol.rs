@@ -12,7 +12,7 @@ pub const WORKER: &str = "motorium-worker";
 /// First argument of a program that is to guard a run: followed by the run's folder.
 pub const GUARD: &str = "motorium-guard";
 
-/// What a describing program reads.
+/// The request to a program to describe its component: JSON on standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {
     /// The `config` table.
@@ -21,7 +21,7 @@ pub struct DescribeRequest {
     pub robot: Option<RobotReference>,
 }
 
-/// What a describing program answers.
+/// The description of a component: JSON on standard output.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeAnswer {
     /// Version of motorium the program was built with.
@@ -29,19 +29,19 @@ pub struct DescribeAnswer {
     /// The declaration, unless the configuration was refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub declaration: Option<Declaration>,
-    /// Why the configuration was refused.
+    /// The error, if the configuration was refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<DescribeError>,
 }
 
-/// Why a describing program refused a configuration.
+/// An error of a configuration.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeError {
     /// The key at fault.
     pub key: Option<String>,
-    /// What was found and expected.
+    /// The value found, and the values expected.
     pub message: String,
-    /// What to try.
+    /// Advice, in one sentence.
     pub advice: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! The loop in real time: absolute deadlines, or another component's publication.
+//! The loop in real time: steps at absolute times, or at another component's publication.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -11,7 +11,8 @@ use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
 use crate::transport::Trigger;
 
-/// While spinning the clock is read every few ten nanoseconds; after a longer gap than this, ns, the thread was stopped.
+/// Gap between two readings of the clock, ns, above which a spinning thread counts as stopped; readings are some 10 ns
+/// apart.
 const STALL_NS: u64 = 10_000;
 
 /// Steps at `start + phase + n * period` until the run ends.
@@ -22,7 +23,7 @@ pub(super) fn run_periodic<C: Component>(
     mut margin: Margin,
 ) -> Result<(), Failure> {
     let origin = stepper.context().clock().start_ns() + phase_ns;
-    // A component that joins later needs the time to get there.
+    // A component that joins late starts at a release in the future.
     let mut grid = Grid::new(origin, period_ns, monotonic_ns());
     let mut last_end = 0;
     stepper.open_accounts();

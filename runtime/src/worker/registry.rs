@@ -6,16 +6,16 @@ use super::{Outcome, Worker};
 use crate::component::Component;
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
-/// Where a component's `config` table comes from.
+/// The source of a component's `config` table.
 #[derive(Debug, Clone)]
 pub enum ConfigSource<'a> {
-    /// The graph file: errors then know their place in it.
+    /// The graph file: errors carry their place in it.
     Toml(toml::Spanned<toml::de::DeValue<'a>>),
     /// A resolved plan.
     Json(serde_json::Value),
 }
 
-/// A component type known by name, with all that the launcher and the worker need of it.
+/// A component type known by name, with the functions that launcher and worker call.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
     /// Its name in graph files, `family.name`.
@@ -34,7 +34,7 @@ type DeclareFunction = fn(ConfigSource<'_>, Option<RobotReference>) -> Result<De
 pub struct ConfigProblem {
     /// Bytes of the graph file at fault.
     pub span: Option<core::ops::Range<usize>>,
-    /// What was found and expected.
+    /// The value found, and the values expected.
     pub error: ConfigError,
 }
 
@@ -53,7 +53,7 @@ impl Kind {
     /// Reads a configuration and declares the ports and parameters that follow from it.
     ///
     /// # Errors
-    /// What in the configuration cannot be, and where.
+    /// The configuration cannot work; the error carries the place.
     pub fn declare(
         &self,
         config: ConfigSource<'_>,
@@ -87,18 +87,18 @@ fn declare<C: Component>(
     Ok(declare.into_declaration())
 }
 
-/// Checks that the model of a robot exists and can be loaded: `urdf` as the graph file says, and the folder of that
-/// file. Returns what is doubtful about it, in words; the error says why it cannot be used and what to try.
+/// A check that the model of a robot exists and can be loaded. Arguments: `urdf` as the graph file has it, and the
+/// folder of that file. Returns warnings; an error says why the model cannot be used, with advice.
 pub type RobotCheck = fn(&str, &Path) -> Result<Vec<String>, ConfigError>;
 
-/// What a program knows about robots; the runtime itself knows none.
+/// The robots that a program can load; the runtime itself has none.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
     /// Checks a robot of the graph file.
     pub check: RobotCheck,
 }
 
-/// All component kinds a program can host, and the robots it can find.
+/// All component kinds a program can host, and the robots it can load.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,
@@ -109,7 +109,7 @@ impl Registry {
     /// A registry of kinds, sorted by name.
     ///
     /// # Panics
-    /// When two kinds share a name: that is a mistake in the program itself.
+    /// Two kinds share a name, which is a mistake in the program.
     pub fn new(robots: RobotSource, kinds: impl IntoIterator<Item = Kind>) -> Self {
         let mut kinds: Vec<Kind> = kinds.into_iter().collect();
         kinds.sort_by_key(|kind| kind.name);
@@ -129,7 +129,7 @@ impl Registry {
         self.kinds.binary_search_by_key(&name, |kind| kind.name).ok().map(|i| &self.kinds[i])
     }
 
-    /// What is known about robots.
+    /// The robots that the program can load.
     pub fn robots(&self) -> RobotSource {
         self.robots
     }

@@ -1,4 +1,4 @@
-//! One step of a component, and what is counted about it.
+//! One step of a component, and its counters.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -42,13 +42,13 @@ impl From<String> for Wrong {
     }
 }
 
-/// When a step was to begin, began and must end, ns on the clock of stamps.
+/// Release, start and deadline of a step, ns on the clock of stamps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Timing {
     pub(super) release_ns: u64,
     pub(super) wake_ns: u64,
     pub(super) deadline_ns: u64,
-    /// The step before ended after this one's release.
+    /// True if the previous step ended after this release.
     pub(super) behind: bool,
 }
 
@@ -86,7 +86,7 @@ impl<C: Component> Stepper<C> {
         self.plan.on_overrun
     }
 
-    /// Runs one step and accounts for it. Returns when it ended, ns on `CLOCK_MONOTONIC` (or simulated time).
+    /// Runs one step and counts it. Returns its end, ns on `CLOCK_MONOTONIC` (simulated time in lockstep).
     pub(super) fn step(&mut self, timing: Timing) -> Result<u64, Failure> {
         let context = &*self.context;
         let block = context.block();
@@ -107,7 +107,7 @@ impl<C: Component> Stepper<C> {
         let after = allocations();
         let real_end = os::monotonic_ns();
         let end = if context.clock().is_lockstep() { timing.release_ns } else { real_end };
-        // From here on nobody waits for this step: those it has triggered, if they are more urgent, run first.
+        // The outputs are published. Triggered components of higher priority on this core run before the next line.
         context.deferred().wake();
         self.accounts.handed_over(os::monotonic_ns() - real_end);
         context.deferred().finish();
@@ -155,17 +155,17 @@ impl<C: Component> Stepper<C> {
         }
     }
 
-    /// The accounts begin with the first step to come.
+    /// Starts the accounts before the first step.
     pub(super) fn open_accounts(&mut self) {
         self.accounts.open();
     }
 
-    /// The worker has slept for the step to come.
+    /// Notes that the worker slept before the coming step.
     pub(super) fn slept(&mut self) {
         self.accounts.slept();
     }
 
-    /// Time spent spinning before the release of the step to come.
+    /// Adds time spent spinning before the coming release, ns.
     pub(super) fn spun(&mut self, margin_ns: u64, spun_ns: u64) {
         account::show_spin(self.context.block(), margin_ns, spun_ns);
         self.accounts.spun(spun_ns);
@@ -186,7 +186,7 @@ impl<C: Component> Stepper<C> {
         block.lateness.record(0);
     }
 
-    /// Ends the component in good order and leaves its result.
+    /// Stops the component and saves its result.
     pub(super) fn finish(mut self, folder: &RunFolder) -> Result<(), Failure> {
         let block = self.context.block();
         if self.own_steps > WARM_UP {

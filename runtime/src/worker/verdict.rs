@@ -1,38 +1,38 @@
-//! Why a step missed its deadline, and whether there were too many such steps: pure functions of measured times.
+//! The cause of a missed deadline, and the limit on such steps: pure functions of measured times.
 
 use crate::region::MissCause;
 
-/// What is known of a finished step. Times on the clock of stamps, ns.
+/// The measured times of a finished step, ns on the clock of stamps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence {
     pub(super) release_ns: u64,
     pub(super) wake_ns: u64,
     pub(super) end_ns: u64,
     pub(super) deadline_ns: u64,
-    /// Time of the core that the step took.
+    /// CPU time of the step.
     pub(super) cpu_ns: u64,
     /// Time for which the component was ready to run and another thread of this system had its core; `None` where the
-    /// kernel does not say.
+    /// kernel does not count it.
     pub(super) waited_ns: Option<u64>,
-    /// Whether the step itself went to sleep: on a lock, a file, a clock.
+    /// True if the step slept: on a lock, a file, a clock.
     pub(super) blocked: bool,
-    /// Cause of the overrun of the step before, if that one ended after this one's release.
+    /// Cause of the previous step's overrun, if that step ended after this release.
     pub(super) behind: Option<MissCause>,
 }
 
 impl Evidence {
-    /// From the beginning to the end of the step, on the clock on the wall.
+    /// Duration of the step, wall-clock ns.
     pub(super) fn execution_ns(&self) -> u64 {
         self.end_ns.saturating_sub(self.wake_ns)
     }
 
-    /// What the step itself took: time that others had the core, or the host the machine, is not its own. A step that
-    /// goes to sleep does so of its own will.
+    /// Duration of the step without the time for which other threads had the core or the host had the machine, ns. Its
+    /// own sleep counts.
     pub(super) fn own_ns(&self) -> u64 {
         if self.blocked { self.execution_ns() } else { self.execution_ns().min(self.cpu_ns) }
     }
 
-    /// Why the deadline was missed; `None` if it was met.
+    /// The cause of a missed deadline; `None` if it was met.
     ///
     /// Between its release and its end a step either runs, or waits for the core while others of this system have it,
     /// or does not run although the core is free for it: then the host has the core, or wakes it late. If the step
@@ -47,7 +47,7 @@ impl Evidence {
         if lost < over {
             return Some(MissCause::LongStep);
         }
-        // A kernel that does not say who had the core: late is late, and a gap within the step is the host's.
+        // The kernel does not count waiting: a late start counts as waiting, a gap within the step as the host's.
         let waited = self.waited_ns.unwrap_or(late).min(lost);
         Some(if waited >= lost - waited { MissCause::LateWake } else { MissCause::Stolen })
     }

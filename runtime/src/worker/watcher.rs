@@ -1,4 +1,4 @@
-//! A thread beside the stepping one that hears signals and notices the launcher's death.
+//! The watcher thread of a component's process: it receives signals and notices the death of the launcher.
 
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
@@ -13,7 +13,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
 use crate::transport::{Context, Signals};
 
-/// Starts the watcher of the calling (stepping) thread. It runs at normal priority on whatever core is free.
+/// Starts the watcher of the calling (stepping) thread. It runs at normal priority on any core.
 pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     let signals = context.signals().clone();
     let launcher = Watch::new(context.region().header().launcher.load(Relaxed))?;
@@ -50,7 +50,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     })
 }
 
-/// Interrupts the stepping thread until it has looked: a signal just before it goes to sleep would be lost.
+/// Interrupts the stepping thread until it has seen the message: a signal just before it falls asleep would be lost.
 fn tell(signals: &Signals, stepping: i32) {
     let message = signals.send();
     for _ in 0..2_000 {

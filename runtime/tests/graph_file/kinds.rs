@@ -1,10 +1,11 @@
-//! Kinds of components with the ports of the real ones: the runtime itself knows none.
+//! Stand-ins for built-in kinds, for graph files that are only checked: the runtime itself has no kinds. Their ports
+//! and configurations are chosen for these tests; those of the real kinds stand in `components/`.
 
 use std::path::Path;
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::{ImuSample, JointCommand, JointState, Phase, PoseTarget, Wrench};
+use motorium::state::{JointCommand, JointState, Phase, PoseTarget, Wrench};
 use motorium::worker::{Kind, Registry, RobotSource};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -125,7 +126,6 @@ impl Component for Encoder {
         }
         declare.input::<JointState>("joint_state", "true state of the joints");
         declare.output::<JointState>("measured", "what the encoders say");
-        declare.optional_input::<ImuSample>("imu", "inertial measurement");
         Ok(())
     }
 }

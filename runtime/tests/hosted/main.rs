@@ -1,6 +1,7 @@
 //! Graphs hosted in the process of a test: `motorium::testing`, and what it shows of the runtime.
 
+mod example;
 mod kit;
 mod time;
 
-motorium::count_allocations!();
+// the example of a component, which `example` includes, installs the allocator that counts

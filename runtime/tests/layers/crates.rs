@@ -5,12 +5,15 @@ use std::path::Path;
 
 use crate::tokens::{self, Token};
 
-/// Wings that may use other wings; all others meet in topics only.
+/// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
 const BETWEEN_WINGS: [(&str, &[&str]); 3] = [
-    ("library", &["primitives"]),
-    ("learners", &["primitives", "library", "models", "physics"]),
-    ("policies", &["primitives", "library", "models", "learners"]),
+    ("library", &["primitives", "recordings"]),
+    ("learners", &["primitives", "library", "models", "physics", "recordings"]),
+    ("policies", &["primitives", "library", "models", "learners", "recordings"]),
 ];
+
+/// Wings without algorithms.
+const COMPONENTS_ALONE: [&str; 3] = ["components/policies", "components/interfaces", "components/bridges"];
 
 /// The members of the workspace: their folders, by the names of their crates.
 fn members(root: &Path) -> BTreeMap<String, String> {
@@ -68,13 +71,12 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Files of the wings outside of their `component` modules that name the runtime. Interfaces and bridges are components
-/// alone.
+/// Files of the wings outside of their `component` modules that name the runtime. Policies, interfaces and bridges are
+/// components alone.
 pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     let wings = members(root).into_values().filter(|folder| folder.starts_with("components/"));
     let mut found = Vec::new();
-    for wing in wings.filter(|wing| !matches!(wing.as_str(), "components/interfaces" | "components/bridges"))
-    {
+    for wing in wings.filter(|wing| !COMPONENTS_ALONE.contains(&wing.as_str())) {
         let src = root.join(&wing).join("src");
         for file in crate::sources(&src) {
             let part = file.strip_prefix(&src).expect("below src");

@@ -52,8 +52,11 @@ fn a_recording_becomes_a_primitive_that_goes_elsewhere() {
     for path in [&again, &lines] {
         printed(&["primitive", "replay", text(&model), "--output", text(path)]);
     }
-    for (path, option) in [(&again, ["--channel", "x"]), (&lines, ["--field", "velocity"])] {
-        let report = json(&["primitive", "fit", text(path), option[0], option[1], "--json"]);
+    for (path, field) in
+        [(&again, "position"), (&again, "velocity"), (&lines, "position"), (&lines, "velocity")]
+    {
+        let report = json(&["primitive", "fit", text(path), "--field", field, "--json"]);
+        assert_eq!(report["dimensions"].as_array().map(Vec::len), Some(2), "{report}");
         assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.02), "{report}");
     }
     let csv = printed(&["primitive", "replay", text(&model), "--rate", "10"]);

@@ -9,11 +9,11 @@ use rand_pcg::Pcg64;
 use super::letter::{augmented, even_speed, unit_extent};
 use super::picture::{PIXELS, Picture};
 use motorium_library::{
-    BuildError, Frame, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Superposition,
-    Trajectory,
+    BuildError, Frame, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Superposition, Trajectory,
+    Truncation,
 };
 
-/// How a coupling is trained.
+/// Settings of the training of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Training {
     /// Weights of the library. Default 16.
@@ -26,7 +26,7 @@ pub struct Training {
     pub rate: f32,
     /// Draws the parameters of the network to 0. Default 1e-5.
     pub decay: f32,
-    /// How much the letters are changed: rad and parts. Default 0.08.
+    /// Size of the random changes of letters: rad and parts. Default 0.08.
     pub augmentation: f64,
     /// Of the network, the order and the changes. Default 1.
     pub seed: u64,
@@ -69,7 +69,7 @@ impl Coupling {
         let trajectories =
             written.map(|(letter, curve)| Trajectory { positions: curve.clone(), ..letter.clone() });
         let set = Recordings { names: letters.names.clone(), trajectories: trajectories.collect() };
-        let library = MotionLibrary::build(&set, spring, Metric::Position, Keep::Rank(training.terms))?;
+        let library = MotionLibrary::build(&set, spring, Metric::Position, Truncation::Rank(training.terms))?;
         let outputs: Vec<DVector<f64>> = curves.iter().map(|curve| output(curve, &library)).collect();
         let mean = outputs.iter().sum::<DVector<f64>>() / outputs.len() as f64;
         let turn = turn(&library);
@@ -141,7 +141,7 @@ fn between(curves: &[DMatrix<f64>], mates: &[usize], letter: usize, random: &mut
     &curves[letter] * (1.0 - part) + &curves[*mate] * part
 }
 
-/// What the network gives for a curve: weights, start, goal, velocity.
+/// Output of the network for a curve: weights, start, goal, velocity.
 fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
     let trajectory = Trajectory { id: String::new(), label: None, duration: 1.0, positions: curve.clone() };
     let movement = Movement::of(&trajectory, library.spring());

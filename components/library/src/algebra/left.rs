@@ -4,12 +4,12 @@ use nalgebra::DMatrix;
 
 use super::symmetric::Decomposed;
 
-/// How many singular vectors are wanted.
+/// Number of singular vectors wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wanted {
     /// All that are not rounding.
     All,
-    /// At most so many.
+    /// A number of eigenforces at most.
     Rank(usize),
     /// The fewest that leave at most this part of the energy (the sum of the squared singular values).
     Residual(f64),
@@ -69,7 +69,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     found
 }
 
-/// How many of the singular values are wanted.
+/// Number of the singular values wanted.
 pub(crate) fn keep(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),

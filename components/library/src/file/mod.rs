@@ -39,7 +39,7 @@ use crate::Metric;
 
 const MAGIC: [u8; 8] = *b"MTLIB\r\n\x1a";
 const VERSION: u32 = 1;
-/// Where the head begins.
+/// Offset of the head, bytes.
 const HEAD: usize = 64;
 const ALIGNMENT: usize = 64;
 

@@ -16,7 +16,7 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What it said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// Something is wrong in a file that could be read.
@@ -24,7 +24,7 @@ pub enum FileError {
     In {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Error in the file.
         source: Box<FileError>,
     },
     /// Not a library at all.
@@ -69,7 +69,7 @@ pub enum FileError {
         name: &'static str,
         /// Entries according to the head.
         found: usize,
-        /// Where it should begin.
+        /// Offset of its beginning, bytes.
         offset: usize,
         /// Entries there should be.
         expected: String,
@@ -102,11 +102,18 @@ impl<'a> View<'a> {
     /// Checks the bytes of a file.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// An invalid file.
     pub fn new(bytes: &'a [u8]) -> Result<Self, FileError> {
         let head = head(bytes)?;
         let s = &head.sections;
-        let rows = head.names.len() * head.samples.saturating_sub(1);
+        let dofs = head.names.len();
+        let rows = head.samples.checked_sub(1).and_then(|forces| forces.checked_mul(dofs));
+        let rows = rows.ok_or_else(|| {
+            FileError::Head(format!(
+                "{} samples of {dofs} degrees of freedom, which no file holds",
+                head.samples
+            ))
+        })?;
         let (rank, movements) = (s.singular[1], head.ids.len());
         let section = |name, [offset, count]: [usize; 2], expected: Option<usize>| {
             let wrong = || FileError::Section {
@@ -122,13 +129,14 @@ impl<'a> View<'a> {
             let inside = bytes.get(offset..end).ok_or_else(wrong)?;
             bytemuck::try_cast_slice::<u8, f64>(inside).map_err(|_| FileError::Misaligned)
         };
-        let product = |a: usize, b: usize| a.checked_mul(b);
+        // a product that overflows is more than any section has
+        let product = |a: usize, b: usize| Some(a.saturating_mul(b));
         Ok(Self {
             basis: section("basis", s.basis, product(rows, rank))?,
             singular: section("singular", s.singular, None)?,
             spectrum: section("spectrum", s.spectrum, None)?,
             weights: section("weights", s.weights, product(rank, movements))?,
-            frames: section("frames", s.frames, product(3 * head.names.len() + 1, movements))?,
+            frames: section("frames", s.frames, product(3 * dofs + 1, movements))?,
             energy: section("energy", s.energy, Some(1))?[0],
             head,
         })
@@ -219,7 +227,7 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 /// Reads a library from a file.
 ///
 /// # Errors
-/// What the file system says, or what is wrong with the file.
+/// The system refuses, or the file is invalid.
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
     let mut file = std::fs::File::open(path).map_err(io)?;

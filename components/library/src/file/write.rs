@@ -71,7 +71,7 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
 /// Writes a library to a file, in place of what is there.
 ///
 /// # Errors
-/// What the file system says.
+/// The system refuses.
 pub fn write(library: &MotionLibrary, path: &Path) -> std::io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}.part", std::process::id()));

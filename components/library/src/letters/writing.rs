@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::shapes::{ALPHABET, points};
 use crate::{Recordings, Trajectory};
 
-/// How much one letter differs from the next: standard deviations.
+/// Variation from one letter to the next: standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variation {
     /// Of each point, in widths of a letter.

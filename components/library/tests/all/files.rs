@@ -1,6 +1,7 @@
 //! The files of the motion library, and recordings read from files.
 
-use motorium_library::{BuildError, Keep, Metric, MotionLibrary, data, file};
+use motorium_library::{BuildError, Metric, MotionLibrary, Recordings, Truncation, file};
+use motorium_recordings::Selection;
 
 use crate::recorded::{golden, library, recordings, spring};
 
@@ -45,6 +46,30 @@ fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
 }
 
 #[test]
+fn a_head_that_claims_more_than_memory_holds_is_refused() {
+    let whole = library(Metric::Force);
+    let part = whole.split(&whole.layout().part("part=leg").unwrap());
+    for (library, refusal) in [(&whole, "its head: "), (&part, "section `basis`")] {
+        let bytes = file::to_bytes(library);
+        let head = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();
+        let text = std::str::from_utf8(&bytes[64..64 + head]).unwrap();
+        let text = text.replace("\"samples\":48", "\"samples\":18446744073709551615");
+        let mut changed = [&bytes[..64], text.as_bytes(), &bytes[64 + head..]].concat();
+        let sum = twox_hash::XxHash3_64::oneshot(&changed[64..]);
+        let length = changed.len() as u64;
+        for (at, value) in [(16, length), (24, text.len() as u64), (32, sum)] {
+            changed[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        }
+        // moved to an address that is a multiple of 8
+        let mut words = vec![0_u64; changed.len().div_ceil(8)];
+        let aligned: &mut [u8] = &mut bytemuck::cast_slice_mut(&mut words)[..changed.len()];
+        aligned.copy_from_slice(&changed);
+        let error = file::View::new(aligned).unwrap_err().to_string();
+        assert!(error.contains(refusal), "{error}");
+    }
+}
+
+#[test]
 fn a_mapped_file_is_read_where_it_lies() {
     let library = library(Metric::Force);
     let bytes = file::to_bytes(&library);
@@ -62,43 +87,43 @@ fn a_mapped_file_is_read_where_it_lies() {
 }
 
 #[test]
-fn recordings_are_read_from_all_formats_and_refused_with_their_line() {
+fn recordings_of_files_and_folders_become_movements_of_the_same_degrees_of_freedom() {
     let folder = tempfile::tempdir().unwrap();
-    let read = |name: &str, text: &str| {
+    let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
-        data::read(&path, &data::Options { rate: 10.0, columns: vec![] })
+        path
     };
-    let set = read("a.jsonl", "{\"id\":1,\"label\":\"l\",\"n\":3,\"vx\":[1,2,3],\"vy\":[0,0,1]}\n").unwrap();
-    assert_eq!(set.names, ["x", "y"]);
-    assert!(
-        (set.trajectories[0].positions[(2, 0)] - 0.6).abs() < 1e-12 && set.trajectories[0].duration == 0.2
-    );
-    let set = read("b.json", r#"{"recordings":[{"letter":"A","demo":3,"duration":2,"x":[1,2],"y":[3,4]}]}"#)
-        .unwrap();
-    assert_eq!((set.trajectories[0].id.as_str(), set.trajectories[0].duration), ("A-3", 2.0));
-    let set = read("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#).unwrap();
-    assert_eq!(set.trajectories[0].positions[(2, 0)], 4.0);
-    let set = read("d.csv", "# loop=wrap\nframe_dt,a,b\n0.5,1,2\n0.5,3,4\n0.5,5,6\n").unwrap();
-    assert_eq!(
-        (set.names.len(), set.trajectories[0].duration, set.trajectories[0].id.as_str()),
-        (2, 1.0, "d")
-    );
-    let error = read("e.csv", "a,b\n1,2\n1,x\n").unwrap_err().to_string();
-    assert!(error.contains("e.csv, line 3") && error.contains("`b` is `x`"), "{error}");
-    let error = read("f.jsonl", "{\"x\":[1,2]}\n{\"x\":[1,\n").unwrap_err().to_string();
-    assert!(error.contains("f.jsonl, line 2"), "{error}");
+    let even = write("even.csv", "# loop=wrap\nframe_dt,a,b\n0.5,1,2\n0.5,3,4\n0.5,5,6\n");
+    // a cubic through t^2 in uneven samples, at even times 0, 1, 2, 3
+    let uneven = write("uneven.csv", "time_s,a,b\n0,0,0\n0.5,0.25,1\n1,1,2\n3,9,6\n");
+    let lines = write("lines.jsonl", "{\"id\":7,\"label\":\"l\",\"a\":[1,2],\"b\":[0,0]}\n");
+    let selection = Selection { rate: Some(10.0), ..Selection::default() };
+    let set = Recordings::read([even, uneven, lines], &selection).unwrap();
+    assert_eq!(set.names, ["a", "b"]);
+    let described: Vec<_> =
+        set.trajectories.iter().map(|t| (t.id.as_str(), t.label.as_deref(), t.duration)).collect();
+    assert_eq!(described, [("even", None, 1.0), ("uneven", None, 3.0), ("7", Some("l"), 0.1)]);
+    let positions = &set.trajectories[1].positions;
+    for (k, [a, b]) in [[0.0, 0.0], [1.0, 2.0], [4.0, 4.0], [9.0, 6.0]].into_iter().enumerate() {
+        assert!((positions[(k, 0)] - a).abs() < 1e-12 && (positions[(k, 1)] - b).abs() < 1e-12);
+    }
+    write("other.csv", "a,c\n1,2\n3,4\n");
+    let error = Recordings::read([folder.path()], &selection).unwrap_err().to_string();
+    assert!(error.contains("recording `other`") && error.contains("a, c, the first one a, b"), "{error}");
+    let error = Recordings::read([write("x.csv", "a,b\n1,2\n1,x\n")], &selection).unwrap_err();
+    assert!(error.to_string().contains("x.csv, line 3, column 2 (`b`): found `x`"), "{error}");
 }
 
 #[test]
 fn recordings_that_cannot_be_learned_from_are_refused() {
     let mut set = recordings(&golden());
     set.trajectories[4].positions[(10, 1)] = f64::NAN;
-    let error = MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err().to_string();
+    let error = MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap_err().to_string();
     assert!(error.contains("`m4`: sample 10 of degree of freedom 1"), "{error}");
     set.trajectories.clear();
     assert_eq!(
-        MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap_err(),
+        MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap_err(),
         BuildError::NoRecordings
     );
 }

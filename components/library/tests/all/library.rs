@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use motorium_library::{
-    DAMPING, Generator, Keep, MergeError, Metric, MotionLibrary, Movement, Recogniser, Recordings,
-    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, data, letters, merge_movements,
+    DAMPING, Generator, MergeError, Metric, MotionLibrary, Movement, Recogniser, Recordings,
+    RecursiveLibrary, RecursiveScatter, SampledSpring, Superposition, Truncation, letters, merge_movements,
     merge_parts,
 };
+use motorium_recordings::Selection;
 use nalgebra::{DMatrix, DVector};
 
 use crate::recorded::{golden, library, numbers, recordings, spring};
@@ -76,7 +77,7 @@ fn parts_that_moved_together_merge_into_the_whole() {
         let whole = library(metric);
         let part = |text: &str| whole.split(&whole.layout().part(text).unwrap());
         let parts = [part("a=l_arm"), part("b=leg"), part("c=r_arm")];
-        let merged = merge_parts(&parts.each_ref(), Keep::All).unwrap();
+        let merged = merge_parts(&parts.each_ref(), Truncation::All).unwrap();
         assert!(off(&merged.parts().singular, &whole.parts().singular) < 1e-12);
         let forces = numbers(&golden()["forces_of_3"]);
         assert!(off(&approximated(&merged, &forces, 4), &approximated(&whole, &forces, 4)) < 1e-11);
@@ -90,11 +91,11 @@ fn independent_parts_stand_side_by_side_in_the_order_of_their_singular_values() 
     let whole = library(Metric::Force);
     let half = |text: &str, from: usize, to: usize| {
         let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
-        let library = MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap();
+        let library = MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap();
         library.split(&whole.layout().part(text).unwrap())
     };
     let (arm, leg) = (half("a=l_arm", 0, 6), half("b=leg", 6, 14));
-    let merged = merge_parts(&[&arm, &leg], Keep::All).unwrap();
+    let merged = merge_parts(&[&arm, &leg], Truncation::All).unwrap();
     assert_eq!(merged.rank(), arm.rank() + leg.rank());
     assert!(merged.parts().singular.is_sorted_by(|a, b| a >= b));
     assert_eq!(merged.entries().len(), 14);
@@ -109,9 +110,9 @@ fn libraries_of_the_same_body_merge_into_that_of_all_movements() {
     let set = recordings(&golden());
     let half = |from: usize, to: usize| {
         let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
-        MotionLibrary::build(&set, spring(), Metric::Force, Keep::All).unwrap()
+        MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap()
     };
-    let merged = merge_movements(&[&half(0, 9), &half(9, 14)], Keep::All).unwrap();
+    let merged = merge_movements(&[&half(0, 9), &half(9, 14)], Truncation::All).unwrap();
     let whole = library(Metric::Force);
     assert!(off(&merged.parts().singular, &whole.parts().singular) < 1e-12);
     assert_eq!(merged.entries(), whole.entries());
@@ -122,9 +123,9 @@ fn libraries_of_the_same_body_merge_into_that_of_all_movements() {
         ) < 1e-10
     );
     let other =
-        MotionLibrary::build(&set, SampledSpring::new(60, DAMPING).unwrap(), Metric::Force, Keep::All)
+        MotionLibrary::build(&set, SampledSpring::new(60, DAMPING).unwrap(), Metric::Force, Truncation::All)
             .unwrap();
-    assert_eq!(merge_movements(&[&whole, &other], Keep::All).unwrap_err(), MergeError::Spring(2));
+    assert_eq!(merge_movements(&[&whole, &other], Truncation::All).unwrap_err(), MergeError::Spring(2));
 }
 
 #[test]
@@ -132,7 +133,7 @@ fn movements_taken_in_one_by_one_or_as_a_block_give_the_direct_decomposition() {
     let golden = golden();
     let set = recordings(&golden);
     let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..9].to_vec() };
-    let start = MotionLibrary::build(&first, spring(), Metric::Force, Keep::All).unwrap();
+    let start = MotionLibrary::build(&first, spring(), Metric::Force, Truncation::All).unwrap();
     assert!(off(&start.parts().singular, &numbers(&golden["singular_of_first_9"])) < 1e-12);
     let mut recursive = RecursiveLibrary::new(start.clone(), 50, 1.0);
     set.trajectories[9..].iter().for_each(|trajectory| recursive.add(trajectory).unwrap());
@@ -156,7 +157,7 @@ fn forgetting_weighs_a_movement_by_its_age() {
     let golden = golden();
     let set = recordings(&golden);
     let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..1].to_vec() };
-    let start = MotionLibrary::build(&first, spring(), Metric::Force, Keep::All).unwrap();
+    let start = MotionLibrary::build(&first, spring(), Metric::Force, Truncation::All).unwrap();
     let mut recursive = RecursiveLibrary::new(start, 50, 0.9);
     set.trajectories[1..9].iter().for_each(|trajectory| recursive.add(trajectory).unwrap());
     assert!(off(&recursive.singular(), &numbers(&golden["forgetting_0_9"])) < 1e-11);
@@ -228,12 +229,12 @@ fn a_blend_lies_between_its_two_movements_at_every_moment() {
 fn fewer_eigenforces_are_kept_by_error_and_by_bytes() {
     let set = recordings(&golden());
     let build = |keep| MotionLibrary::build(&set, spring(), Metric::Force, keep).unwrap();
-    let by_error = build(Keep::Error(0.1));
+    let by_error = build(Truncation::Error(0.1));
     let left: f64 = 1.0 - by_error.explained().iter().sum::<f64>();
     assert!(left <= 0.01 && by_error.rank() < 14);
     let one_less: f64 = 1.0 - by_error.explained()[..by_error.rank() - 1].iter().sum::<f64>();
     assert!(one_less > 0.01, "one less would not do");
-    assert_eq!(build(Keep::Bytes(5 * 8 * 142)).rank(), 5);
+    assert_eq!(build(Truncation::Bytes(5 * 8 * 142)).rank(), 5);
 }
 
 #[test]
@@ -241,7 +242,7 @@ fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
     let set = letters::letters(6, letters::Variation::default(), 7);
     let (seen, held) = set.hold_out(3);
     let spring = SampledSpring::new(120, DAMPING).unwrap();
-    let library = MotionLibrary::build(&seen, spring, Metric::Position, Keep::Rank(32)).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Position, Truncation::Rank(32)).unwrap();
     assert!(motorium_library::nearest_neighbour_rate(&library, &held, 16) > 0.9);
     let basis = |n| motorium_library::Basis::eigenforces(&library, n);
     let error = |n| motorium_library::evaluate(&basis(n), &held, &spring).position.mean;
@@ -253,8 +254,8 @@ fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
 fn balanced_eigenforces_serve_most_movements_better_than_those_of_the_mean_square() {
     let (seen, held) = letters::letters(12, letters::Variation::default(), 3).hold_out(3);
     let spring = SampledSpring::new(120, DAMPING).unwrap();
-    let library = MotionLibrary::build(&seen, spring, Metric::Position, Keep::All).unwrap();
-    let balanced = library.balanced(12, Keep::All).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Position, Truncation::All).unwrap();
+    let balanced = library.balanced(12, Truncation::All).unwrap();
     let error = |library: &MotionLibrary, set: &Recordings| {
         let basis = motorium_library::Basis::eigenforces(library, 12);
         motorium_library::evaluate(&basis, set, &spring).position
@@ -276,10 +277,10 @@ fn the_recorded_letters_give_the_known_spectrum() {
     if !path.exists() {
         return;
     }
-    let all = data::read(&path, &data::Options { rate: 200.0, columns: vec![] }).unwrap();
+    let all = Recordings::read([&path], &Selection { rate: Some(200.0), ..Selection::default() }).unwrap();
     let (seen, _) = all.hold_out(5);
     let spring = SampledSpring::new(200, DAMPING).unwrap();
-    let library = MotionLibrary::build(&seen, spring, Metric::Force, Keep::Rank(5)).unwrap();
+    let library = MotionLibrary::build(&seen, spring, Metric::Force, Truncation::Rank(5)).unwrap();
     for (found, known) in library.explained().iter().zip([0.589, 0.142, 0.066, 0.047, 0.039]) {
         assert!((found - known).abs() < 0.005, "{found} {known}");
     }

@@ -1,6 +1,6 @@
 //! The recorded movements of `golden/library.json`, and the library of them.
 
-use motorium_library::{DAMPING, Keep, Metric, MotionLibrary, Recordings, SampledSpring, Trajectory};
+use motorium_library::{DAMPING, Metric, MotionLibrary, Recordings, SampledSpring, Trajectory, Truncation};
 use nalgebra::DMatrix;
 use serde_json::Value;
 
@@ -33,5 +33,5 @@ pub(crate) fn spring() -> SampledSpring {
 }
 
 pub(crate) fn library(metric: Metric) -> MotionLibrary {
-    MotionLibrary::build(&recordings(&golden()), spring(), metric, Keep::All).unwrap()
+    MotionLibrary::build(&recordings(&golden()), spring(), metric, Truncation::All).unwrap()
 }

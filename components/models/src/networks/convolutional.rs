@@ -22,7 +22,7 @@ pub struct ConvolutionalNetwork {
     layers: [Linear; 4],
 }
 
-/// What the way back needs of the way there.
+/// Intermediate results of the forward pass that the backward pass needs.
 struct Trace {
     patches: [DMatrix<f32>; 2],
     /// After the ReLU, before pooling.
@@ -34,7 +34,7 @@ struct Trace {
 }
 
 impl ConvolutionalNetwork {
-    /// Random weights for so many outputs.
+    /// Random weights for `outputs` outputs.
     pub fn random(outputs: usize, random: &mut Pcg64) -> Self {
         let flat = CHANNELS[1] * (SIDES[2] / 2) * (SIDES[2] / 2);
         let layers = [(CHANNELS[0], 25), (CHANNELS[1], 25 * CHANNELS[0]), (HIDDEN, flat), (outputs, HIDDEN)];

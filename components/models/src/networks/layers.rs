@@ -134,7 +134,7 @@ pub(super) fn pool(input: &DMatrix<f32>, side: usize) -> (DMatrix<f32>, Vec<u32>
     (out, places)
 }
 
-/// The gradient before [`pool`], of so many rows and columns.
+/// The gradient before [`pool`], a matrix of `shape`.
 pub(super) fn pool_backward(gradient: &DMatrix<f32>, places: &[u32], shape: (usize, usize)) -> DMatrix<f32> {
     let mut out = DMatrix::zeros(shape.0, shape.1);
     let values: &mut [f32] = out.as_mut_slice();

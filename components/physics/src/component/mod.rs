@@ -6,7 +6,7 @@ mod safe;
 
 use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::safety::{CommandGuard, Judgement};
+use motorium::safety::{CommandGuard, Verdict};
 use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
@@ -173,9 +173,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 impl<E: PhysicsEngine> PhysicsComponent<E> {
     /// Applies the newest command, or the safe state.
     fn apply_command(&mut self) {
-        let judgement = self.guard.judge(&mut self.command);
-        let state = match judgement {
-            Judgement::Apply(command) => {
+        let verdict = self.guard.check(&mut self.command);
+        let state = match verdict {
+            Verdict::Apply(command) => {
                 if apply(&command, self.simulation.commands_mut()) {
                     self.safe.leave();
                     return;
@@ -183,7 +183,7 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
                 self.totals.refused += 1;
                 None
             }
-            Judgement::Safe { state, .. } => Some(state),
+            Verdict::Safe { state, .. } => Some(state),
         };
         self.totals.safe += 1;
         self.safe.apply(state, &mut self.simulation, &mut self.dynamics);

@@ -4,8 +4,8 @@ use motorium::declare::ConfigError;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::drive::DriveConfig;
-use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator, RhythmSettings};
+use crate::joint_command::JointCommandConfig;
+use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator, OscillatorNetworkSettings};
 
 /// Configuration of `policy.cpg`.
 ///
@@ -24,13 +24,13 @@ pub struct CpgPolicyConfig {
     pub legs: Vec<LegConfig>,
     /// The gait to begin with.
     pub gait: Gait,
-    /// What makes the rhythm. Default "phase".
+    /// Model of the oscillators. Default "phase".
     #[serde(default)]
     pub model: CpgModel,
     /// Strides per second, Hz. Default 1.
     #[serde(default = "one")]
     pub frequency: f64,
-    /// How fast joints fall into the gait, 1/s. Default 5.
+    /// Rate at which joints fall into the gait, 1/s. Default 5.
     #[serde(default = "five")]
     pub coupling: f64,
     /// Numbers of the model "hopf".
@@ -39,12 +39,12 @@ pub struct CpgPolicyConfig {
     /// Numbers of the model "matsuoka".
     #[serde(default)]
     pub matsuoka: Option<MatsuokaConfig>,
-    /// How the joints are driven.
+    /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
-    pub drive: DriveConfig,
+    pub drive: JointCommandConfig,
 }
 
-/// What makes a rhythm.
+/// Model of oscillators.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CpgModel {
@@ -65,7 +65,7 @@ pub enum CpgModel {
 pub struct HopfConfig {
     /// Rate at which it falls back to its circle, 1/s. Default 8.
     pub convergence: f64,
-    /// How sharply swing and stance change into each other. Default 50.
+    /// Sharpness of the change between swing and stance. Default 50.
     pub sharpness: f64,
     /// The part of a stride that is stance, 0.05 to 0.95. Default 0.5.
     pub duty_factor: f64,
@@ -74,7 +74,7 @@ pub struct HopfConfig {
 impl Default for HopfConfig {
     fn default() -> Self {
         let HopfSettings { convergence, sharpness, .. } = HopfSettings::default();
-        Self { convergence, sharpness, duty_factor: RhythmSettings::default().duty_factor }
+        Self { convergence, sharpness, duty_factor: OscillatorNetworkSettings::default().duty_factor }
     }
 }
 
@@ -82,7 +82,7 @@ impl Default for HopfConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MatsuokaConfig {
-    /// How strongly fatigue acts, `beta`. Default 2.5.
+    /// Strength of fatigue, `beta`. Default 2.5.
     pub fatigue: f64,
     /// How strongly the two inhibit each other, `w`: more than `1 + time_ratio`, less than `1 + fatigue`. Default 2.2.
     pub inhibition: f64,
@@ -105,7 +105,7 @@ pub struct LegConfig {
     pub joints: Vec<SwingConfig>,
 }
 
-/// How a joint swings: `offset + amplitude cos(phase of the leg + phase)`, or what the model has in place of a cosine.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model for the cosine.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SwingConfig {
@@ -129,9 +129,9 @@ fn five() -> f64 {
     5.0
 }
 
-/// Where the frequency may be, Hz.
+/// Range of the frequency, Hz.
 pub(super) const FREQUENCY: std::ops::RangeInclusive<f64> = 0.0..=20.0;
-/// Where the duty factor may be.
+/// Range of the duty factor.
 pub(super) const DUTY_FACTOR: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
 impl CpgPolicyConfig {

@@ -4,7 +4,8 @@ use motorium::declare::ConfigError;
 
 use super::config::{CpgModel, CpgPolicyConfig};
 use motorium_primitives::cpg::{
-    CpgError, Entrainment, NetworkSettings, Node, PhaseNetwork, Rhythm, RhythmSettings, Swing,
+    CpgError, Entrainment, NetworkSettings, Node, OscillatorNetwork, OscillatorNetworkSettings, PhaseNetwork,
+    Swing,
 };
 
 /// A phase-amplitude network or a rhythm of oscillators: joints in, setpoints and their rates out.
@@ -20,7 +21,7 @@ pub(super) struct Generator {
 #[derive(Debug)]
 enum Model {
     Phase(Box<PhaseNetwork>),
-    Rhythm(Box<Rhythm>),
+    Oscillators(Box<OscillatorNetwork>),
 }
 
 impl Generator {
@@ -51,13 +52,14 @@ impl Generator {
                 PhaseNetwork::new(&nodes, weights, settings).map(|network| Model::Phase(Box::new(network)))
             }
             Some(oscillator) => {
-                let settings = RhythmSettings {
+                let settings = OscillatorNetworkSettings {
                     frequency: config.frequency,
                     coupling: config.coupling,
                     duty_factor: config.duty_factor(),
-                    ..RhythmSettings::default()
+                    ..OscillatorNetworkSettings::default()
                 };
-                Rhythm::new(oscillator, &swings, gait, settings).map(|rhythm| Model::Rhythm(Box::new(rhythm)))
+                OscillatorNetwork::new(oscillator, &swings, gait, settings)
+                    .map(|rhythm| Model::Oscillators(Box::new(rhythm)))
             }
         };
         let refused = |error: CpgError| match config.model {
@@ -77,14 +79,14 @@ impl Generator {
         self.frequency = frequency;
         match &mut self.model {
             Model::Phase(network) => network.set_frequency(frequency),
-            Model::Rhythm(rhythm) => rhythm.set_frequency(frequency),
+            Model::Oscillators(rhythm) => rhythm.set_frequency(frequency),
         }
     }
 
     pub(super) fn set_duty_factor(&mut self, duty_factor: f64) -> Result<(), CpgError> {
         match &mut self.model {
             Model::Phase(_) => Ok(()),
-            Model::Rhythm(rhythm) => rhythm.set_duty_factor(duty_factor),
+            Model::Oscillators(rhythm) => rhythm.set_duty_factor(duty_factor),
         }
     }
 
@@ -93,8 +95,8 @@ impl Generator {
         for (joint, swing) in self.swings.iter().enumerate() {
             let amplitude = scale * swing.amplitude;
             match &mut self.model {
-                Model::Phase(network) => network.set_swing(joint, amplitude, swing.offset)?,
-                Model::Rhythm(rhythm) => rhythm.set_swing(joint, amplitude, swing.offset)?,
+                Model::Phase(network) => network.set_amplitude_offset(joint, amplitude, swing.offset)?,
+                Model::Oscillators(rhythm) => rhythm.set_amplitude_offset(joint, amplitude, swing.offset)?,
             }
         }
         Ok(())
@@ -109,11 +111,11 @@ impl Generator {
                 }
                 network.set_pattern(&self.pattern)
             }
-            Model::Rhythm(rhythm) => rhythm.set_gait(gait),
+            Model::Oscillators(rhythm) => rhythm.set_gait(gait),
         }
     }
 
-    /// What a joint that is measured there adds to the rate of its oscillator, rad/s.
+    /// Entrainment of the oscillator of a joint by its measured position and velocity, rad/s.
     pub(super) fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         match &self.model {
             Model::Phase(network) if self.frequency > 0.0 => {
@@ -123,14 +125,14 @@ impl Generator {
                 Entrainment { gain, lead: 0.0 }.pull(measured, network.phases()[joint])
             }
             Model::Phase(_) => 0.0,
-            Model::Rhythm(rhythm) => rhythm.pull(joint, position, velocity, gain),
+            Model::Oscillators(rhythm) => rhythm.pull(joint, position, velocity, gain),
         }
     }
 
     pub(super) fn step(&mut self, dt: f64, pull: &[f64]) {
         match &mut self.model {
             Model::Phase(network) => network.step_entrained(dt, pull),
-            Model::Rhythm(rhythm) => rhythm.step_entrained(dt, pull),
+            Model::Oscillators(rhythm) => rhythm.step_entrained(dt, pull),
         }
     }
 
@@ -138,7 +140,7 @@ impl Generator {
     pub(super) fn output(&self) -> &[f64] {
         match &self.model {
             Model::Phase(network) => network.output(),
-            Model::Rhythm(rhythm) => rhythm.output(),
+            Model::Oscillators(rhythm) => rhythm.output(),
         }
     }
 
@@ -146,7 +148,7 @@ impl Generator {
     pub(super) fn velocity(&self) -> &[f64] {
         match &self.model {
             Model::Phase(network) => network.velocity(),
-            Model::Rhythm(rhythm) => rhythm.velocity(),
+            Model::Oscillators(rhythm) => rhythm.velocity(),
         }
     }
 
@@ -154,7 +156,7 @@ impl Generator {
     pub(super) fn gait_error(&self) -> f64 {
         match &self.model {
             Model::Phase(network) => network.pattern_error(),
-            Model::Rhythm(rhythm) => rhythm.gait_error(),
+            Model::Oscillators(rhythm) => rhythm.gait_error(),
         }
     }
 }

@@ -9,20 +9,20 @@ use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::transport::Parameter;
 
-use crate::drive::{Driven, JointDrive};
+use crate::joint_command::{CommandedJoints, JointCommandWriter};
 use config::{DUTY_FACTOR, FREQUENCY};
 use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
 /// Swings the joints of legs by a phase-amplitude network ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf's,
-/// Matsuoka's or Kuramoto's oscillators ([`Rhythm`](motorium_primitives::cpg::Rhythm)).
+/// Matsuoka's or Kuramoto's oscillators ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///
 /// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency and amplitude
 /// (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With `entrainment`, the measured
 /// joints draw the rhythm along.
 #[derive(Debug)]
 pub struct CpgPolicy {
-    drive: JointDrive,
+    drive: JointCommandWriter,
     generator: Generator,
     pull: Vec<f64>,
     frequency: Parameter<f64>,
@@ -46,9 +46,9 @@ impl Component for CpgPolicy {
     fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let default = gait_number(config)?;
         generator(config)?;
-        Driven::new(&config.drive, declare.robot(), joints(config))?;
+        CommandedJoints::new(&config.drive, declare.robot(), joints(config))?;
         let gaits = Gait::of(config.legs.len());
-        Driven::declare(declare);
+        CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
         declare.float("amplitude", 1.0, 0.0..=2.0, "", "factor of all amplitudes; 0 stands still");
         let names: Vec<String> =
@@ -71,10 +71,10 @@ impl Component for CpgPolicy {
 
     fn configure(config: CpgPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let generator = generator(&config)?;
-        let driven = Driven::new(&config.drive, Some(setup.robot()?), joints(&config))?;
+        let driven = CommandedJoints::new(&config.drive, Some(setup.robot()?), joints(&config))?;
         let duty_factor = (config.model == CpgModel::Hopf).then(|| setup.parameter("duty_factor"));
         Ok(Self {
-            drive: JointDrive::new(driven, &config.drive, setup)?,
+            drive: JointCommandWriter::new(driven, &config.drive, setup)?,
             pull: vec![0.0; generator.joints()],
             frequency: setup.parameter("frequency")?,
             amplitude: setup.parameter("amplitude")?,

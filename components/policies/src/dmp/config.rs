@@ -1,10 +1,8 @@
 //! The `config` table of `policy.dmp`.
 
-use std::time::Duration;
-
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use super::imitation::DemonstrationConfig;
 use motorium_primitives::dmp::StoredModel;
@@ -70,13 +68,11 @@ pub struct GoalConfig {
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
     /// Time to get there, at least 1 ms, such as "2 s". Required, but for a demonstration, which brings its own.
-    #[serde(default, deserialize_with = "optional_time")]
-    #[schemars(with = "Option<TimeSpan>")]
-    pub duration: Option<Duration>,
+    #[serde(default)]
+    pub duration: Option<TimeSpan>,
     /// Time to stay there, such as "500 ms". Default none.
-    #[serde(default, deserialize_with = "time")]
-    #[schemars(with = "TimeSpan")]
-    pub dwell: Duration,
+    #[serde(default)]
+    pub dwell: TimeSpan,
     /// The way of the position. Default straight.
     #[serde(default)]
     pub shape: ShapeConfig,
@@ -99,18 +95,4 @@ pub enum ShapeConfig {
     Demonstration(DemonstrationConfig),
     /// The one of `primitives` that the parameter `primitive` chooses, from the next time the goal is set out for.
     Selected,
-}
-
-pub(crate) fn optional_time<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<Duration>, D::Error> {
-    time(deserializer).map(Some)
-}
-
-pub(crate) fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
-    let text = String::deserialize(deserializer)?;
-    let span: TimeSpan = text.parse().map_err(|error: motorium::units::UnitError| {
-        serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))
-    })?;
-    Ok(Duration::from_nanos(span.ns))
 }

@@ -8,9 +8,11 @@ use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::origin;
+use super::start_pose;
+use motorium::units::TimeSpan;
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::reach::PathDeviation;
 use motorium_recordings::{Recording, Selection};
 
 /// A recorded movement of the hand, to be learned and reproduced.
@@ -28,9 +30,8 @@ pub struct DemonstrationConfig {
     pub cutoff: f64,
     /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
     /// hand is.
-    #[serde(default, deserialize_with = "crate::dmp::config::optional_time")]
-    #[schemars(with = "Option<motorium::units::TimeSpan>")]
-    pub approach: Option<std::time::Duration>,
+    #[serde(default)]
+    pub approach: Option<TimeSpan>,
 }
 
 fn forty() -> usize {
@@ -80,12 +81,12 @@ impl Demonstrated {
         Ok(Self { model, path, duration: std::time::Duration::from_secs_f64(duration), turns })
     }
 
-    /// Where it begins.
+    /// Start of the path.
     pub(super) fn start(&self) -> Vector3<f64> {
         self.path[0]
     }
 
-    /// Where it ends.
+    /// End of the path.
     pub(super) fn end(&self) -> Vector3<f64> {
         self.path[self.path.len() - 1]
     }
@@ -114,7 +115,7 @@ fn hand(
         let message = format!("{channels} channels, expected the 3 of the position of a hand");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
-    let (model, frame) = origin::load(robot, frame)?;
+    let (model, frame) = start_pose::load(robot, frame)?;
     if channels != model.nq() {
         let expected = model.nq();
         return Err(wrong(format!(
@@ -160,22 +161,13 @@ pub(super) fn primitive(
     Ok(model)
 }
 
-/// How closely demonstrated paths are followed: by the target, and by the hand itself.
+/// Deviations of the target, and of the measured end effector, from the paths that were demonstrated.
 #[derive(Debug, Default)]
 pub(super) struct PathRecord {
-    /// Of every leg that was demonstrated.
+    /// Path of every segment that was demonstrated, m.
     paths: Vec<Option<Vec<Vector3<f64>>>>,
-    target: Errors,
-    hand: Errors,
-}
-
-#[derive(Debug, Default)]
-struct Errors {
-    samples: u64,
-    /// Of the distance to the point of the path for this moment, and to its nearest point, m and m^2.
-    timed_squares: f64,
-    near_squares: f64,
-    largest: f64,
+    target: PathDeviation,
+    hand: PathDeviation,
 }
 
 impl PathRecord {
@@ -183,82 +175,47 @@ impl PathRecord {
         Self { paths, ..Self::default() }
     }
 
-    /// Whether there is anything to look at in a leg.
-    pub(super) fn watches(&self, leg: usize) -> bool {
-        self.paths.get(leg).is_some_and(Option::is_some)
+    /// Whether there is anything to look at in a segment.
+    pub(super) fn watches(&self, segment: usize) -> bool {
+        self.paths.get(segment).is_some_and(Option::is_some)
     }
 
-    /// Takes the target (and the measured place of the hand, where known) at a progress of a leg.
+    /// Takes the target (and the measured place of the hand, where known) at a progress of a segment.
     pub(super) fn observe(
         &mut self,
-        leg: usize,
+        segment: usize,
         progress: f64,
         target: Vector3<f64>,
         hand: Option<Vector3<f64>>,
     ) {
-        let Some(Some(path)) = self.paths.get(leg) else { return };
-        self.target.take(path, progress, target);
+        let Some(Some(path)) = self.paths.get(segment) else { return };
+        self.target.observe(path, progress, target);
         if let Some(hand) = hand {
-            self.hand.take(path, progress, hand);
+            self.hand.observe(path, progress, hand);
         }
     }
 
-    /// What there is to say about the run: None without a demonstration.
+    /// Result of the run; `None` without a demonstration.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         self.paths
             .iter()
             .any(Option::is_some)
-            .then(|| serde_json::json!({ "target": self.target.result(), "hand": self.hand.result() }))
+            .then(|| serde_json::json!({ "target": result(&self.target), "hand": result(&self.hand) }))
     }
 }
 
-impl Errors {
-    fn take(&mut self, path: &[Vector3<f64>], progress: f64, place: Vector3<f64>) {
-        let at = progress.clamp(0.0, 1.0) * (path.len() - 1) as f64;
-        let before = (at as usize).min(path.len() - 2);
-        let expected = path[before].lerp(&path[before + 1], at - before as f64);
-        let near =
-            path.windows(2).map(|pair| squared_distance(place, pair[0], pair[1])).fold(f64::MAX, f64::min);
-        self.samples += 1;
-        self.timed_squares += (place - expected).norm_squared();
-        self.near_squares += near;
-        self.largest = self.largest.max(near.sqrt());
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        let mean = |squares: f64| (squares / self.samples as f64).sqrt();
-        (self.samples > 0).then(|| {
-            serde_json::json!({
-                "path_error_m": mean(self.near_squares),
-                "largest_path_error_m": self.largest,
-                "timed_error_m": mean(self.timed_squares),
-            })
-        })
-    }
-}
-
-/// Squared distance of a place to the line between two others.
-fn squared_distance(place: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
-    let (along, off) = (to - from, place - from);
-    let length = along.norm_squared();
-    let share = if length > 0.0 { (off.dot(&along) / length).clamp(0.0, 1.0) } else { 0.0 };
-    (off - share * along).norm_squared()
+fn result(deviation: &PathDeviation) -> Option<serde_json::Value> {
+    let (rms, largest, timed) = (deviation.rms()?, deviation.largest()?, deviation.timed_rms()?);
+    Some(serde_json::json!({
+        "path_error_m": rms,
+        "largest_path_error_m": largest,
+        "timed_error_m": timed,
+    }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_distance_to_a_path_is_that_to_its_nearest_point_also_beyond_its_ends() {
-        let (from, to) = (Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0));
-        for (place, expected) in
-            [([1.0, 3.0, 0.0], 9.0), ([-1.0, 0.0, 0.0], 1.0), ([3.0, 0.0, 2.0], 5.0), ([0.5, 0.0, 0.0], 0.0)]
-        {
-            assert!((squared_distance(Vector3::from(place), from, to) - expected).abs() < 1e-12);
-        }
-        assert!((squared_distance(Vector3::x(), from, from) - 1.0).abs() < 1e-12);
-    }
 
     #[test]
     fn a_target_behind_its_time_is_on_the_path_but_not_in_time() {

@@ -1,9 +1,9 @@
 //! `policy.dmp`: leads the hand of a robot through goals.
 
-pub(crate) mod config;
-mod course;
+mod config;
 mod imitation;
-mod origin;
+mod start_pose;
+mod waypoints;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
 pub use imitation::DemonstrationConfig;
@@ -16,10 +16,10 @@ use motorium::state::PoseTarget;
 use motorium::transport::{Output, Parameter};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use course::Course;
 use imitation::PathRecord;
 use motorium_primitives::reach::{PoseReach, ReachPhase};
-use origin::Origin;
+use start_pose::StartPose;
+use waypoints::Waypoints;
 
 /// Leads the hand of a robot through goals, one movement primitive to each; see [`PoseReach`].
 ///
@@ -30,10 +30,10 @@ use origin::Origin;
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
     speed: Parameter<f64>,
-    origin: Origin,
-    course: Course,
+    start_pose: StartPose,
+    waypoints: Waypoints,
     reach: PoseReach,
-    /// Which of the primitives is chosen, and which every leg that may choose has.
+    /// Which of the primitives is chosen, and which every segment that may choose has.
     primitive: Option<Parameter<i64>>,
     chosen: Vec<usize>,
     exchanges: u64,
@@ -53,35 +53,35 @@ impl Component for DmpPolicy {
     type Config = DmpPolicyConfig;
 
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let course = Course::new(config, declare.robot())?;
-        course.reach()?;
-        Origin::declare(config, declare)?;
+        let waypoints = Waypoints::new(config, declare.robot())?;
+        waypoints.reach()?;
+        StartPose::declare(config, declare)?;
         declare.output::<PoseTarget>(
             "target",
             "where the hand should be and how it should move, in the world frame",
         );
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the hand where it is");
-        if !course.primitives().is_empty() {
-            let last = course.primitives().len() as i64 - 1;
+        if !waypoints.primitives().is_empty() {
+            let last = waypoints.primitives().len() as i64 - 1;
             declare.integer("primitive", 0, 0..=last, "the primitive of `selected` ways, counted from 0");
         }
         Ok(())
     }
 
     fn configure(config: DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let course = Course::new(&config, setup.robot().ok())?;
-        let primitive = match course.primitives() {
+        let waypoints = Waypoints::new(&config, setup.robot().ok())?;
+        let primitive = match waypoints.primitives() {
             [] => None,
             _ => Some(setup.parameter("primitive")?),
         };
         Ok(Self {
             primitive,
-            chosen: vec![0; course.selected().len()],
+            chosen: vec![0; waypoints.selected().len()],
             exchanges: 0,
-            record: course.record(),
-            reach: course.reach()?,
-            course,
-            origin: Origin::new(&config, setup)?,
+            record: waypoints.record(),
+            reach: waypoints.reach()?,
+            waypoints,
+            start_pose: StartPose::new(&config, setup)?,
             target: setup.output("target")?,
             speed: setup.parameter("speed")?,
             goals_before: 0,
@@ -94,17 +94,17 @@ impl Component for DmpPolicy {
         self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
         self.select()?;
         if self.reach.phase() == ReachPhase::Waiting {
-            let Some(start) = self.origin.find()? else { return Ok(()) };
-            self.set_out(start)?;
+            let Some(start) = self.start_pose.find()? else { return Ok(()) };
+            self.begin(start)?;
         } else {
             let elapsed = tick.time_ns.saturating_sub(self.last_tick_ns.unwrap_or(tick.time_ns));
             self.reach.step(Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP));
         }
         self.last_tick_ns = Some(tick.time_ns);
-        let leg = self.reach.leg();
-        if self.reach.phase() == ReachPhase::Moving && self.record.watches(leg) {
-            let hand = self.origin.hand();
-            self.record.observe(leg, self.reach.progress(), self.reach.pose().translation.vector, hand);
+        let segment = self.reach.segment();
+        if self.reach.phase() == ReachPhase::Moving && self.record.watches(segment) {
+            let hand = self.start_pose.hand();
+            self.record.observe(segment, self.reach.progress(), self.reach.pose().translation.vector, hand);
         }
         self.publish()
     }
@@ -112,7 +112,7 @@ impl Component for DmpPolicy {
     fn result(&self) -> Option<serde_json::Value> {
         let mut result = serde_json::json!({
             "goals_set_out_for": self.goals(),
-            "goals": self.reach.legs(),
+            "goals": self.reach.segments(),
             "finished": self.reach.phase() == ReachPhase::Finished,
         });
         if self.primitive.is_some() {
@@ -126,16 +126,16 @@ impl Component for DmpPolicy {
 }
 
 impl DmpPolicy {
-    /// Gives the legs that may choose the primitive that is chosen; one that is under way keeps what it has.
+    /// Gives the segments that may choose the primitive that is chosen; one that is under way keeps what it has.
     fn select(&mut self) -> Result<(), StepError> {
         let Some(primitive) = &self.primitive else { return Ok(()) };
-        let primitives = self.course.primitives();
+        let primitives = self.waypoints.primitives();
         let wanted = usize::try_from(primitive.get()).unwrap_or(0).min(primitives.len() - 1);
-        for (leg, has) in self.course.selected().iter().zip(&mut self.chosen) {
-            let under_way = *leg == self.reach.leg() && self.reach.phase() == ReachPhase::Moving;
+        for (segment, has) in self.waypoints.selected().iter().zip(&mut self.chosen) {
+            let under_way = *segment == self.reach.segment() && self.reach.phase() == ReachPhase::Moving;
             if *has != wanted && !under_way {
                 self.reach
-                    .reshape(*leg, &primitives[wanted])
+                    .reshape(*segment, &primitives[wanted])
                     .map_err(|_| StepError::failed("a primitive of other settings"))?;
                 *has = wanted;
                 self.exchanges += 1;
@@ -145,18 +145,18 @@ impl DmpPolicy {
     }
 
     /// Begins at `start`, or goes on after a crash with what was under way.
-    fn set_out(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
+    fn begin(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
         let refused = |_| StepError::failed("the hand has no finite pose to start from");
         let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
-        let Some(memory) = memory.filter(|memory| memory.leg < self.reach.legs()) else {
-            self.course.aim(&mut self.reach, &start).map_err(refused)?;
+        let Some(memory) = memory.filter(|memory| memory.segment < self.reach.segments()) else {
+            self.waypoints.set_goals(&mut self.reach, &start).map_err(refused)?;
             return self.reach.start(start).map_err(refused);
         };
-        self.course.aim(&mut self.reach, &memory.origin).map_err(refused)?;
+        self.waypoints.set_goals(&mut self.reach, &memory.origin).map_err(refused)?;
         self.goals_before = memory.goals - 1;
         // a measured pose says where the hand has got to in the meantime; a configured one does not
-        let start = if self.origin.is_measured() { start } else { memory.pose };
-        self.reach.start_with(memory.leg, start).map_err(refused)
+        let start = if self.start_pose.is_measured() { start } else { memory.pose };
+        self.reach.start_with(memory.segment, start).map_err(refused)
     }
 
     fn goals(&self) -> u64 {
@@ -166,8 +166,12 @@ impl DmpPolicy {
     fn publish(&mut self) -> Result<(), StepError> {
         let (pose, twist) = (self.reach.pose(), self.reach.twist());
         let at_goal = matches!(self.reach.phase(), ReachPhase::Dwelling | ReachPhase::Finished);
-        let memory =
-            Memory { leg: self.reach.leg(), goals: self.goals(), pose, origin: self.course.origin() };
+        let memory = Memory {
+            segment: self.reach.segment(),
+            goals: self.goals(),
+            pose,
+            origin: self.waypoints.origin(),
+        };
         self.memory.save(memory.numbers());
         let mut target = self.target.loan()?;
         *target = PoseTarget {
@@ -182,13 +186,13 @@ impl DmpPolicy {
     }
 }
 
-/// What outlives a crash.
+/// State that is restored after a crash.
 struct Memory {
-    leg: usize,
+    segment: usize,
     goals: u64,
-    /// Where the target was.
+    /// Pose of the target.
     pose: Isometry3<f64>,
-    /// Where the first leg began: goals may be given relative to it.
+    /// Where the first segment began: goals may be given relative to it.
     origin: Isometry3<f64>,
 }
 
@@ -197,7 +201,7 @@ impl Memory {
 
     fn numbers(&self) -> [f64; Self::NUMBERS] {
         let mut numbers = [0.0; Self::NUMBERS];
-        numbers[0] = self.leg as f64;
+        numbers[0] = self.segment as f64;
         numbers[1] = self.goals as f64;
         for (place, pose) in [(2, &self.pose), (9, &self.origin)] {
             numbers[place..place + 3].copy_from_slice(pose.translation.vector.as_slice());
@@ -215,7 +219,7 @@ impl Memory {
         };
         let goals = *numbers.get(1)? as u64;
         (goals > 0).then_some(Self {
-            leg: *numbers.first()? as usize,
+            segment: *numbers.first()? as usize,
             goals,
             pose: pose(2)?,
             origin: pose(9)?,
@@ -231,13 +235,13 @@ mod tests {
     fn what_outlives_a_crash_comes_back_as_it_was() {
         let turned = |angle| UnitQuaternion::from_euler_angles(0.1, angle, -2.0);
         let memory = Memory {
-            leg: 2,
+            segment: 2,
             goals: 17,
             pose: Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.3), turned(1.0)),
             origin: Isometry3::from_parts(Translation3::new(1.1, 1.2, -1.3), turned(-0.4)),
         };
         let back = Memory::read(&memory.numbers()).unwrap();
-        assert_eq!((back.leg, back.goals), (2, 17));
+        assert_eq!((back.segment, back.goals), (2, 17));
         assert!((back.pose.to_homogeneous() - memory.pose.to_homogeneous()).norm() < 1e-15);
         assert!((back.origin.to_homogeneous() - memory.origin.to_homogeneous()).norm() < 1e-15);
     }

@@ -1,5 +1,6 @@
 //! The `config` table of `policy.library`.
 
+use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -30,19 +31,19 @@ pub struct LibraryPolicyConfig {
     /// What follows the last movement: "once" stays there, "forever" goes back to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Seconds of each movement. Without it, its own duration.
+    /// Duration of each movement, such as "4 s". Default: that of its recording.
     #[serde(default)]
-    pub duration: Option<f64>,
-    /// Seconds from one movement to the start of the next.
+    pub duration: Option<TimeSpan>,
+    /// Time from one movement to the start of the next, at least 1 ms. Default "1 s".
     #[serde(default = "transit")]
-    pub transit: f64,
-    /// Seconds to rest before and after each movement.
+    pub transit: TimeSpan,
+    /// Time of rest before and after each movement. Default "250 ms".
     #[serde(default = "rest")]
-    pub rest: f64,
+    pub rest: TimeSpan,
     /// Moves a hand in a plane, for libraries of two degrees of freedom. Without it, the movements are setpoints of joints.
     #[serde(default)]
     pub hand: Option<HandConfig>,
-    /// What counts as rest for recognition: a movement is what lies between two rests.
+    /// Definition of rest for recognition: a movement lies between two rests.
     #[serde(default)]
     pub recognition: RecognitionConfig,
     /// An SVG file to draw the movements into when the run ends (in the folder the run was started from).
@@ -57,7 +58,7 @@ pub struct HandConfig {
     /// Frame of the robot that is led. Without it, that of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
-    /// Where the centre of the first movement is, in the world frame, m.
+    /// Centre of the first movement, in the world frame, m.
     pub origin: [f64; 3],
     /// Direction of the first degree of freedom, in the world frame.
     #[serde(default = "across")]
@@ -71,24 +72,24 @@ pub struct HandConfig {
     /// From the centre of one movement to that of the next, along the first axis, m.
     #[serde(default)]
     pub pitch: f64,
-    /// How far the hand leaves the plane between movements, m.
+    /// Distance of the end effector from the plane between movements, m.
     #[serde(default = "lift")]
     pub lift: f64,
 }
 
-/// What counts as rest.
+/// Definition of rest.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecognitionConfig {
     /// Speed below which it rests, in units of the library per second.
     #[serde(default = "still")]
     pub still: f64,
-    /// Seconds that a rest takes at least.
+    /// Shortest time of a rest, at least 1 ms. Default "100 ms".
     #[serde(default = "pause")]
-    pub pause: f64,
-    /// The longest movement, s: what takes longer is not recognised.
+    pub pause: TimeSpan,
+    /// Duration of the longest movement that is recognised, at least 10 ms. Default "10 s".
     #[serde(default = "longest")]
-    pub longest: f64,
+    pub longest: TimeSpan,
     /// Eigenforces to recognise by.
     #[serde(default = "terms")]
     pub terms: usize,
@@ -103,11 +104,11 @@ impl Default for RecognitionConfig {
 fn rate() -> f64 {
     100.0
 }
-fn transit() -> f64 {
-    1.0
+fn transit() -> TimeSpan {
+    milliseconds(1000)
 }
-fn rest() -> f64 {
-    0.25
+fn rest() -> TimeSpan {
+    milliseconds(250)
 }
 fn across() -> [f64; 3] {
     [0.0, -1.0, 0.0]
@@ -124,11 +125,14 @@ fn lift() -> f64 {
 fn still() -> f64 {
     0.05
 }
-fn pause() -> f64 {
-    0.1
+fn pause() -> TimeSpan {
+    milliseconds(100)
 }
-fn longest() -> f64 {
-    10.0
+fn longest() -> TimeSpan {
+    milliseconds(10_000)
+}
+const fn milliseconds(count: u64) -> TimeSpan {
+    TimeSpan { ns: 1_000_000 * count }
 }
 fn terms() -> usize {
     16

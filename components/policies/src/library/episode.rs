@@ -30,7 +30,7 @@ pub(super) fn plan(
     planned
 }
 
-/// What a policy is doing.
+/// State of a policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stage {
     /// It has no state to begin from yet.
@@ -39,7 +39,7 @@ pub(super) enum Stage {
     Transit(f64),
     /// Before or after a movement: seconds since it came to rest.
     Rest {
-        /// Whether the movement is over.
+        /// True after a movement, false before.
         after: bool,
         /// Seconds.
         time: f64,

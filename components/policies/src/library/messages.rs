@@ -1,4 +1,4 @@
-//! What goes in and out of `policy.library` beside targets.
+//! Messages of `policy.library` beside targets.
 
 /// The most weights of one message.
 pub const MAX_WEIGHTS: usize = 64;
@@ -8,7 +8,7 @@ pub const MAX_LABEL: usize = 32;
 motorium::state_buffer! {
     /// Asks for a movement: of a label, or of weights. It begins when the one under way has ended.
     pub struct MovementRequest as "motorium.MovementRequest" {
-        /// Counts the requests: a new number is a new request. 0 is none.
+        /// Number of the request: a new number is a new request, 0 is no request.
         pub sequence: u64,
         /// A label, or the id of a movement, in UTF-8, padded with 0; all 0 for weights alone.
         pub label: [u8; 32],
@@ -20,7 +20,7 @@ motorium::state_buffer! {
 }
 
 motorium::state_buffer! {
-    /// What the movement that just ended was like.
+    /// Recognition of the movement that just ended.
     pub struct Recognition as "motorium.Recognition" {
         /// Counts what was recognised.
         pub sequence: u64,
@@ -30,9 +30,9 @@ motorium::state_buffer! {
         pub label: [u8; 32],
         /// Distance of the weights from those of that movement, over their length.
         pub distance: f64,
-        /// What the eigenforces leave of it, 0 to 1.
+        /// Residual of the eigenforces, 0 to 1.
         pub novelty: f64,
-        /// How long it took, s.
+        /// Duration, s.
         pub duration: f64,
         /// Number of weights.
         pub count: u64,

@@ -9,7 +9,6 @@ mod plane;
 mod publish;
 mod signal;
 mod source;
-mod trace;
 mod watch;
 
 pub use config::{HandConfig, LibraryPolicyConfig, RecognitionConfig};
@@ -19,14 +18,14 @@ use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointState, PoseTarget};
 use motorium::transport::{Input, Output, Parameter};
+use motorium::units::TimeSpan;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use episode::{Current, Planned, Stage, plan};
-use motorium_library::{Generator, MotionLibrary};
+use motorium_library::{Generator, MotionLibrary, Trace};
 use motorium_primitives::reach::Repeat;
 use plane::Plane;
 use signal::Hand;
-use trace::Trace;
 use watch::Watch;
 
 /// Makes the movements of a motion library, one after the other, and recognises the movements it sees.
@@ -63,7 +62,7 @@ pub struct LibraryPolicy {
     orientation: UnitQuaternion<f64>,
     /// The point of the last target.
     published: Vector3<f64>,
-    /// Where the transit began, in space or in joints.
+    /// Start of the transit, in space or in joints.
     from: Vec<f64>,
     position: Vec<f64>,
     velocity: Vec<f64>,
@@ -129,7 +128,8 @@ impl Component for LibraryPolicy {
     fn configure(config: LibraryPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let library = source::load(&config, Some(&robot.base))?;
-        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, config.duration);
+        let duration = config.duration.map(TimeSpan::as_secs_f64);
+        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, duration);
         let dofs = library.layout().dofs();
         let period = setup.period().as_secs_f64();
         let (mut hand, mut joints) = (None, Vec::new());
@@ -157,8 +157,8 @@ impl Component for LibraryPolicy {
             index: 0,
             stage: Stage::Waiting,
             repeat: config.repeat,
-            transit: config.transit,
-            rest: config.rest,
+            transit: config.transit.as_secs_f64(),
+            rest: config.rest.as_secs_f64(),
             requested: 0,
             begun: 0,
             on_request: false,
@@ -232,7 +232,7 @@ impl LibraryPolicy {
         Ok(Some(pose))
     }
 
-    /// Goes on by so many seconds.
+    /// Advances by `dt` seconds.
     fn advance(&mut self, dt: f64, pose: &Isometry3<f64>) -> Result<(), StepError> {
         match self.stage {
             Stage::Waiting => {
@@ -272,7 +272,7 @@ impl LibraryPolicy {
         Ok(())
     }
 
-    /// What comes after a movement: a request, the next one, or the end.
+    /// Starts what comes after a movement: a request, the next one, or the end.
     fn next(&mut self, pose: &Isometry3<f64>) {
         if self.take_request() {
             return self.set_out(pose);

@@ -1,7 +1,6 @@
-//! What a policy has to say of its run: in numbers, and as a picture.
+//! Result of a run, in numbers and as a picture.
 
 use super::episode::Stage;
-use super::trace::Trace;
 use super::{LibraryPolicy, messages, picture};
 use motorium_library::Superposition;
 
@@ -12,8 +11,9 @@ impl LibraryPolicy {
         let mut movements = Vec::new();
         for (planned, trace) in self.planned.iter().zip(&self.traces) {
             let scale = self.hand.as_ref().map_or(1.0, |(_, plane)| plane.scale_of(planned.entry));
-            let errors = trace.errors(&self.library, planned).map(|error| error.map(|error| error * scale));
-            let [generated, tracking, path] = errors;
+            let errors = trace.errors(&self.library, planned.entry);
+            let [generated, tracking, path] = [errors.generated, errors.tracking, errors.path]
+                .map(|error| error.map(|error| error * scale));
             by_terms.insert(planned.terms.to_string(), serde_json::json!(generated));
             movements.push(serde_json::json!({
                 "movement": planned.name,
@@ -50,10 +50,8 @@ impl LibraryPolicy {
                     Superposition::of(&self.library, planned.entry, self.library.rank()).path(&self.library);
                 let whole =
                     whole.row_iter().map(|row| [row[0], if dofs > 1 { row[1] } else { 0.0 }]).collect();
-                let [commanded, measured] =
-                    [&trace.commanded, &trace.measured].map(|s| Trace::points(s, dofs));
                 let name = format!("{}, n = {}", planned.name, planned.terms);
-                picture::Panel { name, paths: [whole, commanded, measured] }
+                picture::Panel { name, paths: [whole, trace.commanded_points(), trace.measured_points()] }
             })
             .collect()
     }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::config::HandConfig;
 use motorium_library::{MotionLibrary, Superposition};
 
-/// Where a movement of two degrees of freedom is in space.
+/// Placement of movements of two degrees of freedom in space.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     origin: Vector3<f64>,

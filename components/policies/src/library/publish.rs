@@ -1,4 +1,4 @@
-//! What the policy publishes in a step.
+//! Publishing of a step.
 
 use motorium::declare::StepError;
 use motorium::state::PoseTarget;

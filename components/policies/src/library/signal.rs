@@ -1,8 +1,10 @@
-//! What a policy sees of the robot.
+//! Measured pose and joints of the robot.
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
+
+use crate::robot;
 
 /// The hand of a robot, found from its joint positions.
 #[derive(Debug)]
@@ -13,21 +15,9 @@ pub(super) struct Hand {
 }
 
 impl Hand {
-    pub(super) fn new(robot: &RobotReference, frame: Option<&str>) -> Result<Self, ConfigError> {
-        let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-            .map_err(|error| ConfigError::new(error.to_string()))?;
-        let mut hands = loaded.profile.iter().flat_map(|profile| profile.end_effectors.values());
-        let name = match (frame, hands.next(), hands.next()) {
-            (Some(name), _, _) => name.to_string(),
-            (None, Some(hand), None) => hand.frame.clone(),
-            _ => {
-                let message =
-                    format!("robot `{}` has not one end effector, and no `frame` is given", robot.name);
-                return Err(ConfigError::key("hand.frame", message).advise("name the link that is led"));
-            }
-        };
-        let frame =
-            loaded.model.frame(&name).map_err(|error| ConfigError::key("hand.frame", error.to_string()))?;
+    pub(super) fn new(reference: &RobotReference, frame: Option<&str>) -> Result<Self, ConfigError> {
+        let loaded = robot::load(reference)?;
+        let frame = robot::end_effector(&loaded, frame, "hand.frame")?;
         let kinematics = Kinematics::new(&loaded.model);
         Ok(Self { model: loaded.model, frame, kinematics })
     }
@@ -43,12 +33,11 @@ impl Hand {
 }
 
 /// The joints that the degrees of freedom of a library are, by name: index in `q` of each.
-pub(super) fn joints(robot: &RobotReference, names: &[String]) -> Result<Vec<usize>, ConfigError> {
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+pub(super) fn joints(reference: &RobotReference, names: &[String]) -> Result<Vec<usize>, ConfigError> {
+    let loaded = robot::load(reference)?;
     let find = |name: &String| {
         loaded.model.joint_index(name).ok_or_else(|| {
-            let message = format!("the library moves `{name}`, which is no joint of `{}`", robot.name);
+            let message = format!("the library moves `{name}`, which is no joint of `{}`", reference.name);
             ConfigError::key("library", message)
                 .advise("name the degrees of freedom of the recordings as the joints, or give `hand`")
         })

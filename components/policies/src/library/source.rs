@@ -6,9 +6,10 @@ use motorium::declare::ConfigError;
 
 use super::config::LibraryPolicyConfig;
 use motorium_library::{
-    DAMPING, Keep, Metric, MotionLibrary, SampledSpring, data, file,
+    DAMPING, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, file,
     letters::{Variation, letters},
 };
+use motorium_recordings::Selection;
 
 /// Samples of each movement where the policy itself learns the library.
 const SAMPLES: usize = 200;
@@ -20,7 +21,7 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
     let refuse = |error: &dyn std::fmt::Display| ConfigError::key("library", error.to_string());
     let spring = SampledSpring::new(SAMPLES, DAMPING).map_err(|error| refuse(&error))?;
     let build = |recordings| {
-        MotionLibrary::build(&recordings, spring, Metric::Position, Keep::Rank(super::MAX_WEIGHTS))
+        MotionLibrary::build(&recordings, spring, Metric::Position, Truncation::Rank(super::MAX_WEIGHTS))
             .map_err(|error| refuse(&error))
     };
     if config.library == "letters" {
@@ -28,13 +29,12 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
     }
     let path =
         base.map_or_else(|| Path::new(&config.library).to_path_buf(), |base| base.join(&config.library));
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    if ["jsonl", "json", "csv"].contains(&ending) {
-        let options = data::Options { rate: config.rate, columns: Vec::new() };
-        return build(data::read(&path, &options).map_err(|error| refuse(&error))?);
+    if motorium_recordings::is_recording(&path) {
+        let selection = Selection { rate: Some(config.rate), ..Selection::default() };
+        return build(Recordings::read([&path], &selection).map_err(|error| refuse(&error))?);
     }
     file::read(&path).map_err(|error| {
-        refuse(&error).advise("give a library file, recordings (.jsonl, .json, .csv), or \"letters\"")
+        refuse(&error).advise("give a library file, recordings (.csv, .tsv, .json, .jsonl), or \"letters\"")
     })
 }
 
@@ -68,18 +68,20 @@ pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Re
         let message = format!("{terms} eigenforces, the library has {}", library.rank());
         return Err(ConfigError::key("terms", message));
     }
-    let r = &config.recognition;
-    for (key, value, least) in [
-        ("duration", config.duration.unwrap_or(1.0), 1e-3),
-        ("transit", config.transit, 1e-3),
-        ("rest", config.rest, 0.0),
-        ("recognition.still", r.still, 0.0),
-        ("recognition.pause", r.pause, 1e-3),
-        ("recognition.longest", r.longest, 1e-2),
-        ("rate", config.rate, 1e-6),
-    ] {
+    let recognition = &config.recognition;
+    for (key, value, least) in [("recognition.still", recognition.still, 0.0), ("rate", config.rate, 1e-6)] {
         if !(value.is_finite() && value >= least) {
             return Err(ConfigError::key(key, format!("{value}, expected at least {least}")));
+        }
+    }
+    for (key, span, least_ms) in [
+        ("duration", config.duration, 1),
+        ("transit", Some(config.transit), 1),
+        ("recognition.pause", Some(recognition.pause), 1),
+        ("recognition.longest", Some(recognition.longest), 10),
+    ] {
+        if let Some(span) = span.filter(|span| span.ns < 1_000_000 * least_ms) {
+            return Err(ConfigError::key(key, format!("{span}, expected at least {least_ms} ms")));
         }
     }
     Ok(())

@@ -29,14 +29,14 @@ pub(super) struct Watch {
 impl Watch {
     pub(super) fn new(library: &MotionLibrary, config: &RecognitionConfig, period: f64) -> Self {
         let (dofs, spring) = (library.layout().dofs(), *library.spring());
-        let capacity = ((config.longest / period).ceil() as usize).max(8);
+        let capacity = ((config.longest.as_secs_f64() / period).ceil() as usize).max(8);
         let recogniser = Recogniser::new(library, config.terms.min(MAX_WEIGHTS));
         Self {
             recogniser,
             dofs,
             still: config.still,
             period,
-            pause: ((config.pause / period).ceil() as usize).clamp(4, capacity / 2),
+            pause: ((config.pause.as_secs_f64() / period).ceil() as usize).clamp(4, capacity / 2),
             capacity,
             samples: vec![0.0; capacity * dofs],
             count: 0,

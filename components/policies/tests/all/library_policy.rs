@@ -10,8 +10,8 @@ use motorium::telemetry::{allocations, counts_allocations};
 use motorium::transport::{Input, Output};
 use motorium::worker::{ConfigSource, Kind};
 use motorium_library::{
-    DAMPING, Generator, Keep, Metric, MotionLibrary, Movement, Recogniser, Recordings, SampledSpring,
-    Superposition, Trajectory, file,
+    DAMPING, Generator, Metric, MotionLibrary, Movement, Recogniser, Recordings, SampledSpring,
+    Superposition, Trajectory, Truncation, file,
 };
 use motorium_policies::LibraryPolicy;
 use motorium_policies::library::{MovementRequest, Recognition};
@@ -103,7 +103,8 @@ fn library() -> MotionLibrary {
         movement("back", [0.1, 0.1, -0.5], 0.1),
     ];
     let spring = SampledSpring::new(100, DAMPING).unwrap();
-    MotionLibrary::build(&Recordings { names, trajectories }, spring, Metric::Position, Keep::All).unwrap()
+    MotionLibrary::build(&Recordings { names, trajectories }, spring, Metric::Position, Truncation::All)
+        .unwrap()
 }
 
 fn run(config: &str, request: bool) -> Report {
@@ -250,8 +251,7 @@ fn movements_are_made_straight_from_recordings() {
         lines += &format!("{line}\n");
     }
     std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
-    let config =
-        "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = 1.0";
+    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = \"1 s\"";
     let report = run_in(folder.path(), config, false);
     let policy = &report.results["policy"];
     assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));

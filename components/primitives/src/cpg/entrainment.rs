@@ -13,7 +13,7 @@ pub struct Entrainment {
 }
 
 impl Entrainment {
-    /// What to add to the rate of the phase, rad/s.
+    /// Term added to the rate of the phase, rad/s.
     pub fn pull(&self, measured: f64, phase: f64) -> f64 {
         self.gain * (measured + self.lead - phase).sin()
     }

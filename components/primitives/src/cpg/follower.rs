@@ -1,8 +1,11 @@
-//! Values that follow their commands smoothly.
+//! Commands of an oscillator network, followed smoothly.
 
+use super::lags::wrapped;
+use super::{CpgError, finite, size};
+use crate::ValueError;
 use crate::dmp::Stride;
 
-/// A value on its way to a target.
+/// A value that follows its target by a critically damped spring.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Follower {
     /// The value and its rate.
@@ -18,4 +21,92 @@ impl Follower {
     pub(super) fn step(&mut self, stride: &Stride) {
         self.state = stride.advance(self.state, self.target, self.target);
     }
+
+    pub(super) fn settle(&mut self) {
+        self.state = (self.target, 0.0);
+    }
+}
+
+/// The commanded frequency, amplitudes, offsets and pattern phases of a network, and the values that follow them.
+#[derive(Clone, Debug)]
+pub(super) struct Commands {
+    /// Frequency, Hz.
+    pub(super) frequency: Follower,
+    /// Amplitudes of the outputs.
+    pub(super) amplitude: Vec<Follower>,
+    /// Offsets of the outputs.
+    pub(super) offset: Vec<Follower>,
+    /// Phases of the oscillators in the pattern, rad.
+    pub(super) theta: Vec<Follower>,
+}
+
+impl Commands {
+    /// Commands of outputs, given as amplitude and offset, and of oscillators at phases of the pattern (rad). Amplitudes
+    /// begin at 0, all others at their targets.
+    pub(super) fn new(
+        frequency: f64,
+        outputs: impl Iterator<Item = (f64, f64)>,
+        theta: impl Iterator<Item = f64>,
+    ) -> Self {
+        let (amplitude, offset) = outputs
+            .map(|(amplitude, offset)| {
+                (Follower { state: (0.0, 0.0), target: amplitude }, Follower::at(offset))
+            })
+            .unzip();
+        Self {
+            frequency: Follower::at(frequency),
+            amplitude,
+            offset,
+            theta: theta.map(Follower::at).collect(),
+        }
+    }
+
+    /// Commands amplitude and offset of an output of the network that is called `name`.
+    pub(super) fn set_amplitude_offset(
+        &mut self,
+        name: &'static str,
+        output: usize,
+        [amplitude, offset]: [f64; 2],
+    ) -> Result<(), CpgError> {
+        finite("amplitude and offset", &[amplitude, offset])?;
+        let found = self.amplitude.len();
+        if output >= found {
+            return Err(CpgError::Value(ValueError::Size { name, found, expected: output + 1 }));
+        }
+        self.amplitude[output].target = amplitude;
+        self.offset[output].target = offset;
+        Ok(())
+    }
+
+    /// Commands the phases of the pattern, rad, one for each oscillator. Each goes the short way round.
+    pub(super) fn set_pattern(&mut self, phases: impl Iterator<Item = f64>) {
+        for (theta, phase) in self.theta.iter_mut().zip(phases) {
+            theta.target = theta.state.0 + wrapped(phase - theta.state.0);
+        }
+    }
+
+    /// Takes all values to their targets at once.
+    pub(super) fn settle(&mut self) {
+        let all = self.amplitude.iter_mut().chain(&mut self.offset).chain(&mut self.theta);
+        all.chain([&mut self.frequency]).for_each(Follower::settle);
+    }
+
+    /// Largest deviation of a phase difference from the pattern, relative to the first oscillator, rad.
+    pub(super) fn pattern_error(&self, phases: &[f64]) -> f64 {
+        let deviation = |i: usize| phases[i] - self.theta[i].state.0;
+        (1..phases.len()).map(|i| wrapped(deviation(i) - deviation(0)).abs()).fold(0.0, f64::max)
+    }
+
+    /// An output and its rate, per second: `o + a value`, from the value of its oscillator between -1 and 1 and the rate of
+    /// that value.
+    pub(super) fn output(&self, output: usize, value: f64, rate: f64) -> (f64, f64) {
+        let ((a, a_rate), (o, o_rate)) = (self.amplitude[output].state, self.offset[output].state);
+        (o + a * value, o_rate + a_rate * value + a * rate)
+    }
+}
+
+/// Checks phases of oscillators.
+pub(super) fn check_phases(name: &'static str, phases: &[f64], expected: usize) -> Result<(), CpgError> {
+    size(name, phases.len(), expected)?;
+    finite(name, phases)
 }

@@ -16,7 +16,7 @@ pub struct HopfSettings {
     pub stance_speed: f64,
     /// Angular velocity while `y < 0` (swing), rad/s. Default 2 pi.
     pub swing_speed: f64,
-    /// How sharply one changes into the other, `b`, relative to the amplitude. Default 50.
+    /// Sharpness of the change from one to the other, `b`, relative to the amplitude. Default 50.
     pub sharpness: f64,
 }
 
@@ -154,7 +154,7 @@ impl HopfNetwork {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to `x_i'`. Empty is none.
+    /// As [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to `x_i'`. An empty slice means none.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -197,7 +197,7 @@ impl HopfNetwork {
         &self.rates
     }
 
-    /// Whether a leg stands: `y > 0`.
+    /// True while a leg is in stance: `y > 0`.
     pub fn is_stance(&self, oscillator: usize) -> bool {
         self.state.get(oscillator).is_some_and(|state| state.1 > 0.0)
     }

@@ -58,7 +58,7 @@ impl Kuramoto {
     }
 
     /// As [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
-    /// [`Entrainment`](super::Entrainment). An empty `pull` is none.
+    /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         let (omega, theta) = (&self.omega, &self.theta);
         let amplitude = [&self.ones[..]; 3];

@@ -19,9 +19,9 @@ pub enum LagError {
     /// An oscillator that does not exist.
     #[error("a lag of oscillator {found}: there are {oscillators}, counted from 0")]
     NoSuchOscillator {
-        /// What was named.
+        /// Index named.
         found: usize,
-        /// How many there are.
+        /// Number that exists.
         oscillators: usize,
     },
     /// A lag that is not a number.
@@ -45,12 +45,12 @@ pub enum LagError {
         leader: usize,
         /// The lag given.
         ahead: f64,
-        /// What the other lags make of it.
+        /// Lag implied by the others.
         implied: f64,
     },
 }
 
-/// How far lags round a loop may miss whole turns, rad: what printed digits lose.
+/// Tolerance of the sum of lags round a loop, rad: the loss of printed digits.
 const TOLERANCE: f64 = 1e-3;
 
 /// One phase for each oscillator whose differences are the lags given, rad. The first oscillator of every connected group

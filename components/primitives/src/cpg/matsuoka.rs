@@ -110,7 +110,7 @@ impl MatsuokaOscillator {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with the input `feedback[i]` to each neuron: what entrains it. Empty is none.
+    /// As [`step`](Self::step), with the input `feedback[i]` to each neuron, which entrains it. An empty slice means no input.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;

@@ -7,7 +7,7 @@
 //! | [`MatsuokaOscillator`] | membrane potential, fatigue | `tau_1 u' = -u - beta v - W y + c + s`, `tau_2 v' = -v + y`, `y = max(0, u)` (Matsuoka 1985) |
 //! | [`Kuramoto`] | phase | `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)` (Kuramoto 1975) |
 //!
-//! [`Rhythm`] makes a gait of any of the last three: an oscillator for each leg, coupled alike whatever the model.
+//! [`OscillatorNetwork`] makes a gait of any of the last three: an oscillator for each leg, coupled alike whatever the model.
 //!
 //! `phi_ij` is by how much `j` is ahead of `i`. A pattern is consistent when `phi_ij = -phi_ji` and the lags round every
 //! loop add up to whole turns; then and only then they are differences of one phase for each unit, `phi_ij = theta_j -
@@ -33,9 +33,9 @@ mod kuramoto;
 mod lags;
 mod matsuoka;
 mod network;
+mod oscillator_network;
+mod oscillators;
 mod phases;
-mod rhythm;
-mod unit;
 
 use crate::ValueError;
 pub use entrainment::Entrainment;
@@ -45,10 +45,10 @@ pub use kuramoto::Kuramoto;
 pub use lags::{Lag, LagError, consistent_phases};
 pub use matsuoka::{MatsuokaOscillator, MatsuokaSettings};
 pub use network::{LegSettings, NetworkSettings, Node, PhaseNetwork};
-pub use rhythm::{Rhythm, RhythmSettings, Swing};
-pub use unit::Oscillator;
+pub use oscillator_network::{OscillatorNetwork, OscillatorNetworkSettings, Swing};
+pub use oscillators::Oscillator;
 
-/// Why a pattern generator cannot be made or steered. What ran before goes on unchanged.
+/// An error of making or commanding a pattern generator, which leaves it unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CpgError {
     /// A number, vector or matrix that will not do.

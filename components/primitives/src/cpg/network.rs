@@ -4,31 +4,30 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
-use super::follower::Follower;
+use super::follower::{Commands, check_phases};
 use super::gait::Gait;
-use super::lags::{Lag, consistent_phases, wrapped};
+use super::lags::{Lag, consistent_phases};
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, positive, size};
-use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
-/// What one node is to do.
+/// Commands of one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
     /// Amplitude `A`, unit of the output.
     pub amplitude: f64,
     /// Offset `O`, unit of the output.
     pub offset: f64,
-    /// Its phase in the pattern, rad.
+    /// Phase in the pattern, rad.
     pub phase: f64,
 }
 
 /// A leg that is one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegSettings {
-    /// Amplitude of the swing, unit of the output.
+    /// Amplitude, unit of the output.
     pub amplitude: f64,
-    /// About which it swings, unit of the output.
+    /// Centre of the oscillation, unit of the output.
     pub offset: f64,
 }
 
@@ -68,10 +67,7 @@ impl Default for NetworkSettings {
 pub struct PhaseNetwork {
     settings: NetworkSettings,
     phases: CoupledPhases,
-    frequency: Follower,
-    amplitude: Vec<Follower>,
-    offset: Vec<Follower>,
-    theta: Vec<Follower>,
+    commands: Commands,
     /// Amplitudes at the beginning, middle and end of a step.
     amplitudes: [Vec<f64>; 3],
     theta_now: Vec<f64>,
@@ -98,19 +94,16 @@ impl PhaseNetwork {
         for node in nodes {
             finite("a node", &[node.amplitude, node.offset, node.phase])?;
         }
-        let follow = |value: fn(&Node) -> f64| nodes.iter().map(|node| Follower::at(value(node))).collect();
         let zeros = vec![0.0; n];
         let phase = nodes.iter().map(|node| node.phase.rem_euclid(TAU)).collect();
         let still = CriticalSpring::new(settings.damping).stride(0.0);
         let mut network = Self {
             phases: CoupledPhases::new(weights, phase),
-            frequency: Follower::at(settings.frequency),
-            amplitude: nodes
-                .iter()
-                .map(|node| Follower { state: (0.0, 0.0), target: node.amplitude })
-                .collect(),
-            offset: follow(|node| node.offset),
-            theta: follow(|node| node.phase),
+            commands: Commands::new(
+                settings.frequency,
+                nodes.iter().map(|node| (node.amplitude, node.offset)),
+                nodes.iter().map(|node| node.phase),
+            ),
             amplitudes: std::array::from_fn(|_| zeros.clone()),
             theta_now: nodes.iter().map(|node| node.phase).collect(),
             omega: zeros.clone(),
@@ -172,7 +165,7 @@ impl PhaseNetwork {
 
     /// Number of nodes.
     pub fn nodes(&self) -> usize {
-        self.amplitude.len()
+        self.commands.amplitude.len()
     }
 
     /// Commands a frequency, Hz; a negative one runs the pattern backwards.
@@ -181,7 +174,7 @@ impl PhaseNetwork {
     /// A number that is not finite.
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         finite("frequency", &[frequency])?;
-        self.frequency.target = frequency;
+        self.commands.frequency.target = frequency;
         Ok(())
     }
 
@@ -189,18 +182,8 @@ impl PhaseNetwork {
     ///
     /// # Errors
     /// A node that does not exist, or numbers that are not finite.
-    pub fn set_swing(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
-        finite("amplitude and offset", &[amplitude, offset])?;
-        if node >= self.nodes() {
-            return Err(CpgError::Value(ValueError::Size {
-                name: "the network",
-                found: self.nodes(),
-                expected: node + 1,
-            }));
-        }
-        self.amplitude[node].target = amplitude;
-        self.offset[node].target = offset;
-        Ok(())
+    pub fn set_amplitude_offset(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
+        self.commands.set_amplitude_offset("the network", node, [amplitude, offset])
     }
 
     /// Commands the phase of every node in the pattern, rad. Each goes the short way round.
@@ -208,11 +191,8 @@ impl PhaseNetwork {
     /// # Errors
     /// Wrong length, or numbers that are not finite.
     pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
-        size("the pattern", phases.len(), self.nodes())?;
-        finite("the pattern", phases)?;
-        for (theta, phase) in self.theta.iter_mut().zip(phases) {
-            theta.target = theta.state.0 + wrapped(phase - theta.state.0);
-        }
+        check_phases("the pattern", phases, self.nodes())?;
+        self.commands.set_pattern(phases.iter().copied());
         Ok(())
     }
 
@@ -229,8 +209,7 @@ impl PhaseNetwork {
     /// # Errors
     /// Wrong length, or numbers that are not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
-        size("phases", phases.len(), self.nodes())?;
-        finite("phases", phases)?;
+        check_phases("phases", phases, self.nodes())?;
         self.phases.phase.copy_from_slice(phases);
         self.observe();
         Ok(())
@@ -238,10 +217,7 @@ impl PhaseNetwork {
 
     /// Takes amplitudes, offsets, frequency and pattern to their commands at once. A jump.
     pub fn settle(&mut self) {
-        let all = self.amplitude.iter_mut().chain(&mut self.offset).chain(&mut self.theta);
-        for follower in all.chain([&mut self.frequency]) {
-            follower.state = (follower.target, 0.0);
-        }
+        self.commands.settle();
         self.observe();
     }
 
@@ -251,7 +227,7 @@ impl PhaseNetwork {
     }
 
     /// As [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
-    /// [`Entrainment`](super::Entrainment). An empty `pull` is none.
+    /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -262,18 +238,18 @@ impl PhaseNetwork {
             self.strides = (dt, [spring.stride(0.5 * dt), spring.stride(dt), pattern.stride(dt)]);
         }
         let [half, whole, pattern] = self.strides.1;
-        for (i, amplitude) in self.amplitude.iter_mut().enumerate() {
+        for (i, amplitude) in self.commands.amplitude.iter_mut().enumerate() {
             self.amplitudes[0][i] = amplitude.state.0;
             self.amplitudes[1][i] = half.advance(amplitude.state, amplitude.target, amplitude.target).0;
             amplitude.step(&whole);
             self.amplitudes[2][i] = amplitude.state.0;
         }
-        self.offset.iter_mut().for_each(|offset| offset.step(&whole));
+        self.commands.offset.iter_mut().for_each(|offset| offset.step(&whole));
         // the mean of the frequency over the step turns the phases, and so does the slide of the pattern
-        let before = self.frequency.state.0;
-        self.frequency.step(&whole);
-        self.omega.fill(TAU * 0.5 * (before + self.frequency.state.0));
-        for (theta, now) in self.theta.iter_mut().zip(&mut self.theta_now) {
+        let before = self.commands.frequency.state.0;
+        self.commands.frequency.step(&whole);
+        self.omega.fill(TAU * 0.5 * (before + self.commands.frequency.state.0));
+        for (theta, now) in self.commands.theta.iter_mut().zip(&mut self.theta_now) {
             theta.step(&pattern);
             *now = theta.state.0;
         }
@@ -307,16 +283,15 @@ impl PhaseNetwork {
 
     /// The largest deviation of a phase difference from the pattern at this moment, relative to the first node, rad.
     pub fn pattern_error(&self) -> f64 {
-        let psi = |i: usize| self.phases.phase[i] - self.theta_now[i];
-        (1..self.nodes()).map(|i| wrapped(psi(i) - psi(0)).abs()).fold(0.0, f64::max)
+        self.commands.pattern_error(&self.phases.phase)
     }
 
     fn observe(&mut self) {
-        for (i, amplitude) in self.amplitude.iter().enumerate() {
+        for (i, amplitude) in self.commands.amplitude.iter().enumerate() {
             self.amplitudes[2][i] = amplitude.state.0;
-            self.theta_now[i] = self.theta[i].state.0;
+            self.theta_now[i] = self.commands.theta[i].state.0;
         }
-        self.omega.fill(TAU * self.frequency.state.0);
+        self.omega.fill(TAU * self.commands.frequency.state.0);
         let amplitude = [&self.amplitudes[2][..]; 3];
         let (omega, theta) = (&self.omega[..], &self.theta_now[..]);
         self.phases.observe(&Influence { omega, pull: &[], theta, amplitude });
@@ -325,10 +300,8 @@ impl PhaseNetwork {
 
     fn write(&mut self) {
         for i in 0..self.nodes() {
-            let ((a, a_rate), (o, o_rate)) = (self.amplitude[i].state, self.offset[i].state);
             let (sine, cosine) = self.phases.phase[i].sin_cos();
-            self.output[i] = o + a * cosine;
-            self.velocity[i] = o_rate + a_rate * cosine - a * sine * self.phases.rate[i];
+            (self.output[i], self.velocity[i]) = self.commands.output(i, cosine, -sine * self.phases.rate[i]);
         }
     }
 }

@@ -18,15 +18,15 @@ pub(super) struct CoupledPhases {
     cosine: Vec<f64>,
 }
 
-/// What acts on the phases within a step, at its beginning, middle and end.
+/// Influences on the phases within a step, at its beginning, middle and end.
 pub(super) struct Influence<'a> {
     /// Own angular velocity of every oscillator, rad/s.
     pub(super) omega: &'a [f64],
-    /// What feedback adds to it, rad/s; may be empty.
+    /// Entrainment added to it, rad/s; empty for none.
     pub(super) pull: &'a [f64],
     /// The phase of every oscillator in the pattern, rad.
     pub(super) theta: &'a [f64],
-    /// How strongly every oscillator acts on others.
+    /// Amplitudes: the weight of every oscillator in the coupling.
     pub(super) amplitude: [&'a [f64]; 3],
 }
 

@@ -1,6 +1,6 @@
-//! What happens to the robot, let into a running primitive.
+//! Coupling: feedback of the robot into a running primitive.
 
-/// The influence of one step; [`Default`] is none.
+/// The influence of one step; [`Default`] is no influence.
 ///
 /// With it, the primitive obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`: `C` moves it off its way, a phase rate
 /// below 1 lets its clock wait. Both fade without a trace when they end: `C` with the spring, the clock by going on.
@@ -9,7 +9,7 @@ pub struct Coupling<'a> {
     /// `C`, an acceleration in every dimension, unit of y per second squared; empty for none. From an
     /// [`ObstacleAvoidance`](super::ObstacleAvoidance), a [`Yielding`], or anything else.
     pub acceleration: &'a [f64],
-    /// How fast the phase passes, in \[0, 1\]; values outside are clamped. From a [`PhaseStop`].
+    /// Rate of the phase, clamped to \[0, 1\]. From a [`PhaseStop`].
     pub phase_rate: f64,
 }
 
@@ -19,7 +19,7 @@ impl Default for Coupling<'_> {
     }
 }
 
-/// How much the phase waits for a robot that cannot follow.
+/// Slow-down of the phase while the robot cannot follow.
 ///
 /// The rate goes into [`Coupling::phase_rate`]: only the phase (and a quintic goal, which travels with it) waits, as
 /// published. Multiplying `dt` by it instead stretches all of the movement, the spring included.

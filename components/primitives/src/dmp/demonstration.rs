@@ -11,7 +11,7 @@ pub struct Demonstration {
     accelerations: DMatrix<f64>,
 }
 
-/// Why a recording is no demonstration.
+/// An invalid demonstration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
     /// Too little to differentiate twice.
@@ -26,13 +26,13 @@ pub enum DemonstrationError {
     /// A duration that is not a positive time.
     #[error("a duration of {found} s, expected a positive time")]
     Duration {
-        /// What was found, s.
+        /// Value found, s.
         found: f64,
     },
     /// Matrices that do not fit each other.
     #[error("{name} are {found:?} (samples, dimensions), the positions {expected:?}")]
     Shape {
-        /// Which derivative.
+        /// Name of the derivative.
         name: &'static str,
         /// Its shape.
         found: (usize, usize),
@@ -46,7 +46,7 @@ pub enum DemonstrationError {
         sample: usize,
         /// Column.
         dimension: usize,
-        /// What was found.
+        /// Value found.
         value: f64,
     },
 }
@@ -156,12 +156,12 @@ impl Demonstration {
         &self.accelerations
     }
 
-    /// Where a dimension begins.
+    /// Start of a dimension.
     pub fn start(&self, dimension: usize) -> f64 {
         self.positions[(0, dimension)]
     }
 
-    /// Where a dimension ends.
+    /// End of a dimension.
     pub fn goal(&self, dimension: usize) -> f64 {
         self.positions[(self.samples() - 1, dimension)]
     }

@@ -9,7 +9,7 @@ use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
 use super::settings::{ModelError, Scaling, Settings, Variant};
 
-/// How weights are found.
+/// Regression of weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
     /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The default, with
@@ -34,7 +34,7 @@ impl Default for Regression {
     }
 }
 
-/// Why no primitive could be fitted.
+/// An error of fitting a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Nothing to learn from.
@@ -43,7 +43,7 @@ pub enum FitError {
     /// Demonstrations of different kinds.
     #[error("demonstration {index} has {found} dimensions, the first one {expected}")]
     Dimensions {
-        /// Which one.
+        /// Index, counted from 0.
         index: usize,
         /// Its dimensions.
         found: usize,
@@ -53,7 +53,7 @@ pub enum FitError {
     /// A penalty that is no penalty.
     #[error("lambda = {found}: expected a finite number of at least 0")]
     Lambda {
-        /// What was found.
+        /// Value found.
         found: f64,
     },
     /// The kernels cannot be told apart by the samples there are.
@@ -114,7 +114,7 @@ impl DmpModel {
     }
 }
 
-/// What one demonstration asks of the weights: `features * (factors[d] * w_d) = targets_d` for every dimension d.
+/// Linear equations of one demonstration: `features * (factors[d] * w_d) = targets_d` for every dimension d.
 struct Block {
     /// Kernels x samples.
     features: DMatrix<f64>,
@@ -212,7 +212,7 @@ fn forcing_terms(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     forcing
 }
 
-/// What the forcing term must add to the position of the unforced movement, samples x dimensions.
+/// Difference of the demonstration from the unforced movement, samples x dimensions.
 fn forced_positions(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let (samples, variant) = (demo.samples(), model.settings().variant);
     let mut targets = demo.positions().clone();

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::exponential::exp_of_negative;
 
-/// How the forcing term fades as the movement ends.
+/// Fading of the forcing term towards the end of the movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
     /// `gate = s`: never exactly zero, `exp(-decay)` of the start value is left at the nominal end (Ijspeert 2013).
@@ -30,7 +30,7 @@ pub struct Kernels {
     final_phase: f64,
     centres: Vec<f64>,
     widths: Vec<f64>,
-    /// How many kernels before and after the nearest one are worth anything beside it.
+    /// Number of kernels before and after the nearest one that are not negligible beside it.
     reach: [usize; 2],
 }
 

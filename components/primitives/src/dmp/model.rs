@@ -1,4 +1,4 @@
-//! What a primitive has learned: its settings, its weights and the displacement it was shown.
+//! Model of a primitive: settings, weights and the displacement of its demonstration.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -115,7 +115,7 @@ impl DmpModel {
         CriticalSpring::new(self.settings.damping)
     }
 
-    /// What the weighted features are divided by to become an equilibrium of the spring.
+    /// Divisor that turns weighted features into an equilibrium of the spring.
     pub(super) fn forcing_divisor(&self) -> f64 {
         match self.settings.variant {
             Variant::GoalSafe => 1.0,

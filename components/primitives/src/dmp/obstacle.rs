@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
     pub gamma: f64,
-    /// How fast the effect fades with the angle, 1/rad. Published value 20 / pi.
+    /// Rate at which the effect fades with the angle, 1/rad. Published value 20 / pi.
     pub beta: f64,
     /// Distance at which the effect has fallen to 1/e, m; infinite as published.
     pub reach: f64,

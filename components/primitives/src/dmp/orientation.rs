@@ -1,5 +1,6 @@
 //! A discrete primitive for orientations.
 
+use motorium_robots::lie::{RotationRates, angular_motion, rotation_rates, so3};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
 use super::demonstration::{Demonstration, DemonstrationError};
@@ -8,7 +9,6 @@ use super::model::DmpModel;
 use super::quintic::Jet;
 use super::settings::ModelError;
 use crate::ValueError;
-use crate::rotation::{self, RotationJet};
 
 /// An orientation on its way to a goal, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
 ///
@@ -76,7 +76,7 @@ impl OrientationDmp {
         goal: UnitQuaternion<f64>,
         duration: f64,
     ) -> Result<(), MoveError> {
-        let vector = rotation::log(&(start * goal.inverse()));
+        let vector = so3::log(&(start * goal.inverse()));
         let phi = in_coordinates(vector, velocity, acceleration)?;
         self.dmp.start_moving(
             [(-phi.vector).as_slice(), (-phi.rate).as_slice(), (-phi.acceleration).as_slice()],
@@ -85,7 +85,7 @@ impl OrientationDmp {
         )?;
         self.start = start;
         self.orientation = start;
-        self.goal = with_sign_of(start, rotation::exp(vector), goal);
+        self.goal = with_sign_of(start, so3::exp(&vector), goal);
         self.observe();
         Ok(())
     }
@@ -99,13 +99,13 @@ impl OrientationDmp {
         if goal.coords == self.goal.coords || goal.coords == -self.goal.coords {
             return Ok(());
         }
-        let vector = rotation::log(&(self.orientation * goal.inverse()));
+        let vector = so3::log(&(self.orientation * goal.inverse()));
         let phi = in_coordinates(vector, self.angular_velocity, self.angular_acceleration)?;
         let jet =
             |d: usize| Jet { value: -phi.vector[d], rate: -phi.rate[d], acceleration: -phi.acceleration[d] };
-        let start = -rotation::log(&(self.start * goal.inverse()));
+        let start = -so3::log(&(self.start * goal.inverse()));
         self.dmp.rebase(&[jet(0), jet(1), jet(2)], start.as_slice(), &[0.0; 3]);
-        self.goal = with_sign_of(self.orientation, rotation::exp(vector), goal);
+        self.goal = with_sign_of(self.orientation, so3::exp(&vector), goal);
         self.observe();
         Ok(())
     }
@@ -153,14 +153,14 @@ impl OrientationDmp {
 
     fn observe(&mut self) {
         let negated = |values: &[f64]| -Vector3::from_column_slice(values);
-        let phi = RotationJet {
+        let phi = RotationRates {
             vector: negated(self.dmp.position()),
             rate: negated(self.dmp.velocity()),
             acceleration: negated(self.dmp.acceleration()),
         };
-        self.orientation = rotation::exp(phi.vector) * self.goal;
+        self.orientation = so3::exp(&phi.vector) * self.goal;
         self.orientation.renormalize_fast();
-        (self.angular_velocity, self.angular_acceleration) = rotation::angular_motion(&phi);
+        (self.angular_velocity, self.angular_acceleration) = angular_motion(&phi);
     }
 }
 
@@ -178,7 +178,7 @@ pub fn orientation_demonstration(
     let goal = orientations.last().copied().unwrap_or_default();
     let mut later = Vector3::zeros();
     for (k, orientation) in orientations.iter().enumerate().rev() {
-        later = nearest_turn(rotation::log(&(goal * orientation.inverse())), later);
+        later = nearest_turn(so3::log(&(goal * orientation.inverse())), later);
         errors.row_mut(k).tr_copy_from(&later);
     }
     Demonstration::from_positions(duration, errors)
@@ -197,9 +197,9 @@ fn in_coordinates(
     vector: Vector3<f64>,
     velocity: Vector3<f64>,
     acceleration: Vector3<f64>,
-) -> Result<RotationJet, MoveError> {
+) -> Result<RotationRates, MoveError> {
     // the logarithm is at most pi long, where the Jacobian is regular: only what is no number has no inverse here
-    rotation::from_angular_motion(vector, velocity, acceleration)
+    rotation_rates(vector, velocity, acceleration)
         .filter(|phi| phi.vector.iter().all(|value| value.is_finite()))
         .ok_or(MoveError::NotFinite { name: "orientation", value: vector.sum() })
 }

@@ -28,7 +28,7 @@ pub struct SampledModel {
     goal: Vec<f64>,
 }
 
-/// Why a recording makes no table.
+/// An error of tabulating a recording.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampledError {
     /// No movement to learn from.
@@ -113,12 +113,12 @@ impl SampledModel {
         &self.forces
     }
 
-    /// Where the demonstration began.
+    /// Start of the demonstration, one number a dimension.
     pub fn shown_start(&self) -> &[f64] {
         &self.start
     }
 
-    /// Where the demonstration ended.
+    /// End of the demonstration.
     pub fn shown_goal(&self) -> &[f64] {
         &self.goal
     }
@@ -245,7 +245,7 @@ impl SampledDmp {
         &self.velocity
     }
 
-    /// Whether all steps of the movement are taken.
+    /// True after the last step of the movement.
     pub fn is_over(&self) -> bool {
         self.taken >= self.model.steps()
     }

@@ -1,4 +1,4 @@
-//! Which primitive it is and the numbers that shape it.
+//! Variants of a discrete primitive and their settings.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,23 +23,23 @@ pub enum Variant {
 }
 
 impl Variant {
-    /// Whether the goal travels on a polynomial.
+    /// True if the goal travels on a polynomial.
     pub fn plans_goal(self) -> bool {
         matches!(self, Self::QuinticGoal | Self::FinalVelocity)
     }
 
-    /// Whether the goal can be passed with a velocity.
+    /// True if the goal can be passed with a velocity.
     pub fn may_end_in_motion(self) -> bool {
         self == Self::FinalVelocity
     }
 
-    /// Whether the pull to the goal sets in with the phase.
+    /// True if the pull to the goal sets in with the phase.
     pub fn eases_in(self) -> bool {
         self == Self::GoalSafe
     }
 }
 
-/// How the forcing term follows the displacement `g - y0` of a new movement.
+/// Scaling of the forcing term with the displacement `g - y0` of a new movement.
 ///
 /// The scale is taken once, at the start of a movement: a goal that moves later moves the attractor, never the forcing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -71,7 +71,7 @@ pub enum Scaling {
 pub struct Settings {
     /// The published form. Default [`Variant::QuinticGoal`].
     pub variant: Variant,
-    /// How the forcing term follows a new displacement. Default [`Scaling::Fixed`].
+    /// Scaling of the forcing term with a new displacement. Default [`Scaling::Fixed`].
     pub scaling: Scaling,
     /// Number of kernels for each dimension, at least 2. Default 30.
     pub kernels: usize,
@@ -79,7 +79,7 @@ pub struct Settings {
     pub damping: f64,
     /// Decay `a_s` of the phase over one duration. Default `-ln 0.01 = 4.605`: 1 % of the phase is left at the end.
     pub decay: f64,
-    /// What a kernel is worth at the centre of its successor, in (0, 1). Default 0.8.
+    /// Value of a kernel at the centre of its successor, in (0, 1). Default 0.8.
     pub overlap: f64,
     /// Rate `a_g` of the goal filter `T g' = a_g (g_commanded - g)` of [`Variant::Classic`] and [`Variant::GoalSafe`];
     /// without it the goal jumps. The variants with a quintic goal always move it smoothly and take none.
@@ -100,7 +100,7 @@ impl Default for Settings {
     }
 }
 
-/// Why a model cannot be made.
+/// An error of making a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A number, vector or matrix that will not do.

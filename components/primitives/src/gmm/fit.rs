@@ -7,17 +7,17 @@ use rand_pcg::Pcg64;
 use super::mixture::{Gmm, GmmError, log_sum};
 use crate::ValueError;
 
-/// How to fit; [`Default`] gives the values named on each field.
+/// Settings of a fit; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GmmFit {
-    /// At most so many iterations. Default 200.
+    /// Maximum number of iterations. Default 200.
     pub iterations: usize,
     /// Ends when the mean log-likelihood of a sample grows by less. Default 1e-6.
     pub tolerance: f64,
     /// Variance added to every covariance in every direction, relative to the mean variance of the data: no component can
     /// collapse onto a sample. Default 1e-5.
     pub floor: f64,
-    /// So many starts, of which the best is kept. Default 3.
+    /// Number of starts, of which the best is kept. Default 3.
     pub starts: usize,
     /// Seed of the starts. Default 0.
     pub seed: u64,
@@ -38,7 +38,7 @@ pub struct GmmFitted {
     pub log_likelihood: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Whether it ended by the tolerance.
+    /// True if the fit ended by the tolerance.
     pub converged: bool,
 }
 

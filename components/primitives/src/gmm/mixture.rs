@@ -14,7 +14,7 @@ pub struct Gmm {
     pub(super) covariances: Vec<DMatrix<f64>>,
 }
 
-/// Why there is no mixture.
+/// An error of making a mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
     /// A number, vector or matrix that will not do.
@@ -31,15 +31,15 @@ pub enum GmmError {
     /// A sample that is not a number.
     #[error("sample {sample} holds {value}, expected finite numbers only")]
     NotFinite {
-        /// Which one.
+        /// Index, counted from 0.
         sample: usize,
-        /// What was found.
+        /// Value found.
         value: f64,
     },
     /// A matrix that is no covariance.
     #[error("the covariance of component {component} is not positive definite: raise the floor")]
     NotPositive {
-        /// Which one.
+        /// Index, counted from 0.
         component: usize,
     },
 }

@@ -8,11 +8,11 @@ use crate::gmm::Gmr;
 /// One point of a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferencePoint {
-    /// Where: the input `s`.
+    /// Input `s`.
     pub input: DVector<f64>,
-    /// What is wanted there.
+    /// Mean there.
     pub mean: DVector<f64>,
-    /// How precisely: positive definite.
+    /// Covariance there: positive definite.
     pub covariance: DMatrix<f64>,
 }
 
@@ -22,7 +22,7 @@ pub struct KmpReference {
     points: Vec<ReferencePoint>,
 }
 
-/// Why there is no such primitive.
+/// An error of making or conditioning a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KmpError {
     /// A number, vector or matrix that will not do.
@@ -31,16 +31,16 @@ pub enum KmpError {
     /// No point at all.
     #[error("a reference without a point, expected at least one")]
     Empty,
-    /// A matrix that is no covariance, or a number that is none.
+    /// A matrix that is no covariance, or a value that is not finite.
     #[error("reference point {point}: the covariance is not positive definite, or a number is not finite")]
     NotPositive {
-        /// Which one.
+        /// Index, counted from 0.
         point: usize,
     },
     /// References that do not go together.
     #[error("the references have different inputs at point {point}: make them of the same inputs")]
     Different {
-        /// Which one.
+        /// Index, counted from 0.
         point: usize,
     },
     /// The regression refused an input.
@@ -62,7 +62,7 @@ impl KmpReference {
         Ok(Self { points })
     }
 
-    /// What a regression says at given inputs.
+    /// Predictions of a regression at given inputs.
     ///
     /// # Errors
     /// No input, or one that the regression refuses.

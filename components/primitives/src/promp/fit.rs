@@ -6,7 +6,7 @@ use super::basis::ProMpBasis;
 use super::model::{ProMp, ProMpError, symmetrise};
 use crate::ValueError;
 
-/// How the distribution of the weights is found.
+/// Estimator of the distribution of the weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Learning {
     /// Expectation maximisation of the likelihood of all samples (Lazaric and Ghavamzadeh 2010, with an uninformative
@@ -15,7 +15,7 @@ pub enum Learning {
     /// `mu = mean m_i`, `Sigma = mean (S_i + (m_i - mu)(m_i - mu)^T)`,
     /// `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the samples`.
     Em {
-        /// At most so many iterations.
+        /// Maximum number of iterations.
         iterations: usize,
         /// Ends when the mean changes by less than this part of its length.
         tolerance: f64,
@@ -27,7 +27,7 @@ pub enum Learning {
     },
 }
 
-/// How to fit; [`Default`] gives the values named on each field.
+/// Settings of a fit; [`Default`] gives the values named on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProMpFit {
     /// Default: EM of at most 200 iterations with a tolerance of 1e-5.

@@ -37,7 +37,7 @@ pub struct StoredProMp {
     pub covariance: Vec<Vec<f64>>,
 }
 
-/// What a primitive is conditioned on.
+/// Quantity a primitive is conditioned on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Observed {
     /// The position.
@@ -46,7 +46,7 @@ pub enum Observed {
     Velocity,
 }
 
-/// Why there is no such primitive.
+/// An error of making or conditioning a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
     /// A number, vector or matrix that will not do.
@@ -55,7 +55,7 @@ pub enum ProMpError {
     /// Too few demonstrations to tell how they vary.
     #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
     TooFew {
-        /// What was found.
+        /// Value found.
         found: usize,
     },
     /// A matrix that is no covariance.

@@ -122,7 +122,7 @@ impl ProMpRunner {
         self.elapsed / self.duration
     }
 
-    /// Whether the time of the movement is over.
+    /// True after the duration of the movement.
     pub fn is_over(&self) -> bool {
         // sums of periods are rounded
         self.progress() >= 1.0 - 1e-9

@@ -1,13 +1,13 @@
 //! A hand led through a sequence of poses.
 
-mod leg;
+mod path_deviation;
 mod pose_reach;
+mod segment;
 mod shape;
 mod speed;
-mod twist;
 
-pub use leg::{Leg, ReachError, Repeat, SteerError};
+pub use path_deviation::PathDeviation;
 pub use pose_reach::{PoseReach, ReachPhase};
-pub use shape::{PathShape, ShapeError};
+pub use segment::{ReachError, Repeat, Segment, SteerError};
+pub use shape::{MAX_APEX, PathShape, ShapeError};
 pub use speed::SPEED_SLEW;
-pub use twist::Twist;

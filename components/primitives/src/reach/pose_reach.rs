@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
+use motorium_robots::Twist;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::leg::{Leg, ReachError, Repeat, SteerError, numbers};
+use super::segment::{ReachError, Repeat, Segment, SteerError, numbers};
 use super::shape::plain;
-use super::speed::Pace;
-use super::twist::Twist;
+use super::speed::TimeScale;
 use crate::dmp::{DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 
-/// Where in its sequence a hand is.
+/// State of a reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReachPhase {
     /// Not started: there is no pose yet.
@@ -25,22 +25,22 @@ pub enum ReachPhase {
 
 /// Leads a hand from where it is through a sequence of goals and back to the first one, if asked.
 ///
-/// Each leg is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal: the hand leaves
+/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal: the hand leaves
 /// at rest and unaccelerated, and is at the goal, at rest, exactly at the end of the duration (with a shape that was
-/// fitted: within the error of the fit, which goes on to die out during the dwell). One leg takes over position,
+/// fitted: within the error of the fit, which goes on to die out during the dwell). One segment takes over position,
 /// velocity and acceleration from the other, so the motion has no jump anywhere.
 ///
-/// Time is counted in whole nanoseconds, and legs change within a step where they end: neither drifts with the step.
+/// Time is counted in whole nanoseconds, and segments change within a step where they end: neither drifts with the step.
 /// All memory is taken by [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct PoseReach {
-    legs: Vec<Route>,
+    segments: Vec<Route>,
     repeat: Repeat,
     orientation: OrientationDmp,
-    pace: Pace,
+    pace: TimeScale,
     phase: ReachPhase,
     current: usize,
-    /// Time of the current leg, and its two ends: arrival and departure.
+    /// Time of the current segment, and its two ends: arrival and departure.
     elapsed: u64,
     arrival: u64,
     departure: u64,
@@ -56,7 +56,7 @@ struct Route {
     position: DiscreteDmp,
 }
 
-/// Where the hand is and how it moves, in policy time.
+/// Pose, velocity and acceleration of the end effector, in policy time.
 #[derive(Clone, Copy)]
 struct Motion {
     position: Vector3<f64>,
@@ -66,20 +66,20 @@ struct Motion {
 }
 
 impl PoseReach {
-    /// Prepares the legs, in their order.
+    /// Prepares the segments, in their order.
     ///
     /// # Errors
-    /// No leg, a goal that is not finite, a duration under 1 ms, or a shape that leads nowhere.
-    pub fn new(legs: Vec<Leg>, repeat: Repeat) -> Result<Self, ReachError> {
-        if legs.is_empty() {
-            return Err(ReachError::NoLegs);
+    /// No segment, a goal that is not finite, a duration under 1 ms, or a shape that leads nowhere.
+    pub fn new(segments: Vec<Segment>, repeat: Repeat) -> Result<Self, ReachError> {
+        if segments.is_empty() {
+            return Err(ReachError::NoSegments);
         }
-        let routes = legs.into_iter().enumerate().map(|(index, leg)| Route::new(index, leg));
+        let routes = segments.into_iter().enumerate().map(|(index, segment)| Route::new(index, segment));
         Ok(Self {
-            legs: routes.collect::<Result<_, _>>()?,
+            segments: routes.collect::<Result<_, _>>()?,
             repeat,
             orientation: OrientationDmp::new(plain()).expect("a plain model has three dimensions"),
-            pace: Pace::new(),
+            pace: TimeScale::new(),
             phase: ReachPhase::Waiting,
             current: 0,
             elapsed: 0,
@@ -98,18 +98,18 @@ impl PoseReach {
         self.start_with(0, pose)
     }
 
-    /// As [`start`](Self::start), for the goal of a later leg.
+    /// As [`start`](Self::start), for the goal of a later segment.
     ///
     /// # Errors
-    /// A leg that does not exist, or a pose that is not finite.
-    pub fn start_with(&mut self, leg: usize, pose: Isometry3<f64>) -> Result<(), SteerError> {
-        self.check_leg(leg)?;
+    /// A segment that does not exist, or a pose that is not finite.
+    pub fn start_with(&mut self, segment: usize, pose: Isometry3<f64>) -> Result<(), SteerError> {
+        self.check_segment(segment)?;
         check("the pose to start from", &pose)?;
         let still = Twist::default();
         self.pace.jump();
-        self.depart(
-            leg,
-            self.legs[leg].goal,
+        self.start_segment(
+            segment,
+            self.segments[segment].goal,
             Motion {
                 position: pose.translation.vector,
                 orientation: pose.rotation,
@@ -120,15 +120,15 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Replaces the goal of a leg from the next time it is set out for. See [`redirect`](Self::redirect) for the one
+    /// Replaces the goal of a segment from the next time it is set out for. See [`redirect`](Self::redirect) for the one
     /// that is under way.
     ///
     /// # Errors
-    /// A leg that does not exist, or a pose that is not finite.
-    pub fn aim(&mut self, leg: usize, goal: Isometry3<f64>) -> Result<(), SteerError> {
-        self.check_leg(leg)?;
+    /// A segment that does not exist, or a pose that is not finite.
+    pub fn set_goal(&mut self, segment: usize, goal: Isometry3<f64>) -> Result<(), SteerError> {
+        self.check_segment(segment)?;
         check("the goal", &goal)?;
-        self.legs[leg].goal = goal;
+        self.segments[segment].goal = goal;
         Ok(())
     }
 
@@ -136,13 +136,13 @@ impl PoseReach {
     /// same settings.
     ///
     /// # Errors
-    /// A leg that does not exist or is under way, or a primitive of other settings.
-    pub fn reshape(&mut self, leg: usize, shape: &DmpModel) -> Result<(), SteerError> {
-        self.check_leg(leg)?;
-        if leg == self.current && self.phase == ReachPhase::Moving {
-            return Err(SteerError::UnderWay { leg });
+    /// A segment that does not exist or is under way, or a primitive of other settings.
+    pub fn reshape(&mut self, segment: usize, shape: &DmpModel) -> Result<(), SteerError> {
+        self.check_segment(segment)?;
+        if segment == self.current && self.phase == ReachPhase::Moving {
+            return Err(SteerError::UnderWay { segment });
         }
-        Ok(self.legs[leg].position.exchange(shape)?)
+        Ok(self.segments[segment].position.exchange(shape)?)
     }
 
     /// Sets the speed factor: 1 is the nominal speed, 0 stops where it is. Stretches movements and dwells alike, and
@@ -158,9 +158,9 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Replaces the goal of the current leg. On the way there, the hand changes course without a jump and arrives when
+    /// Replaces the goal of the current segment. On the way there, the hand changes course without a jump and arrives when
     /// it would have, or [half a duration](crate::dmp::REPLANNING_TIME) from now if that is later. At a goal, it sets
-    /// out anew, with the duration and shape of the current leg. The sequence then goes on with the next leg.
+    /// out anew, with the duration and shape of the current segment. The sequence then goes on with the next segment.
     ///
     /// # Errors
     /// Not started yet, or a pose that is not finite.
@@ -169,16 +169,16 @@ impl PoseReach {
         match self.phase {
             ReachPhase::Waiting => return Err(SteerError::NotStarted),
             ReachPhase::Dwelling | ReachPhase::Finished => {
-                return Ok(self.depart(self.current, goal, self.motion())?);
+                return Ok(self.start_segment(self.current, goal, self.motion())?);
             }
             ReachPhase::Moving => {}
         }
-        let leg = &mut self.legs[self.current];
-        leg.position.set_goal(goal.translation.vector.as_slice())?;
+        let segment = &mut self.segments[self.current];
+        segment.position.set_goal(goal.translation.vector.as_slice())?;
         self.orientation.set_goal(goal.rotation)?;
-        let end = leg.position.end().max(self.orientation.coordinates().end());
-        self.arrival = self.arrival.max((end * leg.duration as f64).ceil() as u64);
-        self.departure = self.arrival + leg.dwell;
+        let end = segment.position.end().max(self.orientation.coordinates().end());
+        self.arrival = self.arrival.max((end * segment.duration as f64).ceil() as u64);
+        self.departure = self.arrival + segment.dwell;
         self.goal = goal;
         self.goals_set += 1;
         Ok(())
@@ -196,8 +196,8 @@ impl PoseReach {
                     self.advance(left);
                     break;
                 }
-                let next = (self.current + 1) % self.legs.len();
-                self.depart(next, self.legs[next].goal, self.motion())
+                let next = (self.current + 1) % self.segments.len();
+                self.start_segment(next, self.segments[next].goal, self.motion())
                     .expect("the goals were checked at construction and a motion in progress is finite");
             }
             let end = if self.elapsed < self.arrival { self.arrival } else { self.departure };
@@ -232,22 +232,22 @@ impl PoseReach {
         motion.acceleration * self.pace.rate().powi(2) + motion.velocity * self.pace.slope()
     }
 
-    /// Where in its sequence the hand is.
+    /// State of the reach.
     pub fn phase(&self) -> ReachPhase {
         self.phase
     }
 
-    /// Number of legs.
-    pub fn legs(&self) -> usize {
-        self.legs.len()
+    /// Number of segments.
+    pub fn segments(&self) -> usize {
+        self.segments.len()
     }
 
-    /// The leg it is on, from 0.
-    pub fn leg(&self) -> usize {
+    /// The segment it is on, from 0.
+    pub fn segment(&self) -> usize {
         self.current
     }
 
-    /// Elapsed time of the current leg over its duration; 1 from the arrival on.
+    /// Elapsed time of the current segment over its duration; 1 from the arrival on.
     pub fn progress(&self) -> f64 {
         if self.arrival == 0 { 1.0 } else { (self.elapsed as f64 / self.arrival as f64).min(1.0) }
     }
@@ -257,13 +257,13 @@ impl PoseReach {
         self.goal
     }
 
-    /// How many goals it has set out for, from 0.
+    /// Number of goals started so far.
     pub fn goals_set(&self) -> u64 {
         self.goals_set
     }
 
     fn motion(&self) -> Motion {
-        let position = &self.legs[self.current].position;
+        let position = &self.segments[self.current].position;
         let vector = Vector3::from_column_slice;
         Motion {
             position: vector(position.position()),
@@ -279,9 +279,9 @@ impl PoseReach {
         }
     }
 
-    /// Sets out for a goal by the way of a leg, from a motion.
-    fn depart(&mut self, leg: usize, goal: Isometry3<f64>, from: Motion) -> Result<(), MoveError> {
-        let route = &mut self.legs[leg];
+    /// Sets out for a goal by the way of a segment, from a motion.
+    fn start_segment(&mut self, segment: usize, goal: Isometry3<f64>, from: Motion) -> Result<(), MoveError> {
+        let route = &mut self.segments[segment];
         let seconds = route.duration as f64 * 1e-9;
         route.position.start_moving(
             [from.position.as_slice(), from.velocity.linear.as_slice(), from.acceleration.linear.as_slice()],
@@ -290,7 +290,7 @@ impl PoseReach {
         )?;
         let turning = [from.velocity.angular, from.acceleration.angular];
         self.orientation.start_moving(from.orientation, turning, goal.rotation, seconds)?;
-        self.current = leg;
+        self.current = segment;
         self.goal = goal;
         self.goals_set += 1;
         self.elapsed = 0;
@@ -302,29 +302,29 @@ impl PoseReach {
 
     fn advance(&mut self, nanoseconds: u64) {
         let seconds = nanoseconds as f64 * 1e-9;
-        self.legs[self.current].position.step(seconds);
+        self.segments[self.current].position.step(seconds);
         self.orientation.step(seconds);
     }
 
-    fn check_leg(&self, leg: usize) -> Result<(), SteerError> {
-        let legs = self.legs.len();
-        if leg < legs { Ok(()) } else { Err(SteerError::NoSuchLeg { leg, legs }) }
+    fn check_segment(&self, segment: usize) -> Result<(), SteerError> {
+        let segments = self.segments.len();
+        if segment < segments { Ok(()) } else { Err(SteerError::NoSuchSegment { segment, segments }) }
     }
 
     fn is_last(&self) -> bool {
-        self.repeat == Repeat::Once && self.current + 1 == self.legs.len()
+        self.repeat == Repeat::Once && self.current + 1 == self.segments.len()
     }
 }
 
 impl Route {
-    fn new(index: usize, leg: Leg) -> Result<Self, ReachError> {
-        leg.check(index)?;
-        let model = leg.shape.model().map_err(|source| ReachError::Shape { leg: index, source })?;
+    fn new(index: usize, segment: Segment) -> Result<Self, ReachError> {
+        segment.check(index)?;
+        let model = segment.shape.model().map_err(|source| ReachError::Shape { segment: index, source })?;
         let nanoseconds = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX / 4);
         Ok(Self {
-            goal: leg.goal,
-            duration: nanoseconds(leg.duration),
-            dwell: nanoseconds(leg.dwell),
+            goal: segment.goal,
+            duration: nanoseconds(segment.duration),
+            dwell: nanoseconds(segment.dwell),
             position: DiscreteDmp::new(model),
         })
     }

@@ -4,7 +4,10 @@ use nalgebra::{DMatrix, Vector3};
 
 use crate::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 
-/// How the position travels to a goal. The orientation always turns along the great arc.
+/// Largest deviation of an arc along an axis, m.
+pub const MAX_APEX: f64 = 1e6;
+
+/// Shape of the path of the position to a goal. The orientation always turns along the great arc.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PathShape {
     /// Along the straight line.
@@ -12,7 +15,7 @@ pub enum PathShape {
     Straight,
     /// Along an arc that is off the straight line by `apex` half way, in world axes, m: over an obstacle, say.
     Arc {
-        /// The largest deviation.
+        /// Deviation half way, m; each component at most [`MAX_APEX`].
         apex: Vector3<f64>,
     },
     /// As a primitive of three dimensions has learned it. It must be a [`Variant::QuinticGoal`], the one that starts
@@ -20,11 +23,11 @@ pub enum PathShape {
     Learned(Box<DmpModel>),
 }
 
-/// Why a shape leads nowhere.
+/// An invalid path shape.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// An apex that is no place.
-    #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers", .0.x, .0.y, .0.z)]
+    #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers of at most {MAX_APEX} m", .0.x, .0.y, .0.z)]
     Apex(Vector3<f64>),
     /// A primitive that moves something else.
     #[error("the learned shape has {found} dimensions, expected 3: the position of the hand")]
@@ -47,7 +50,7 @@ impl PathShape {
     pub(super) fn model(&self) -> Result<DmpModel, ShapeError> {
         match self {
             Self::Straight => Ok(plain()),
-            Self::Arc { apex } if apex.iter().all(|value| value.is_finite()) => Ok(arc(*apex)),
+            Self::Arc { apex } if apex.iter().all(|value| value.abs() <= MAX_APEX) => Ok(arc(*apex)),
             Self::Arc { apex } => Err(ShapeError::Apex(*apex)),
             Self::Learned(model) if model.dimensions() != 3 => {
                 Err(ShapeError::Dimensions { found: model.dimensions() })
@@ -108,7 +111,12 @@ mod tests {
     fn shapes_that_lead_nowhere_are_refused() {
         let apex = Vector3::new(0.0, f64::NAN, 0.0);
         let error = PathShape::Arc { apex }.model().unwrap_err().to_string();
-        assert_eq!(error, "the apex of the arc is (0.0, NaN, 0.0) m, expected finite numbers");
+        assert_eq!(
+            error,
+            "the apex of the arc is (0.0, NaN, 0.0) m, expected finite numbers of at most 1000000 m"
+        );
+        let apex = Vector3::new(0.0, 0.0, 1e308);
+        assert_eq!(PathShape::Arc { apex }.model().unwrap_err(), ShapeError::Apex(apex));
         let flat = DmpModel::new(2, Settings::default()).unwrap();
         assert_eq!(
             PathShape::Learned(Box::new(flat)).model().unwrap_err(),

@@ -1,11 +1,11 @@
-//! How fast the time of a policy runs against the time of the world.
+//! Time scale: the rate of policy time against world time.
 
 /// The largest change of a speed factor, per second: from standstill to nominal speed takes a quarter of a second.
 pub const SPEED_SLEW: f64 = 4.0;
 
 /// Turns real time into the time of the policy, at a rate that follows the commanded one without a jump.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pace {
+pub(super) struct TimeScale {
     commanded: f64,
     rate: f64,
     slope: f64,
@@ -13,7 +13,7 @@ pub(super) struct Pace {
     remainder: f64,
 }
 
-impl Pace {
+impl TimeScale {
     pub(super) fn new() -> Self {
         Self { commanded: 1.0, rate: 1.0, slope: 0.0, remainder: 0.0 }
     }
@@ -60,13 +60,13 @@ mod tests {
 
     #[test]
     fn at_nominal_speed_time_passes_to_the_nanosecond() {
-        let mut pace = Pace::new();
+        let mut pace = TimeScale::new();
         assert_eq!(pace.advance(1_000_001), 1_000_001);
     }
 
     #[test]
     fn no_time_is_lost_to_rounding_at_an_odd_speed() {
-        let mut pace = Pace::new();
+        let mut pace = TimeScale::new();
         pace.command(1.0 / 3.0);
         pace.jump();
         let passed: u64 = (0..3000).map(|_| pace.advance(1000)).sum();
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn the_rate_changes_no_faster_than_the_slew_allows() {
-        let mut pace = Pace::new();
+        let mut pace = TimeScale::new();
         pace.command(0.0);
         let passed: u64 = (0..500).map(|_| pace.advance(1_000_000)).sum();
         // a triangle of a quarter of a second and height one

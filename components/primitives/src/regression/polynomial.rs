@@ -18,7 +18,7 @@ pub struct PolynomialPolicy {
     features: Vec<f64>,
 }
 
-/// Why there is no such policy.
+/// An error of a polynomial policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegressionError {
     /// A number, vector or matrix that will not do.

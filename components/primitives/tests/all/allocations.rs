@@ -5,7 +5,7 @@ use std::time::Duration;
 use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
 use motorium_primitives::cpg::{
     Gait, HopfNetwork, HopfSettings, Kuramoto, LegSettings, MatsuokaOscillator, MatsuokaSettings, Oscillator,
-    PhaseNetwork, Rhythm, RhythmSettings, Swing,
+    OscillatorNetwork, OscillatorNetworkSettings, PhaseNetwork, Swing,
 };
 use motorium_primitives::dmp::{
     Coupling, DiscreteDmp, DmpModel, ObstacleAvoidance, OrientationDmp, PhaseStop, RhythmicDmp,
@@ -14,7 +14,7 @@ use motorium_primitives::dmp::{
 use motorium_primitives::gmm::{Gmm, Gmr};
 use motorium_primitives::kmp::{Kmp, KmpReference, KmpSettings};
 use motorium_primitives::promp::{ProMp, ProMpBasis, ProMpRunner};
-use motorium_primitives::reach::{Leg, PathShape, PoseReach, Repeat};
+use motorium_primitives::reach::{PathShape, PoseReach, Repeat, Segment};
 use motorium_primitives::regression::PolynomialPolicy;
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 
@@ -68,7 +68,7 @@ fn an_orientation_turns_and_changes_course_without_allocating() {
 
 #[test]
 fn a_reach_runs_through_its_legs_without_allocating() {
-    let leg = |x, shape| Leg {
+    let leg = |x, shape| Segment {
         goal: Isometry3::translation(x, 0.0, 0.4),
         duration: Duration::from_millis(300),
         dwell: Duration::from_millis(20),
@@ -142,7 +142,7 @@ fn pattern_generators_step_and_change_their_gait_without_allocating() {
             if k == 1000 {
                 network.set_gait(Gait::Walk).unwrap();
                 network.set_frequency(2.0).unwrap();
-                network.set_swing(2, 0.5, 0.1).unwrap();
+                network.set_amplitude_offset(2, 0.5, 0.1).unwrap();
                 hopf.set_pattern(&[0.0, 1.0, 2.0, 3.0]).unwrap();
                 hopf.set_settings(HopfSettings::default().with_stride(0.5, 0.6)).unwrap();
             }
@@ -182,7 +182,8 @@ fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
     for model in [Oscillator::Kuramoto, Oscillator::Hopf(HopfSettings::default()), matsuoka] {
         let swings = [0, 0, 1, 2, 3].map(|leg| Swing { leg, amplitude: 0.3, offset: 0.1, phase: 0.5 });
         let trot = Gait::Trot.phases(4).unwrap();
-        let mut rhythm = Rhythm::new(model, &swings, trot, RhythmSettings::default()).unwrap();
+        let mut rhythm =
+            OscillatorNetwork::new(model, &swings, trot, OscillatorNetworkSettings::default()).unwrap();
         let work = || {
             for k in 0..1000 {
                 let pull = [0, 1, 2, 3, 4].map(|joint| rhythm.pull(joint, 0.2, 0.1, 2.0));
@@ -191,7 +192,7 @@ fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
                     rhythm.set_gait(Gait::Pace.phases(4).unwrap()).unwrap();
                     rhythm.set_frequency(2.0).unwrap();
                     rhythm.set_duty_factor(0.7).unwrap();
-                    rhythm.set_swing(3, 0.1, 0.0).unwrap();
+                    rhythm.set_amplitude_offset(3, 0.1, 0.0).unwrap();
                     assert!(rhythm.set_frequency(f64::NAN).is_err());
                 }
             }

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod discrete;
+mod examples;
 mod fitting;
 mod orientation;
 mod oscillators;
@@ -9,4 +10,5 @@ mod probabilistic;
 mod reach;
 mod reference;
 mod rhythms;
+mod rollout;
 mod variants;

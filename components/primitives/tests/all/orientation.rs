@@ -3,7 +3,7 @@
 use motorium_primitives::dmp::{
     DmpModel, OrientationDmp, Regression, Settings, Variant, orientation_demonstration,
 };
-use motorium_primitives::rotation;
+use motorium_robots::lie::so3;
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 
 const VARIANTS: [Variant; 3] = [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal];
@@ -19,12 +19,12 @@ fn bent(variant: Variant) -> DmpModel {
 }
 
 fn turn(x: f64, y: f64, z: f64) -> UnitQuaternion<f64> {
-    rotation::exp(Vector3::new(x, y, z))
+    so3::exp(&Vector3::new(x, y, z))
 }
 
 /// Angle between two orientations, accurate for small ones, rad.
 fn angle(a: UnitQuaternion<f64>, b: UnitQuaternion<f64>) -> f64 {
-    rotation::log(&(a * b.inverse())).norm()
+    so3::log(&(a * b.inverse())).norm()
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn angular_velocity_and_acceleration_are_the_derivatives_of_the_orientation() {
             states.push((dmp.orientation(), dmp.angular_velocity(), dmp.angular_acceleration()));
         }
         for (k, three) in states.windows(3).enumerate() {
-            let velocity = rotation::log(&(three[2].0 * three[0].0.inverse())) / (2.0 * h);
+            let velocity = so3::log(&(three[2].0 * three[0].0.inverse())) / (2.0 * h);
             let jump = (6997..7003).contains(&k) && variant != Variant::QuinticGoal;
             assert!((velocity - three[1].1).norm() < if jump { 0.1 } else { 2e-4 }, "{variant:?} at {k}");
             let acceleration = (three[2].1 - three[0].1) / (2.0 * h);
@@ -149,9 +149,9 @@ fn a_recorded_turn_is_reproduced_although_its_quaternions_flip_their_signs() {
                 .unwrap();
         let mut dmp = OrientationDmp::new(model).unwrap();
         let h = 1e-6;
-        let velocity = rotation::log(&(path(h) * path(-h).inverse())) / (2.0 * h * 1.5);
-        let acceleration = (rotation::log(&(path(1e-4) * path(0.0).inverse()))
-            + rotation::log(&(path(-1e-4) * path(0.0).inverse())))
+        let velocity = so3::log(&(path(h) * path(-h).inverse())) / (2.0 * h * 1.5);
+        let acceleration = (so3::log(&(path(1e-4) * path(0.0).inverse()))
+            + so3::log(&(path(-1e-4) * path(0.0).inverse())))
             / (1.5e-4_f64.powi(2));
         dmp.start_moving(path(0.0), [velocity, acceleration], path(1.0), 1.5).unwrap();
         for k in 1..=1500 {

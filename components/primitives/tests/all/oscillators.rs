@@ -246,7 +246,7 @@ fn frequency_amplitude_and_offset_follow_their_commands_smoothly() {
     let mut network = PhaseNetwork::of_gait(Gait::Trot, &[LegSettings::default(); 4], 5.0).unwrap();
     (0..3000).for_each(|_| network.step(1e-3));
     network.set_frequency(2.5).unwrap();
-    network.set_swing(1, 0.6, -0.2).unwrap();
+    network.set_amplitude_offset(1, 0.6, -0.2).unwrap();
     let mut velocity = network.velocity().to_vec();
     for _ in 0..3000 {
         network.step(1e-3);

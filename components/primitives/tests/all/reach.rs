@@ -3,27 +3,27 @@
 use std::time::Duration;
 
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
-use motorium_primitives::reach::{Leg, PathShape, PoseReach, ReachError, ReachPhase, Repeat, SteerError};
-use motorium_primitives::rotation;
+use motorium_primitives::reach::{PathShape, PoseReach, ReachError, ReachPhase, Repeat, Segment, SteerError};
+use motorium_robots::lie::so3;
 use nalgebra::{DMatrix, Isometry3, Translation3, Vector3};
 
 const TICK: Duration = Duration::from_millis(1);
 
 fn pose(position: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
-    Isometry3::from_parts(Translation3::from(position), rotation::exp(Vector3::from(turn)))
+    Isometry3::from_parts(Translation3::from(position), so3::exp(&Vector3::from(turn)))
 }
 
 fn home() -> Isometry3<f64> {
     pose([0.3, 0.0, 0.5], [3.1, 0.0, 0.2])
 }
 
-fn leg(goal: Isometry3<f64>, duration_ms: u64, dwell_ms: u64, shape: PathShape) -> Leg {
+fn segment(goal: Isometry3<f64>, duration_ms: u64, dwell_ms: u64, shape: PathShape) -> Segment {
     let [duration, dwell] = [duration_ms, dwell_ms].map(Duration::from_millis);
-    Leg { goal, duration, dwell, shape }
+    Segment { goal, duration, dwell, shape }
 }
 
-/// Three legs: straight, over an arc, and as a demonstration has it.
-fn tour() -> Vec<Leg> {
+/// Three segments: straight, over an arc, and as a demonstration has it.
+fn tour() -> Vec<Segment> {
     let curve = DMatrix::from_fn(200, 3, |k, d| {
         let p = k as f64 / 199.0;
         let rest = (1.0 - p).powi(3) * p.powi(3);
@@ -32,14 +32,14 @@ fn tour() -> Vec<Leg> {
     let demonstration = Demonstration::from_positions(1.0, curve).unwrap();
     let learned = DmpModel::fit(Settings::default(), &[demonstration], Regression::default()).unwrap();
     vec![
-        leg(pose([0.5, 0.2, 0.3], [3.0, 0.4, 0.0]), 1500, 200, PathShape::Straight),
-        leg(
+        segment(pose([0.5, 0.2, 0.3], [3.0, 0.4, 0.0]), 1500, 200, PathShape::Straight),
+        segment(
             pose([0.5, -0.3, 0.3], [2.8, 0.0, 1.0]),
             1200,
             500,
             PathShape::Arc { apex: Vector3::new(0.0, 0.0, 0.15) },
         ),
-        leg(pose([0.4, 0.1, 0.6], [3.1, 0.0, -0.2]), 2000, 500, PathShape::Learned(Box::new(learned))),
+        segment(pose([0.4, 0.1, 0.6], [3.1, 0.0, -0.2]), 2000, 500, PathShape::Learned(Box::new(learned))),
     ]
 }
 
@@ -48,7 +48,7 @@ fn position_error(reach: &PoseReach) -> f64 {
 }
 
 fn orientation_error(reach: &PoseReach) -> f64 {
-    rotation::log(&(reach.pose().rotation * reach.goal().rotation.inverse())).norm()
+    so3::log(&(reach.pose().rotation * reach.goal().rotation.inverse())).norm()
 }
 
 #[test]
@@ -56,13 +56,13 @@ fn every_goal_is_reached_on_time_and_held() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     reach.start(home()).unwrap();
     let mut at = 0;
-    for (index, leg) in tour().into_iter().enumerate() {
-        let arrival = at + leg.duration.as_millis();
-        let departure = arrival + leg.dwell.as_millis();
+    for (index, segment) in tour().into_iter().enumerate() {
+        let arrival = at + segment.duration.as_millis();
+        let departure = arrival + segment.dwell.as_millis();
         while at < departure {
             reach.step(TICK);
             at += 1;
-            assert_eq!(reach.leg(), index);
+            assert_eq!(reach.segment(), index);
             assert_eq!(reach.phase() == ReachPhase::Moving, at < arrival, "at {at} ms");
             if at >= arrival {
                 assert!(position_error(&reach) < 1e-4, "{} m at goal {index}", position_error(&reach));
@@ -98,7 +98,7 @@ fn the_motion_is_smooth_through_all_legs_and_its_derivatives_are_true() {
         let [before, here, after] = three else { unreachable!("windows of three") };
         let velocity = (after.0.translation.vector - before.0.translation.vector) / h;
         assert!((velocity - here.1.linear).norm() < 2e-3, "at {k} ms: {velocity} {}", here.1.linear);
-        let angular = rotation::log(&(after.0.rotation * before.0.rotation.inverse())) / h;
+        let angular = so3::log(&(after.0.rotation * before.0.rotation.inverse())) / h;
         assert!((angular - here.1.angular).norm() < 2e-3, "at {k} ms");
         // where the speed begins or ends to change, its slope jumps
         if (2999..3200).contains(&k) || (5999..6300).contains(&k) {
@@ -114,7 +114,7 @@ fn the_motion_is_smooth_through_all_legs_and_its_derivatives_are_true() {
 #[test]
 fn a_straight_reach_has_the_peak_speed_of_minimum_jerk() {
     let goal = pose([0.3, 0.4, 0.5], [3.1, 0.0, 0.2]);
-    let mut reach = PoseReach::new(vec![leg(goal, 2000, 0, PathShape::Straight)], Repeat::Once).unwrap();
+    let mut reach = PoseReach::new(vec![segment(goal, 2000, 0, PathShape::Straight)], Repeat::Once).unwrap();
     reach.start(home()).unwrap();
     let mut peak = 0.0_f64;
     for _ in 0..2000 {
@@ -136,8 +136,8 @@ fn the_width_of_the_step_does_not_change_the_schedule() {
     });
     for end in &ends {
         assert_eq!(
-            (end.leg(), end.phase(), end.goals_set()),
-            (ends[0].leg(), ends[0].phase(), ends[0].goals_set())
+            (end.segment(), end.phase(), end.goals_set()),
+            (ends[0].segment(), ends[0].phase(), ends[0].goals_set())
         );
         // what is left is the error of the wide steps in the forcing terms
         let distance = (end.pose().translation.vector - ends[0].pose().translation.vector).norm();
@@ -190,7 +190,7 @@ fn a_goal_replaced_on_the_way_is_reached_without_a_jump() {
         assert!(position_error(&reach) < 1e-9 && orientation_error(&reach) < 1e-9);
         // and the sequence goes on
         (0..201).for_each(|_| reach.step(TICK));
-        assert_eq!((reach.leg(), reach.phase()), (1, ReachPhase::Moving));
+        assert_eq!((reach.segment(), reach.phase()), (1, ReachPhase::Moving));
     }
 }
 
@@ -198,14 +198,14 @@ fn a_goal_replaced_on_the_way_is_reached_without_a_jump() {
 fn a_leg_that_is_aimed_anew_leads_to_its_new_goal_and_a_later_one_can_be_the_first() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     let goal = pose([0.1, 0.2, 0.7], [0.3, 0.0, 0.0]);
-    reach.aim(2, goal).unwrap();
+    reach.set_goal(2, goal).unwrap();
     reach.start_with(2, home()).unwrap();
-    assert_eq!((reach.leg(), reach.goal()), (2, goal));
+    assert_eq!((reach.segment(), reach.goal()), (2, goal));
     (0..2500).for_each(|_| reach.step(TICK));
     assert_eq!(reach.phase(), ReachPhase::Finished);
     assert!(position_error(&reach) < 1e-5 && orientation_error(&reach) < 1e-9);
-    let error = reach.aim(3, goal).unwrap_err();
-    assert_eq!(error.to_string(), "there is no leg 3: there are 3, counted from 0");
+    let error = reach.set_goal(3, goal).unwrap_err();
+    assert_eq!(error.to_string(), "there is no segment 3: there are 3, counted from 0");
 }
 
 #[test]
@@ -221,15 +221,16 @@ fn it_waits_until_it_is_started() {
 
 #[test]
 fn a_sequence_that_is_none_is_refused_with_the_leg() {
-    let refuse = |legs| PoseReach::new(legs, Repeat::Once).unwrap_err();
-    assert_eq!(refuse(vec![]), ReachError::NoLegs);
-    let fine = leg(home(), 1000, 0, PathShape::Straight);
-    let hasty = leg(home(), 0, 0, PathShape::Straight);
+    let refuse = |segments| PoseReach::new(segments, Repeat::Once).unwrap_err();
+    assert_eq!(refuse(vec![]), ReachError::NoSegments);
+    let fine = segment(home(), 1000, 0, PathShape::Straight);
+    let hasty = segment(home(), 0, 0, PathShape::Straight);
     let error = refuse(vec![fine.clone(), hasty]).to_string();
     assert_eq!(error, "goal 1 is to be reached in 0ns, expected at least 1 ms");
-    let nowhere = leg(pose([0.0, f64::INFINITY, 0.0], [0.0; 3]), 1000, 0, PathShape::Straight);
-    assert_eq!(refuse(vec![nowhere]), ReachError::Goal { leg: 0 });
+    let nowhere = segment(pose([0.0, f64::INFINITY, 0.0], [0.0; 3]), 1000, 0, PathShape::Straight);
+    assert_eq!(refuse(vec![nowhere]), ReachError::Goal { segment: 0 });
     let classic = DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
-    let error = refuse(vec![fine, leg(home(), 1000, 0, PathShape::Learned(Box::new(classic)))]).to_string();
+    let error =
+        refuse(vec![fine, segment(home(), 1000, 0, PathShape::Learned(Box::new(classic)))]).to_string();
     assert!(error.starts_with("the way to goal 1: the learned shape is a Classic primitive"), "{error}");
 }

@@ -4,7 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use motorium_primitives::ValueError;
 use motorium_primitives::cpg::{
-    CpgError, Gait, HopfSettings, Kuramoto, MatsuokaSettings, Oscillator, Rhythm, RhythmSettings, Swing,
+    CpgError, Gait, HopfSettings, Kuramoto, MatsuokaSettings, Oscillator, OscillatorNetwork,
+    OscillatorNetworkSettings, Swing,
 };
 use nalgebra::DMatrix;
 
@@ -17,8 +18,8 @@ fn legs(n: usize) -> Vec<Swing> {
     (0..n).map(|leg| Swing { leg, amplitude: 0.3, offset: 0.1, phase: 0.0 }).collect()
 }
 
-fn rhythm(model: Oscillator, gait: Gait, n: usize, settings: RhythmSettings) -> Rhythm {
-    Rhythm::new(model, &legs(n), gait.phases(n).unwrap(), settings).unwrap()
+fn rhythm(model: Oscillator, gait: Gait, n: usize, settings: OscillatorNetworkSettings) -> OscillatorNetwork {
+    OscillatorNetwork::new(model, &legs(n), gait.phases(n).unwrap(), settings).unwrap()
 }
 
 fn apart(a: f64, b: f64) -> f64 {
@@ -32,7 +33,7 @@ fn every_gait_settles_and_changes_into_every_other_without_a_jump() {
         for (n, gaits) in [(2, Gait::of(2)), (4, Gait::of(4)), (6, Gait::of(6))] {
             for (from, to) in gaits.iter().flat_map(|from| gaits.iter().map(move |to| (*from, *to))) {
                 let what = format!("{model:?}, {n} legs, {from:?} to {to:?}");
-                let mut rhythm = rhythm(model, from, n, RhythmSettings::default());
+                let mut rhythm = rhythm(model, from, n, OscillatorNetworkSettings::default());
                 let phases = from.phases(n).unwrap();
                 let scattered: Vec<f64> = (0..n).map(|i| phases[i] + 0.3 * i as f64).collect();
                 rhythm.set_phases(&scattered).unwrap();
@@ -65,9 +66,9 @@ fn every_gait_settles_and_changes_into_every_other_without_a_jump() {
 fn strides_take_their_time_and_swings_have_their_amplitude_whatever_the_model() {
     for model in models() {
         for (frequency, amplitude) in [(0.5, 0.2), (2.0, 0.4)] {
-            let mut rhythm = rhythm(model, Gait::Trot, 4, RhythmSettings::default());
+            let mut rhythm = rhythm(model, Gait::Trot, 4, OscillatorNetworkSettings::default());
             rhythm.set_frequency(frequency).unwrap();
-            (0..4).for_each(|leg| rhythm.set_swing(leg, amplitude, -0.5).unwrap());
+            (0..4).for_each(|leg| rhythm.set_amplitude_offset(leg, amplitude, -0.5).unwrap());
             (0..4000).for_each(|_| rhythm.step(1e-3));
             let (mut low, mut high, mut turns, mut before) = (f64::MAX, f64::MIN, 0, rhythm.phases()[2]);
             let start = before;
@@ -91,7 +92,7 @@ fn strides_take_their_time_and_swings_have_their_amplitude_whatever_the_model() 
 #[test]
 fn stance_takes_its_part_of_a_stride_and_legs_stay_apart_in_time() {
     let settings = HopfSettings { sharpness: 500.0, ..HopfSettings::default() };
-    let numbers = RhythmSettings { duty_factor: 0.7, ..RhythmSettings::default() };
+    let numbers = OscillatorNetworkSettings { duty_factor: 0.7, ..OscillatorNetworkSettings::default() };
     let mut rhythm = rhythm(Oscillator::Hopf(settings), Gait::Walk, 2, numbers);
     (0..5000).for_each(|_| rhythm.step(1e-3));
     let stands = |phase: f64| phase < TAU * 0.7;
@@ -122,9 +123,9 @@ fn stance_takes_its_part_of_a_stride_and_legs_stay_apart_in_time() {
 /// Against the model itself, integrated by another method.
 #[test]
 fn phases_are_those_of_kuramoto() {
-    let settings = RhythmSettings { coupling: 3.0, ..RhythmSettings::default() };
+    let settings = OscillatorNetworkSettings { coupling: 3.0, ..OscillatorNetworkSettings::default() };
     let theta = Gait::Walk.phases(4).unwrap();
-    let mut rhythm = Rhythm::new(Oscillator::Kuramoto, &legs(4), theta, settings).unwrap();
+    let mut rhythm = OscillatorNetwork::new(Oscillator::Kuramoto, &legs(4), theta, settings).unwrap();
     let weights = DMatrix::from_fn(4, 4, |i, j| if i == j { 0.0 } else { 1.0 });
     let mut kuramoto = Kuramoto::new(vec![TAU; 4], weights, theta.to_vec()).unwrap();
     let start = [0.1, 2.0, 4.0, 5.5];
@@ -144,7 +145,7 @@ fn phases_are_those_of_kuramoto() {
 fn a_rhythm_locks_to_a_joint_that_swings_at_its_own_pace() {
     for model in models() {
         for (gain, locks) in [(4.0, true), (0.3, false)] {
-            let mut rhythm = rhythm(model, Gait::Walk, 2, RhythmSettings::default());
+            let mut rhythm = rhythm(model, Gait::Walk, 2, OscillatorNetworkSettings::default());
             // 1.25 Hz against 1 Hz: 1.6 rad/s apart
             let omega = TAU * 1.25;
             let (mut before, mut advanced) = (0.0, 0.0);
@@ -171,12 +172,12 @@ fn a_rhythm_locks_to_a_joint_that_swings_at_its_own_pace() {
 
 #[test]
 fn what_cannot_run_is_refused() {
-    let settings = RhythmSettings::default();
+    let settings = OscillatorNetworkSettings::default();
     let gait = Gait::Walk.phases(2).unwrap();
-    let make = |model, swings: &[Swing], settings| Rhythm::new(model, swings, gait, settings);
+    let make = |model, swings: &[Swing], settings| OscillatorNetwork::new(model, swings, gait, settings);
     let error = make(Oscillator::Kuramoto, &legs(3), settings).unwrap_err();
     assert_eq!(error, CpgError::Value(ValueError::Size { name: "the gait", found: 2, expected: 3 }));
-    let duty = RhythmSettings { duty_factor: 1.0, ..settings };
+    let duty = OscillatorNetworkSettings { duty_factor: 1.0, ..settings };
     assert!(make(Oscillator::Kuramoto, &legs(2), duty).is_err());
     let silent = Oscillator::Matsuoka { settings: MatsuokaSettings::default(), inhibition: 1.0 };
     assert!(make(silent, &legs(2), settings).unwrap_err().to_string().contains("to oscillate"));

@@ -5,7 +5,7 @@ use motorium_primitives::dmp::{
     RhythmicDmp, RhythmicModel, RhythmicSettings, SampledDmp, SampledModel, Scaling, Settings, Variant,
     orientation_demonstration,
 };
-use motorium_primitives::rotation;
+use motorium_robots::lie::so3;
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 use serde_json::Value as Json;
 
@@ -328,15 +328,15 @@ fn a_sampled_forcing_term_gives_its_demonstration_back_to_rounding_in_every_vari
 fn a_sampled_orientation_comes_back_to_rounding() {
     let turn = |p: f64| Vector3::new(0.8 * p, -1.1 * p * p, 0.5 * (3.0 * p).sin());
     let orientations: Vec<UnitQuaternion<f64>> =
-        (0..150).map(|k| rotation::exp(turn(f64::from(k) / 149.0))).collect();
+        (0..150).map(|k| so3::exp(&turn(f64::from(k) / 149.0))).collect();
     let demonstration = orientation_demonstration(1.0, &orientations).unwrap();
     let model = SampledModel::new(&Settings::default(), demonstration.positions()).unwrap();
     let mut dmp = SampledDmp::new(model);
     let goal = orientations[149];
     for orientation in &orientations[1..] {
         dmp.step();
-        let found = rotation::exp(-Vector3::from_column_slice(dmp.position())) * goal;
-        assert!(rotation::log(&(found * orientation.inverse())).norm() < 1e-12);
+        let found = so3::exp(&-Vector3::from_column_slice(dmp.position())) * goal;
+        assert!(so3::log(&(found * orientation.inverse())).norm() < 1e-12);
     }
 }
 

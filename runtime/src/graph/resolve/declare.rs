@@ -1,4 +1,4 @@
-//! What each component is: its kind or program, its robot, its configuration, and what it then declares.
+//! The declaration of each component, from its kind or program, its robot and its configuration.
 
 use serde_json::Value as Json;
 use toml::Spanned;
@@ -206,7 +206,7 @@ fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
     inside.or_else(|| (key == "robot").then(|| draft.table.robot.as_ref().map(|robot| robot.span.clone()))?)
 }
 
-/// Advice on serde's words "unknown field `x`, expected one of `a`, `b`".
+/// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".
 fn near_field(message: &str) -> Option<String> {
     let rest =
         message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;

@@ -19,7 +19,7 @@ use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
 use crate::worker::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest};
 
-/// How long it may take to answer.
+/// Time within which it must answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The most that is read of its answer.
 const LONGEST_ANSWER: u64 = 1 << 20;
@@ -82,7 +82,7 @@ pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     }
 }
 
-/// What the program declares for this configuration, or why it refuses it.
+/// Asks the program for its declaration with this configuration.
 pub(super) fn describe(
     path: &Path,
     config: &Json,

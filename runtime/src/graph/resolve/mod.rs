@@ -27,7 +27,7 @@ use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
 
-/// What a graph is resolved against.
+/// The file, the registry and the machine for which a graph is resolved.
 pub(super) struct Context<'c> {
     /// The graph file.
     pub file: &'c Path,
@@ -45,20 +45,20 @@ struct Draft<'g, 'i> {
     name: &'g str,
     /// Place of its name.
     place: Span,
-    /// What the file says.
+    /// Its table in the file.
     table: &'g ComponentTable<'i>,
     /// The robot it works on.
     robot: Option<RobotReference>,
-    /// What runs it.
+    /// Its program.
     program: Option<Program>,
     /// Its `config` table.
     config: serde_json::Value,
-    /// What it declares; `None` if it could not be asked, which has then been reported.
+    /// Its declaration; `None` if it could not be asked, which has been reported.
     declaration: Option<Declaration>,
 }
 
 impl Draft<'_, '_> {
-    /// What it is, for messages: its kind, or its program.
+    /// Its kind or its program, for messages.
     fn what(&self) -> String {
         match &self.program {
             Some(Program::Builtin { kind }) => format!("`{kind}`"),

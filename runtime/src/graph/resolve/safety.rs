@@ -1,4 +1,4 @@
-//! What keeps the robot safe, and the restart policies.
+//! The safety settings and the restart policies.
 
 use super::Draft;
 use super::timing::Timing;

@@ -1,4 +1,4 @@
-//! When components step: rates, triggers, and the chains they form.
+//! The activation of the components: rates, triggers, and the chains they form.
 
 use super::Draft;
 use super::wiring::Wiring;
@@ -12,7 +12,7 @@ use crate::nearest::suggest;
 use crate::plan::{Activation, OnOverrun};
 use crate::units::TimeSpan;
 
-/// When each component steps.
+/// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
     /// By component; `None` if it cannot be told, which has then been reported.
@@ -35,7 +35,7 @@ impl Timing {
     }
 }
 
-/// What a component says of its own steps.
+/// The activation of a component, from its own table.
 enum Start {
     /// It has been reported that this cannot be.
     Unknown,

@@ -71,9 +71,7 @@ fn agree(
     report: &mut Report,
 ) {
     let (Some(written), Some(read)) = (writer.declared(drafts), reader.declared(drafts)) else { return };
-    if read.layout.is_any() {
-        return;
-    }
+    let any = read.layout.is_any();
     let name = &wiring.topics[topic];
     let (from, to) = (drafts[writer.component].name, drafts[reader.component].name);
     let (of_writer, of_reader) = (format!("{from}.{}", writer.port), format!("{to}.{}", reader.port));
@@ -81,7 +79,7 @@ fn agree(
         format!("`{of_reader}` reads {}", carries(read)),
         format!("`{of_writer}` writes {}", carries(written)),
     );
-    if written.layout.type_name != read.layout.type_name {
+    if !any && written.layout.type_name != read.layout.type_name {
         let topics = wiring.that_carry(&read.layout.type_name, drafts);
         let diagnostic = report
             .error(format!(
@@ -98,7 +96,7 @@ fn agree(
                 list(topics.iter().copied())
             )),
         };
-    } else if written.layout != read.layout {
+    } else if !any && written.layout != read.layout {
         report
             .error(format!(
                 "`{of_writer}` and `{of_reader}` have different layouts of {} on topic `{name}`",

@@ -9,7 +9,7 @@ use crate::graph::source::Span;
 use crate::graph::values::{Named, TopicName};
 use crate::nearest::{list, nearest};
 
-/// A port wired to a topic, as the file says it.
+/// A port wired to a topic, as in the file.
 #[derive(Debug)]
 pub(super) struct Wire {
     /// Index of the component.
@@ -40,7 +40,7 @@ pub(super) struct Wiring {
     pub topics: Vec<String>,
     /// All wires, by component, in the order of the file.
     pub wires: Vec<Wire>,
-    /// Whether outputs are missing because they were refused, so that a topic may only seem to have no writer.
+    /// True if outputs are missing because they were refused, so that a topic may only seem to have no writer.
     pub incomplete: bool,
 }
 
@@ -86,7 +86,7 @@ impl Wiring {
     }
 }
 
-/// What a port carries, for messages.
+/// The pattern and type of a port, for messages.
 pub(super) fn carries(port: &PortDeclaration) -> String {
     match port.pattern {
         TopicPattern::State => port.layout.type_name.clone(),
@@ -215,7 +215,7 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
     }
 }
 
-/// A component none of whose ports is wired does nothing for anybody.
+/// Warns of a component without a wired port.
 fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
     let Some(declaration) = &draft.declaration else { return };
     if wiring.wires.iter().any(|wire| wire.component == component) {

@@ -10,7 +10,7 @@ use crate::graph::diagnostic::Report;
 use crate::graph::read::{Read, Value, mismatch};
 use crate::units::TimeSpan;
 
-/// How a component is scheduled.
+/// The scheduling of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::graph) enum Schedule {
@@ -22,10 +22,10 @@ pub(in crate::graph) enum Schedule {
     Normal,
 }
 
-/// How long to spin before a release.
+/// The spin time before a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::graph) enum SpinChoice {
-    /// As long as the machine's wake errors ask for.
+    /// A time that follows the wake errors of the machine.
     Auto,
     /// Always this long.
     Fixed(TimeSpan),

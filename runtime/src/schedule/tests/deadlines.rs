@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::graphs::{Node, When, graph, node};
 use super::stepwise::{Chance, Machine};
-use crate::schedule::global::{Global, Reserved};
+use crate::schedule::analysis::global::{Global, Reserved};
 use crate::schedule::{Activity, Admission, Overheads, RtLimit, Verdict, admit};
 
 const US: u64 = 1_000;
@@ -29,8 +29,8 @@ fn on_one_core_the_earliest_deadline_first_uses_all_of_it_and_no_more() {
 
 #[test]
 fn a_long_one_beside_many_short_ones_may_be_late_however_little_they_take() {
-    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines, take all cores
-    // first, and the long one no longer fits in
+    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines, take all
+    // cores first, and the long one no longer fits in
     let short = (2, 100);
     assert_eq!(responses(&[short, short, (100, 101)], 2), [None; 3]);
     // each a core of its own

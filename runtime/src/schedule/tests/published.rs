@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 
-use crate::schedule::response::on_core;
-use crate::schedule::window::Demand;
+use crate::schedule::analysis::response::on_core;
+use crate::schedule::analysis::window::Demand;
 
 /// A task with cost and period; the priority falls from the first to the last.
 fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {

@@ -1,4 +1,5 @@
-//! What a simulated machine does never exceeds what the analysis says; and where nothing is uncertain, it comes up to it.
+//! What a simulated machine does never exceeds what the analysis says; and where nothing is uncertain, it comes up to
+//! it.
 
 use proptest::prelude::*;
 

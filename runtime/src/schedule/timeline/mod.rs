@@ -1,19 +1,20 @@
 //! One hyperperiod, drawn up as it runs when every component uses up its budget and nothing else disturbs.
 //!
-//! This is one of many ways in which the graph can run, and not the worst for every component; what [`admit`](super::admit)
-//! says holds for all of them.
+//! This is one of many ways in which the graph can run, and not the worst for every component; what
+//! [`admit`](super::admit) says holds for all of them.
 
 mod simulation;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::tasks::StaticPlan;
-use super::{Activity, Overheads, words};
+use super::analysis::tasks::StaticPlan;
+use super::explain::words;
+use super::{Activity, Overheads};
 use crate::plan::Plan;
 use simulation::Simulation;
 
-/// What runs when, on every core with real-time components.
+/// One hyperperiod of every core with real-time components.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Timeline {
     /// Its length, ns.
@@ -22,11 +23,11 @@ pub struct Timeline {
     pub hyperperiod_ns: Option<u64>,
     /// The cores, ascending.
     pub cores: Vec<CoreTimeline>,
-    /// What is left out, and what was assumed.
+    /// Omissions and assumptions, as text.
     pub notes: Vec<String>,
 }
 
-/// What runs when on one core.
+/// The timeline of one core.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct CoreTimeline {
     /// The core.
@@ -35,7 +36,7 @@ pub struct CoreTimeline {
     pub lanes: Vec<Lane>,
 }
 
-/// What one component does.
+/// The segments of one component.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Lane {
     /// Name of the component.
@@ -44,7 +45,7 @@ pub struct Lane {
     pub priority: u8,
     /// Its releases, ns from the start: by the clock, or by what triggers it.
     pub releases_ns: Vec<u64>,
-    /// When it has the core, in order.
+    /// Times for which it has the core, in order.
     pub segments: Vec<Segment>,
     /// Ends of steps that came after the next release, ns.
     pub late_ns: Vec<u64>,
@@ -57,7 +58,7 @@ pub struct Segment {
     pub start_ns: u64,
     /// To, ns.
     pub end_ns: u64,
-    /// What it does.
+    /// The activity.
     pub activity: Activity,
 }
 
@@ -149,6 +150,6 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
 fn hyperperiod(periods_ns: impl Iterator<Item = u64>) -> Option<u64> {
     periods_ns
         .map(|period| i64::try_from(period).ok())
-        .try_fold(1, |lcm, period| super::phases::least_common_multiple(lcm, period?))
+        .try_fold(1, |lcm, period| crate::schedule::analysis::phases::least_common_multiple(lcm, period?))
         .and_then(|lcm| u64::try_from(lcm).ok())
 }

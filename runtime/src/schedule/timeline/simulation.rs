@@ -6,12 +6,12 @@ use std::collections::BinaryHeap;
 use super::{Activity, Lane, Segment};
 use crate::plan::{Activation, OnOverrun, Plan};
 use crate::schedule::Overheads;
-use crate::schedule::tasks::{self, Place, StaticPlan};
+use crate::schedule::analysis::tasks::{self, Place, StaticPlan};
 
 /// More segments than this are not drawn.
 const MOST_SEGMENTS: usize = 20_000;
 
-/// What will happen at a known time.
+/// An event at a known time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Event {
     /// A time-triggered component begins to wait for its release.
@@ -27,11 +27,11 @@ enum Event {
 struct Job {
     /// Place in the queue of its priority.
     order: u64,
-    /// When it was due.
+    /// Time at which it was due.
     release: i64,
     /// Spins until then.
     spin_until: i64,
-    /// What is left of the step.
+    /// Rest of the step.
     left: i64,
     /// Waits for the clock, and has not let its equals have their turn yet.
     to_yield: bool,
@@ -147,7 +147,7 @@ impl<'p> Simulation<'p> {
         self.events.push(Reverse((time, order, event)));
     }
 
-    /// How long a component spins before a release: who spins all the time does so for a period.
+    /// Spin time of a component before a release; one that spins all the time does so for a period.
     fn spin(&self, component: usize) -> i64 {
         let component = &self.plan.components[component];
         component.spin.at_most_ns().min(component.period_ns()) as i64
@@ -199,7 +199,8 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// What waits for the clock goes to the end of the queue of its priority once more as it first gets the core.
+    /// Moves a job that waited for the clock to the end of the queue of its priority once more, as it first gets the
+    /// core.
     fn let_others_run(&mut self) {
         loop {
             let yielding = |job: &mut Job| core::mem::take(&mut job.to_yield);
@@ -217,7 +218,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Who has each core.
+    /// The job on each core.
     fn running(&self) -> Vec<Option<usize>> {
         let on = |core: usize| {
             let waiting = self.threads.iter().enumerate().filter_map(|(index, thread)| {
@@ -229,7 +230,7 @@ impl<'p> Simulation<'p> {
         self.cores.iter().map(|core| on(*core)).collect()
     }
 
-    /// When something happens next.
+    /// Time of the next event.
     fn next(&self, running: &[Option<usize>]) -> i64 {
         let events = self.events.peek().map(|Reverse((time, _, _))| *time);
         let ends = running.iter().flatten().filter_map(|index| {

@@ -50,7 +50,8 @@ impl Table {
     }
 
     fn of_status(status: Status) -> Self {
-        let rates = status.components.into_iter().map(|component| (component.name, component.rate_hz));
+        let rates =
+            status.components.into_iter().map(|component| (component.report.name, component.report.rate_hz));
         Self { rates: rates.collect(), edges: status.edges, latencies: status.latencies }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_library::{Keep, MotionLibrary};
+use motorium_library::{MotionLibrary, Truncation};
 
 use super::source::{MetricName, Shape, Source};
 
@@ -48,12 +48,12 @@ pub(super) struct KeepOptions {
 }
 
 impl KeepOptions {
-    pub(super) fn keep(&self) -> Keep {
+    pub(super) fn keep(&self) -> Truncation {
         match (self.rank, self.error, self.bytes) {
-            (Some(rank), _, _) => Keep::Rank(rank),
-            (_, Some(error), _) => Keep::Error(error),
-            (_, _, Some(bytes)) => Keep::Bytes(bytes),
-            _ => Keep::All,
+            (Some(rank), _, _) => Truncation::Rank(rank),
+            (_, Some(error), _) => Truncation::Error(error),
+            (_, _, Some(bytes)) => Truncation::Bytes(bytes),
+            _ => Truncation::All,
         }
     }
 }
@@ -64,9 +64,8 @@ impl Build {
         let (spring, metric) = (self.shape.spring()?, self.metric.into());
         let library = match self.balance {
             None => MotionLibrary::build(&recordings, spring, metric, self.keep.keep())?,
-            Some(n) => {
-                MotionLibrary::build(&recordings, spring, metric, Keep::All)?.balanced(n, self.keep.keep())?
-            }
+            Some(n) => MotionLibrary::build(&recordings, spring, metric, Truncation::All)?
+                .balanced(n, self.keep.keep())?,
         };
         super::write(&library, &self.output)?;
         super::show(&library, Some(&self.output), self.json)

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use indicatif::ProgressBar;
-use motorium_library::{
-    BALANCED, Keep, Metric, MotionLibrary, Recordings, SampledSpring, compare, nearest_neighbour_rate,
-};
+use motorium_library::cross_validation::BASES;
+use motorium_library::statistics::mean_and_deviation;
+use motorium_library::{CrossValidation, Recordings};
 
 use super::source::{Shape, Source};
 use crate::chart::{Chart, Series};
@@ -40,79 +40,6 @@ pub(super) struct Evaluate {
     json: bool,
 }
 
-const BASES: [&str; 5] = ["eigenforces, force", "eigenforces, position", BALANCED, "fourier", "kernels"];
-
-/// A basis with a number of weights, one number for each split.
-#[derive(Debug)]
-pub(crate) struct Row {
-    pub(crate) basis: &'static str,
-    pub(crate) n: usize,
-    force: Vec<f64>,
-    /// Mean over the movements, standard deviation and largest.
-    pub(crate) position: Vec<f64>,
-    deviation: Vec<f64>,
-    worst: Vec<f64>,
-}
-
-/// What was measured in all splits.
-#[derive(Debug, Default)]
-pub(crate) struct Measured {
-    pub(crate) rows: Vec<Row>,
-    /// Part of the variance that each of the first eigenforces explains, in each split.
-    pub(crate) explained: Vec<Vec<f64>>,
-    /// Recognition in both metrics for each number of weights, in each split.
-    rates: Vec<Vec<[f64; 2]>>,
-}
-
-/// Mean over the splits and standard deviation.
-pub(crate) fn spread(values: &[f64]) -> [f64; 2] {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    [mean, (squares / (n - 1.0).max(1.0)).sqrt()]
-}
-
-impl Measured {
-    /// Learns from one set and measures on the other.
-    pub(crate) fn add(
-        &mut self,
-        (seen, held): (&Recordings, &Recordings),
-        spring: SampledSpring,
-        terms: &[usize],
-        mut done: impl FnMut(),
-    ) -> anyhow::Result<()> {
-        let mut build = |metric| {
-            done();
-            MotionLibrary::build(seen, spring, metric, Keep::All)
-        };
-        let (force, position) = (build(Metric::Force)?, build(Metric::Position)?);
-        let libraries = [(BASES[0], &force), (BASES[1], &position)];
-        for (basis, e) in compare(&libraries, held, terms, &mut done) {
-            let row = match self.rows.iter_mut().find(|row| row.basis == basis && row.n == e.n) {
-                Some(row) => row,
-                None => {
-                    let none = Vec::new;
-                    let (force, position, deviation, worst) = (none(), none(), none(), none());
-                    self.rows.push(Row { basis, n: e.n, force, position, deviation, worst });
-                    let last = self.rows.len() - 1;
-                    &mut self.rows[last]
-                }
-            };
-            row.force.push(e.force);
-            row.position.push(e.position.mean);
-            row.deviation.push(e.position.deviation);
-            row.worst.push(e.position.worst);
-        }
-        self.explained.push(force.explained().into_iter().take(10).collect());
-        if held.trajectories.iter().any(|trajectory| trajectory.label.is_some()) {
-            let rate =
-                |n: &usize| [&force, &position].map(|library| nearest_neighbour_rate(library, held, *n));
-            self.rates.push(terms.iter().map(rate).collect());
-        }
-        Ok(())
-    }
-}
-
 impl Evaluate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let all = self.shape.shaped(self.source.read()?);
@@ -126,8 +53,8 @@ impl Evaluate {
                 })
                 .collect(),
         };
-        let bar = ProgressBar::new((self.terms.len() as u64 + 2) * splits.len() as u64);
-        let mut measured = Measured::default();
+        let mut measured = CrossValidation::new(self.terms.clone());
+        let bar = ProgressBar::new((measured.progress_of_split() * splits.len()) as u64);
         let mut sizes = (0, 0);
         for (seen, held) in &splits {
             sizes = (seen.trajectories.len(), held.trajectories.len());
@@ -137,61 +64,58 @@ impl Evaluate {
                 all.trajectories.len(),
                 self.hold_out
             );
-            measured.add((seen, held), spring, &self.terms, || bar.inc(1))?;
+            measured.add(seen, held, spring, || bar.inc(1))?;
         }
         bar.finish_and_clear();
         if let Some(plot) = &self.plot {
             std::fs::write(plot, self.chart(&measured).svg())?;
         }
         if self.json {
-            let report = self.report(&measured, sizes, splits.len());
+            let report = self.report(&measured, sizes);
             outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
         outln!("learned from {}, measured on {}, {} time(s)", sizes.0, sizes.1, splits.len());
         let mut table =
             crate::report::table(["basis", "n", "force", "position", "spread", "deviation", "worst"]);
-        for row in &measured.rows {
-            let [position, spread_of_splits] = spread(&row.position);
+        let mean = |values: &[f64]| mean_and_deviation(values).0;
+        for row in measured.errors() {
+            let (position, spread_of_splits) = mean_and_deviation(&row.position);
             let spread_of_splits =
                 if splits.len() > 1 { format!("{spread_of_splits:.5}") } else { String::new() };
             table.add_row([
                 row.basis.to_string(),
                 row.n.to_string(),
-                format!("{:.4}", spread(&row.force)[0]),
+                format!("{:.4}", mean(&row.force)),
                 format!("{position:.5}"),
                 spread_of_splits,
-                format!("{:.4}", spread(&row.deviation)[0]),
-                format!("{:.4}", spread(&row.worst)[0]),
+                format!("{:.4}", mean(&row.deviation)),
+                format!("{:.4}", mean(&row.worst)),
             ]);
         }
         outln!("{}", table.trim_fmt());
-        let explained: Vec<String> = (0..5)
-            .filter_map(|k| {
-                let each: Option<Vec<f64>> = measured.explained.iter().map(|e| e.get(k).copied()).collect();
-                each.map(|each| format!("{:.3}", spread(&each)[0]))
-            })
-            .collect();
+        let explained: Vec<String> =
+            measured.explained().iter().take(5).map(|part| format!("{part:.3}")).collect();
         outln!("explained by the first eigenforces (force): {}", explained.join(" "));
         for (k, n) in self.terms.iter().enumerate() {
-            if let [force, position] = rates(&measured, k)[..] {
+            if let Some([force, position]) = measured.recognition(k) {
                 outln!("nearest neighbour, n = {n}: {force:.3} (force), {position:.3} (position)");
             }
         }
         Ok(ExitCode::SUCCESS)
     }
 
-    fn chart(&self, measured: &Measured) -> Chart {
+    fn chart(&self, measured: &CrossValidation) -> Chart {
         let series = BASES.into_iter().map(|name| Series {
             name: name.into(),
             points: measured
-                .rows
+                .errors()
                 .iter()
                 .filter(|row| row.basis == name)
                 .map(|row| {
-                    let [mean, of_splits] = spread(&row.position);
+                    let (mean, of_splits) = mean_and_deviation(&row.position);
                     // between splits where there are several, else between movements
-                    let bar = if row.position.len() > 1 { of_splits } else { spread(&row.deviation)[0] };
+                    let bar = if measured.splits() > 1 { of_splits } else { row.deviation[0] };
                     [row.n as f64, mean, bar]
                 })
                 .collect(),
@@ -201,54 +125,38 @@ impl Evaluate {
         Chart { title, x, y, log_x: true, log_y: true, series: series.collect() }
     }
 
-    fn report(&self, measured: &Measured, (seen, held): (usize, usize), splits: usize) -> serde_json::Value {
+    fn report(&self, measured: &CrossValidation, (seen, held): (usize, usize)) -> serde_json::Value {
+        let splits = measured.splits();
+        let mean = |values: &[f64]| mean_and_deviation(values).0;
         let errors: Vec<_> = measured
-            .rows
+            .errors()
             .iter()
             .map(|row| {
-                let [mean, of_splits] = spread(&row.position);
+                let (position, of_splits) = mean_and_deviation(&row.position);
                 serde_json::json!({
                     "basis": row.basis,
                     "n": row.n,
-                    "force": spread(&row.force)[0],
+                    "force": mean(&row.force),
                     "position": {
-                        "mean": mean,
+                        "mean": position,
                         "spread_of_splits": (splits > 1).then_some(of_splits),
-                        "deviation": spread(&row.deviation)[0],
+                        "deviation": mean(&row.deviation),
                         "worst": row.worst.iter().copied().fold(0.0, f64::max),
                     },
                 })
             })
             .collect();
-        let recognition = self.terms.iter().enumerate().filter_map(|(k, n)| match rates(measured, k)[..] {
-            [force, position] => Some(serde_json::json!({ "n": n, "force": force, "position": position })),
-            _ => None,
-        });
-        let first = measured.explained.first().map_or(0, Vec::len);
-        let explained = (0..first).map(|k| {
-            let each: Vec<f64> = measured.explained.iter().filter_map(|e| e.get(k).copied()).collect();
-            spread(&each)[0]
+        let recognition = self.terms.iter().enumerate().filter_map(|(k, n)| {
+            let [force, position] = measured.recognition(k)?;
+            Some(serde_json::json!({ "n": n, "force": force, "position": position }))
         });
         serde_json::json!({
             "seen": seen,
             "held_out": held,
             "splits": splits,
-            "explained": explained.collect::<Vec<_>>(),
+            "explained": measured.explained(),
             "errors": errors,
             "recognition": recognition.collect::<Vec<_>>(),
         })
     }
-}
-
-/// Recognition with the `k`-th number of weights, in both metrics: none without labels.
-fn rates(measured: &Measured, k: usize) -> Vec<f64> {
-    if measured.rates.is_empty() {
-        return Vec::new();
-    }
-    [0, 1]
-        .map(|metric| {
-            let each: Vec<f64> = measured.rates.iter().map(|rates| rates[k][metric]).collect();
-            spread(&each)[0]
-        })
-        .to_vec()
 }

@@ -1,7 +1,7 @@
 //! `motorium library`: motion libraries in files.
 
 mod build;
-pub(crate) mod evaluate;
+mod evaluate;
 mod generate;
 mod inspect;
 mod letters;

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
-use motorium_library::{DAMPING, Metric, Recordings, SampledSpring, data};
+use motorium_library::{DAMPING, Metric, Recordings, SampledSpring};
+use motorium_recordings::Selection;
 
 /// Which recordings, and how they are read.
 #[derive(Debug, clap::Args)]
 pub(super) struct Source {
-    /// Recordings: .jsonl, .json or .csv files, or folders with some
+    /// Recordings: .csv, .tsv, .json or .jsonl files, or folders with some
     #[arg(required = true)]
     data: Vec<PathBuf>,
     /// Samples per second of recordings that do not say
@@ -30,26 +30,9 @@ pub(super) struct Source {
 
 impl Source {
     pub(super) fn read(&self) -> anyhow::Result<Recordings> {
-        anyhow::ensure!(self.rate > 0.0, "--rate is {}, expected a positive number", self.rate);
-        let options = data::Options { rate: self.rate, columns: self.columns.clone() };
-        let mut all: Option<Recordings> = None;
-        for path in &self.data {
-            let found = data::read(path, &options)?;
-            match &mut all {
-                None => all = Some(found),
-                Some(all) => {
-                    anyhow::ensure!(
-                        all.names == found.names,
-                        "{} has the degrees of freedom {}, the files before {}: choose common ones with --columns",
-                        path.display(),
-                        found.names.join(", "),
-                        all.names.join(", ")
-                    );
-                    all.trajectories.extend(found.trajectories);
-                }
-            }
-        }
-        let mut all = all.context("no recording")?;
+        let selection =
+            Selection { rate: Some(self.rate), channels: self.columns.clone(), ..Selection::default() };
+        let mut all = Recordings::read(&self.data, &selection)?;
         if self.smooth > 0.0 {
             all.trajectories.iter_mut().for_each(|trajectory| *trajectory = trajectory.smoothed(self.smooth));
         }

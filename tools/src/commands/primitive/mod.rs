@@ -3,7 +3,6 @@
 mod fit;
 mod plot;
 mod replay;
-mod rollout;
 mod show;
 
 use std::process::ExitCode;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 
-use super::rollout::Trajectory;
+use motorium_primitives::rollout::Trajectory;
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 150.0;

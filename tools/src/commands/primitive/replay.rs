@@ -7,9 +7,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use motorium_primitives::file::PrimitiveFile;
+use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
 use super::plot::{self, Panel};
-use super::rollout::{Trajectory, Wish, roll_out};
 use super::{Numbers, numbers};
 
 /// Run a primitive: as shown, or with another start, goal, duration or via points.
@@ -37,7 +37,7 @@ pub(super) struct Replay {
     duration: Option<f64>,
     /// Place to pass, of a probabilistic primitive: phase:X,.. or phase:X,..:deviation (again for more)
     #[arg(long, value_name = "P:X,..", value_parser = via, allow_hyphen_values = true)]
-    via: Vec<Via>,
+    via: Vec<ViaPoint>,
     /// Periods of a rhythm; 2 if not given
     #[arg(long, value_name = "N", value_parser = positive)]
     periods: Option<f64>,
@@ -58,13 +58,6 @@ pub(super) struct Replay {
     json: bool,
 }
 
-#[derive(Debug, Clone, PartialEq)]
-struct Via {
-    phase: f64,
-    place: Vec<f64>,
-    deviation: f64,
-}
-
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
@@ -72,7 +65,7 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-fn via(text: &str) -> Result<Via, String> {
+fn via(text: &str) -> Result<ViaPoint, String> {
     let mut parts = text.split(':');
     let (Some(phase), Some(place)) = (parts.next(), parts.next()) else {
         return Err("expected a phase, a colon and a place, such as 0.5:0.1,-2".to_string());
@@ -84,30 +77,23 @@ fn via(text: &str) -> Result<Via, String> {
         return Err(format!("a phase of {phase}, expected from 0 to 1"));
     }
     let deviation = parts.next().map_or(Ok(1e-4), positive)?;
-    Ok(Via { phase, place: numbers(place)?.0, deviation })
+    Ok(ViaPoint { phase, position: numbers(place)?.0, deviation })
 }
-
-/// More samples than this are a mistake in rate or duration.
-const MOST_SAMPLES: f64 = 10_000_000.0;
 
 impl Replay {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let file = PrimitiveFile::read(&self.file)?;
         let given = |numbers: &Option<Numbers>| numbers.as_ref().map(|numbers| numbers.0.clone());
-        let wish = Wish {
+        let overrides = Override {
             start: given(&self.start),
             goal: given(&self.goal),
             final_velocity: given(&self.final_velocity),
             duration: self.duration,
-            via: self.via.iter().map(|via| (via.phase, via.place.clone(), via.deviation)).collect(),
+            via: self.via.clone(),
             periods: self.periods,
             amplitude: self.amplitude,
         };
-        let seconds = wish.duration.unwrap_or(file.duration) * wish.periods.unwrap_or(1.0);
-        if seconds * self.rate > MOST_SAMPLES {
-            bail!("{seconds} s at {} Hz are more than ten million samples: lower --rate", self.rate);
-        }
-        let trajectory = roll_out(&file, &wish, 1.0 / self.rate)?;
+        let trajectory = roll_out(&file, &overrides, 1.0 / self.rate)?;
         if let Some(path) = &self.plot {
             let panel = |(d, name): (usize, &String)| {
                 let mut panel = Panel::new(name);
@@ -183,9 +169,9 @@ mod tests {
 
     #[test]
     fn via_points_are_read_as_they_are_written() {
-        let expected = Via { phase: 0.5, place: vec![0.1, -2.0], deviation: 1e-4 };
+        let expected = ViaPoint { phase: 0.5, position: vec![0.1, -2.0], deviation: 1e-4 };
         assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
-        assert_eq!(via("0.5:0.1,-2:0.01"), Ok(Via { deviation: 0.01, ..expected }));
+        assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));
         assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected from 0 to 1");
         assert!(via("0.5").unwrap_err().contains("a colon"));
         assert!(via("0.5:a").unwrap_err().contains("`a` is no number"));

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use motorium_primitives::dmp::{DmpModel, RhythmicModel, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::promp::ProMp;
+use motorium_primitives::rollout::{Override, roll_out};
 use serde::Serialize;
 
 use super::plot::{self, Panel};
-use super::rollout::{Wish, roll_out};
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
@@ -116,8 +116,10 @@ fn equation(model: &DmpModel) -> &'static str {
 
 fn panels(file: &PrimitiveFile) -> anyhow::Result<Vec<Panel>> {
     const SAMPLES: usize = 300;
-    let wish =
-        Wish { periods: matches!(file.primitive, Primitive::Rhythmic(_)).then_some(1.0), ..Wish::default() };
+    let wish = Override {
+        periods: matches!(file.primitive, Primitive::Rhythmic(_)).then_some(1.0),
+        ..Override::default()
+    };
     let trajectory = roll_out(file, &wish, file.duration / SAMPLES as f64)?;
     let mut panels = Vec::new();
     for (d, name) in file.names.iter().enumerate() {

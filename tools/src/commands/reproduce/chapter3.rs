@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_library::{DAMPING, SampledSpring, data};
+use motorium_library::{DAMPING, Recordings, SampledSpring};
+use motorium_recordings::Selection;
 
-use super::sheet::Sheet;
+use super::writer::FigureWriter;
 use super::{body, letters, perception, search};
 use crate::out::outln;
 
@@ -45,34 +46,34 @@ pub(super) struct Chapter3 {
 impl Chapter3 {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let file = self.data.join("uci-char-trajectories/train.jsonl");
-        let all = data::read(&file, &data::Options { rate: 200.0, columns: Vec::new() })?;
+        let all = Recordings::read([&file], &Selection { rate: Some(200.0), ..Selection::default() })?;
         let spring = SampledSpring::new(self.samples, DAMPING)?;
-        let mut sheet =
-            Sheet::new(self.out.clone(), 24 + self.epochs as u64 * self.networks + 5 * self.splits)?;
+        let mut writer =
+            FigureWriter::new(self.out.clone(), 24 + self.epochs as u64 * self.networks + 5 * self.splits)?;
         let (seen, held) = all.hold_out(5);
         anyhow::ensure!(
             !held.trajectories.is_empty(),
             "{}: too few letters to hold some out",
             file.display()
         );
-        let force = letters::figures(&mut sheet, &seen, &held, spring)?;
-        letters::splits(&mut sheet, &all, spring, self.splits)?;
-        search::figure(&mut sheet, &force, &held, self.searches)?;
-        perception::figure(&mut sheet, &all, self.epochs, self.networks)?;
-        body::figures(&mut sheet, &self.data.join("cmu-mocap"), self.searches)?;
-        let claims = serde_json::to_string_pretty(&sheet.claims)?;
-        sheet.write("claims.json", &claims)?;
-        sheet.bar.finish_and_clear();
+        let force = letters::figures(&mut writer, &seen, &held, spring)?;
+        letters::splits(&mut writer, &all, spring, self.splits)?;
+        search::figure(&mut writer, &force, &held, self.searches)?;
+        perception::figure(&mut writer, &all, self.epochs, self.networks)?;
+        body::figures(&mut writer, &self.data.join("cmu-mocap"), self.searches)?;
+        let claims = serde_json::to_string_pretty(&writer.claims)?;
+        writer.write("claims.json", &claims)?;
+        writer.bar.finish_and_clear();
         if self.json {
-            let report = serde_json::json!({ "claims": sheet.claims, "files": sheet.files });
+            let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
             outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
-        for claim in &sheet.claims {
+        for claim in &writer.claims {
             let word = if claim.holds { "holds" } else { "does not hold" };
             outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
         }
-        outln!("{} files in {}", sheet.files.len(), self.out.display());
+        outln!("{} files in {}", writer.files.len(), self.out.display());
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -2,14 +2,15 @@
 //!
 //! Figures whose number is not certain are named by what they show.
 
+use motorium_library::cross_validation::{FORCE, POSITION};
+use motorium_library::statistics::{mean_and_deviation, proportion_error};
 use motorium_library::{
-    BALANCED, Evaluation, Keep, Metric, MotionLibrary, Movement, Recordings, SampledSpring, compare,
-    kernel_functions, nearest_neighbour_rate,
+    BALANCED, CrossValidation, Evaluation, Metric, MotionLibrary, Movement, Recordings, SampledSpring,
+    Truncation, compare, kernel_error, nearest_neighbour_rate,
 };
 
-use super::sheet::Sheet;
+use super::writer::FigureWriter;
 use crate::chart::{Chart, Series, Tile, tiles};
-use crate::commands::library::evaluate::{Measured, spread};
 
 const TERMS: [usize; 7] = [4, 8, 12, 16, 24, 32, 64];
 
@@ -18,48 +19,40 @@ pub(super) fn chart(title: &str, [x, y]: [&str; 2], [log_x, log_y]: [bool; 2], s
 }
 
 pub(super) fn figures(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     seen: &Recordings,
     held: &Recordings,
     spring: SampledSpring,
 ) -> anyhow::Result<MotionLibrary> {
-    let force = MotionLibrary::build(seen, spring, Metric::Force, Keep::All)?;
-    let position = MotionLibrary::build(seen, spring, Metric::Position, Keep::All)?;
-    sheet.bar.inc(2);
-    spectrum(sheet, &force)?;
-    eigenforces(sheet, &force)?;
-    reproduction(sheet, &force, held)?;
-    kernels_of_eigenforces(sheet, &force)?;
-    bases(sheet, &force, &position, held)?;
-    recognition(sheet, &force, held)?;
+    let force = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
+    let position = MotionLibrary::build(seen, spring, Metric::Position, Truncation::All)?;
+    writer.bar.inc(2);
+    spectrum(writer, &force)?;
+    eigenforces(writer, &force)?;
+    reproduction(writer, &force, held)?;
+    kernels_of_eigenforces(writer, &force)?;
+    bases(writer, &force, &position, held)?;
+    recognition(writer, &force, held)?;
     Ok(force)
 }
 
-fn spectrum(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
     let explained = library.explained();
     let points = |values: &mut dyn Iterator<Item = f64>| {
         values.take(100).enumerate().map(|(k, value)| [(k + 1) as f64, value, 0.0]).collect::<Vec<_>>()
     };
-    let mut sum = 0.0;
-    let together: Vec<f64> = explained
-        .iter()
-        .map(|part| {
-            sum += part;
-            sum
-        })
-        .collect();
+    let together = library.explained_together();
     let series = vec![
         Series { name: "each".into(), points: points(&mut explained.iter().copied()) },
         Series { name: "together".into(), points: points(&mut together.iter().copied()) },
     ];
     let title = "3.9  Variance that eigenforces explain";
-    sheet.chart(
+    writer.chart(
         "fig-3-09-eigenvalues",
         &chart(title, ["eigenforce", "part of the variance"], [true, true], series),
     )?;
-    let needed = |part: f64| together.iter().position(|sum| *sum >= part).map_or(0, |k| k + 1);
-    let counts = [0.8, 0.9, 0.95, 0.99].map(needed);
-    sheet.claim(
+    let counts = [0.8, 0.9, 0.95, 0.99].map(|part| library.rank_explaining(part));
+    writer.claim(
         "3.9",
         "a few eigenforces explain most of the forces of letters",
         counts[1] <= 10,
@@ -69,11 +62,11 @@ fn spectrum(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
             explained.len()
         ),
     );
-    sheet.bar.inc(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
-fn eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
     let steps = library.spring().forces();
     let mut series = Vec::new();
     for k in [0, 1, 2, 9] {
@@ -85,8 +78,8 @@ fn eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()>
         }
     }
     let title = "Eigenforces 1, 2, 3 and 10";
-    sheet.chart("eigenforces", &chart(title, ["time, durations", "force"], [false, false], series))?;
-    sheet.bar.inc(1);
+    writer.chart("eigenforces", &chart(title, ["time, durations", "force"], [false, false], series))?;
+    writer.bar.inc(1);
     Ok(())
 }
 
@@ -103,7 +96,7 @@ fn drawn(library: &MotionLibrary, letter: &motorium_library::Trajectory, n: usiz
     }
 }
 
-fn reproduction(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
+fn reproduction(writer: &mut FigureWriter, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
     let mut all = Vec::new();
     let mut labels = Vec::new();
     for letter in &held.trajectories {
@@ -113,56 +106,50 @@ fn reproduction(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -
         }
     }
     let title = "3.11  Held-out letters by the first n eigenforces";
-    sheet.write("fig-3-11-letters.svg", &tiles(title, &all, 4))?;
-    sheet.bar.inc(1);
+    writer.write("fig-3-11-letters.svg", &tiles(title, &all, 4))?;
+    writer.bar.inc(1);
     Ok(())
 }
 
-fn kernels_of_eigenforces(sheet: &mut Sheet, library: &MotionLibrary) -> anyhow::Result<()> {
+fn kernels_of_eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
     let spring = library.spring();
-    let steps = spring.forces();
     let counts = [5, 10, 20, 40, 80, 120, 160];
     let mut series = Vec::new();
     let mut at_40 = Vec::new();
     for k in [1, 2, 5, 10, 20, 50] {
         let mut points = Vec::new();
         for count in counts {
-            let q = kernel_functions(spring, count.min(steps)).qr().q();
             let column = library.eigenforces().column(k.min(library.rank()) - 1);
-            let mut left = 0.0;
-            for forces in column.as_slice().chunks_exact(steps) {
-                let f = nalgebra::DVector::from_column_slice(forces);
-                left += (&f - &q * (q.transpose() * &f)).norm_squared();
-            }
-            points.push([count as f64, (left / column.norm_squared()).sqrt(), 0.0]);
+            let error = kernel_error(column.as_slice(), spring, count);
+            points.push([count as f64, error, 0.0]);
             if count == 40 {
-                at_40.push((k, (left / column.norm_squared()).sqrt()));
+                at_40.push((k, error));
             }
         }
         series.push(Series { name: format!("eigenforce {k}"), points });
     }
     let title = "3.12  Eigenforces approximated by radial kernels over phase";
     let axes = ["kernels for each degree of freedom", "relative error"];
-    sheet.chart("fig-3-12-kernels", &chart(title, axes, [true, true], series))?;
+    writer.chart("fig-3-12-kernels", &chart(title, axes, [true, true], series))?;
     let (second, fiftieth) = (at_40[1].1, at_40[5].1);
-    sheet.claim(
+    writer.claim(
         "3.12",
         "later eigenforces take many more kernels than early ones",
         fiftieth > 3.0 * second,
         format!("with 40 kernels the 2nd is off by {second:.3}, the 50th by {fiftieth:.3}; a table of samples has no error"),
     );
-    sheet.bar.inc(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
 fn bases(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     force: &MotionLibrary,
     position: &MotionLibrary,
     held: &Recordings,
 ) -> anyhow::Result<()> {
-    let names = ["eigenforces, force", "eigenforces, position", "fourier", "kernels", BALANCED];
-    let bar = sheet.bar.clone();
+    let names = [FORCE, POSITION, "fourier", "kernels", BALANCED];
+    let bar = writer.bar.clone();
     let found = compare(&[(names[0], force), (names[1], position)], held, &TERMS, || bar.inc(1));
     let count = (held.trajectories.len().max(1) as f64).sqrt();
     let line = |name: &str, value: &dyn Fn(&Evaluation) -> [f64; 2]| Series {
@@ -177,29 +164,29 @@ fn bases(
     let axes = ["weights in all", "error of position / spread"];
     let title = "3.14  Held-out letters: error of position";
     let series = all(&|e| [e.position.mean, e.position.deviation / count]);
-    sheet.chart("fig-3-14-position", &chart(title, axes, [true, true], series))?;
+    writer.chart("fig-3-14-position", &chart(title, axes, [true, true], series))?;
     let title = "3.14  Held-out letters: error of force";
     let axes = ["weights in all", "error of force"];
-    sheet.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, 0.0])))?;
+    writer.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, 0.0])))?;
     let at = |name: &str, n: usize| {
         found.iter().find(|(basis, e)| *basis == name && e.n == n).map_or(f64::NAN, |(_, e)| e.position.mean)
     };
     let better = |a: &str, b: &str, n: &[usize]| n.iter().all(|n| at(a, *n) < at(b, *n));
     let table =
         |n: usize| format!("n = {n}: {}", names.map(|name| format!("{name} {:.4}", at(name, n))).join(", "));
-    sheet.claim(
+    writer.claim(
         "3.14",
         "eigenforces hold letters better than as many Fourier functions",
         better(names[0], names[2], &TERMS),
         [table(8), table(16), table(64)].join("; "),
     );
-    sheet.claim(
+    writer.claim(
         "3.14",
         "eigenforces hold letters better than as many radial kernels, at every number",
         better(names[0], names[3], &TERMS),
         [table(16), table(32), table(64)].join("; "),
     );
-    sheet.claim(
+    writer.claim(
         "3.14 (beyond the thesis)",
         "eigenforces weighted by their response are at least as good as all others, at every number",
         [names[0], names[2], names[3]].iter().all(|other| better(names[1], other, &TERMS)),
@@ -210,36 +197,33 @@ fn bases(
 
 /// Errors of position over several random splits: how much is luck of one.
 pub(super) fn splits(
-    sheet: &mut Sheet,
+    writer: &mut FigureWriter,
     all: &Recordings,
     spring: SampledSpring,
     count: u64,
 ) -> anyhow::Result<()> {
-    let bar = sheet.bar.clone();
-    let mut measured = Measured::default();
+    let bar = writer.bar.clone();
+    let mut measured = CrossValidation::new(vec![16, 32, 64]);
     for seed in 1..=count {
         let (held, seen) = all.split(0.2, seed);
-        measured.add((&seen, &held), spring, &[16, 32, 64], || bar.inc(1))?;
+        measured.add(&seen, &held, spring, || bar.inc(1))?;
     }
     let mut csv = String::from("basis,weights,error of position,standard deviation over splits\n");
-    for row in &measured.rows {
-        let [mean, deviation] = spread(&row.position);
+    for row in measured.errors() {
+        let (mean, deviation) = mean_and_deviation(&row.position);
         csv += &format!("\"{}\",{},{mean},{deviation}\n", row.basis, row.n);
     }
-    sheet.write("fig-3-14-splits.csv", &csv)?;
-    let at = |basis: &str, n: usize| {
-        let row = measured.rows.iter().find(|row| row.basis == basis && row.n == n);
-        row.map_or([f64::NAN; 2], |row| spread(&row.position))
-    };
-    let words = ["eigenforces, force", "eigenforces, position", BALANCED].map(|basis| {
+    writer.write("fig-3-14-splits.csv", &csv)?;
+    let at = |basis: &str, n: usize| measured.position_error(basis, n).unwrap_or((f64::NAN, f64::NAN));
+    let words = [FORCE, POSITION, BALANCED].map(|basis| {
         let each = [16, 32, 64].map(|n| {
-            let [mean, deviation] = at(basis, n);
+            let (mean, deviation) = at(basis, n);
             format!("{mean:.5} +- {deviation:.5}")
         });
         format!("{basis} {}", each.join(", "))
     });
-    let better = [16, 32].iter().all(|n| at(BALANCED, *n)[0] < at("eigenforces, position", *n)[0]);
-    sheet.claim(
+    let better = [16, 32].iter().all(|n| at(BALANCED, *n).0 < at(POSITION, *n).0);
+    writer.claim(
         "3.14 (beyond the thesis)",
         "with 16 and 32 weights, eigenforces balanced for the mean error are better than those of the mean square",
         better,
@@ -248,25 +232,25 @@ pub(super) fn splits(
     Ok(())
 }
 
-fn recognition(sheet: &mut Sheet, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
-    let count = held.trajectories.len().max(1) as f64;
+fn recognition(writer: &mut FigureWriter, library: &MotionLibrary, held: &Recordings) -> anyhow::Result<()> {
+    let count = held.trajectories.len();
     let points: Vec<[f64; 3]> = [1, 2, 4, 8, 16, 32]
         .iter()
         .map(|&n| {
             let rate = nearest_neighbour_rate(library, held, n);
-            [n as f64, rate, (rate * (1.0 - rate) / count).sqrt()]
+            [n as f64, rate, proportion_error(rate, count)]
         })
         .collect();
     let (four, sixteen) = (points[2][1], points[4][1]);
     let series = vec![Series { name: "nearest neighbour".into(), points }];
     let title = "Held-out letters recognised";
-    sheet.chart("recognition", &chart(title, ["weights", "part that is right"], [true, false], series))?;
-    sheet.claim(
+    writer.chart("recognition", &chart(title, ["weights", "part that is right"], [true, false], series))?;
+    writer.claim(
         "recognition",
         "letters are recognised by their first weights",
         sixteen > 0.9,
         format!("right: {four:.3} by 4 weights, {sixteen:.3} by 16, of {count} letters"),
     );
-    sheet.bar.inc(1);
+    writer.bar.inc(1);
     Ok(())
 }

@@ -5,7 +5,7 @@ mod chapter3;
 mod letters;
 mod perception;
 mod search;
-mod sheet;
+mod writer;
 
 use std::process::ExitCode;
 

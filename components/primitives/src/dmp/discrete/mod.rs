@@ -34,7 +34,7 @@ pub struct DiscreteDmp {
     spring: Vec<(f64, f64)>,
     /// Forcing term at the current progress, as a shift of the spring's equilibrium.
     forcing: Vec<f64>,
-    /// What the coupling of the last step adds to the forcing term.
+    /// Addition of the coupling of the last step to the forcing term.
     pushed: Vec<f64>,
     features: Vec<f64>,
     /// The phase at the current progress, and how fast it passes: 1 unless a coupling holds it back.
@@ -256,7 +256,7 @@ impl DiscreteDmp {
         self.end
     }
 
-    /// Whether the time of the movement is over.
+    /// True after the duration of the movement.
     pub fn is_over(&self) -> bool {
         self.progress >= self.end
     }
@@ -288,7 +288,7 @@ impl DiscreteDmp {
         self.observe();
     }
 
-    /// Where the spring is drawn to in one dimension at the current progress.
+    /// Equilibrium of the spring in one dimension at the current progress.
     #[inline(always)]
     fn equilibrium(&self, d: usize) -> f64 {
         let forced = self.forcing[d] + self.pushed[d];

@@ -1,8 +1,8 @@
-//! Why a movement cannot start or be steered.
+//! Errors of starting and steering a movement.
 
 use crate::dmp::Variant;
 
-/// Why a movement cannot start or be steered. What ran before goes on unchanged.
+/// An error of starting or steering a movement, which leaves it unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError {
     /// A vector of another length than the model has dimensions.
@@ -15,18 +15,18 @@ pub enum MoveError {
         /// The dimensions of the model.
         expected: usize,
     },
-    /// A number that is none.
+    /// NaN or an infinite value.
     #[error("{name} holds {value}, expected finite numbers only")]
     NotFinite {
         /// The vector.
         name: &'static str,
-        /// What was found.
+        /// Value found.
         value: f64,
     },
     /// A duration that is not a positive time.
     #[error("a duration of {found} s, expected a positive time")]
     Duration {
-        /// What was found, s.
+        /// Value found, s.
         found: f64,
     },
     /// A final velocity for a variant that ends at rest.

@@ -1,4 +1,4 @@
-//! What a rhythmic primitive has learned.
+//! Model of a rhythmic primitive.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -26,7 +26,7 @@ impl Default for RhythmicSettings {
     }
 }
 
-/// What a rhythmic primitive has learned; constant while it runs.
+/// A learned rhythmic primitive; constant while it runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRhythmicModel", into = "StoredRhythmicModel")]
 pub struct RhythmicModel {
@@ -48,7 +48,7 @@ pub struct StoredRhythmicModel {
     pub weights: Vec<Vec<f64>>,
 }
 
-/// Why a recording is no period to learn from.
+/// An error of fitting a period.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PeriodError {
     /// Too little of it.
@@ -67,7 +67,7 @@ pub enum PeriodError {
     /// Periods of different kinds.
     #[error("period {index} has {found} dimensions, the first one {expected}")]
     Dimensions {
-        /// Which one.
+        /// Index, counted from 0.
         index: usize,
         /// Its dimensions.
         found: usize,
@@ -77,7 +77,7 @@ pub enum PeriodError {
     /// A sample that is not a number.
     #[error("a sample is {value}: cut the recording or fill the gap")]
     NotFinite {
-        /// What was found.
+        /// Value found.
         value: f64,
     },
     /// The settings make no model.

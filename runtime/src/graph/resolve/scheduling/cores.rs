@@ -1,4 +1,4 @@
-//! Which core each component runs on.
+//! The cores of the components.
 
 use super::super::Draft;
 use super::super::timing::Timing;

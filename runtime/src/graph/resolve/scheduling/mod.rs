@@ -15,7 +15,7 @@ use crate::graph::read::{good, good_or};
 use crate::graph::values::Schedule;
 use crate::plan::{SchedulingClass, SchedulingPlan, Spin};
 
-/// Where and how each component runs.
+/// Class, core and spin time of each component.
 #[derive(Debug)]
 pub(super) struct Scheduling {
     pub plan: SchedulingPlan,

@@ -6,8 +6,9 @@ use crate::plan::SchedulingClass;
 /// Raises every component above the one that triggers it on its own core, as far as there is room below the next
 /// priority that something else has, and returns by how much each was raised.
 ///
-/// A component that has published then hands over the core at once, and accounts for its step and goes to sleep when all
-/// that it has triggered is through: neither is part of the latency of a chain. A priority that the graph gives stays.
+/// A component that has published then hands over the core at once, and accounts for its step and goes to sleep when
+/// all that it has triggered is through: neither is part of the latency of a chain. A priority that the graph gives
+/// stays.
 pub(super) fn rise(
     classes: &[SchedulingClass],
     given: &[bool],

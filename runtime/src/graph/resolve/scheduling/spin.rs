@@ -1,4 +1,4 @@
-//! How long each component spins before its releases.
+//! The spin times of the components.
 
 use super::super::Draft;
 use super::super::timing::Timing;

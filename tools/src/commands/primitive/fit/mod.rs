@@ -11,15 +11,15 @@ use indicatif::{ProgressBar, ProgressStyle};
 use motorium_primitives::dmp::{
     Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
 };
-use motorium_primitives::file::{Primitive, PrimitiveFile};
+use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
+use motorium_primitives::rollout::{Trajectory, reproduce};
 use motorium_recordings::{Recording, Selection};
 use nalgebra::DMatrix;
 
 use report::{Report, text};
 
 use super::plot::{self, Panel};
-use super::rollout::{Trajectory, Wish, roll_out};
 use crate::out::{out, outln};
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
@@ -136,7 +136,8 @@ impl Fit {
             Model::Rhythmic => self.rhythmic(&shown)?,
             Model::Probabilistic => self.probabilistic(&shown)?,
         };
-        let reproduced = reproduce(&file, &shown)?;
+        let reproduced = reproduce(&file, &shown.demonstrations)
+            .context("the primitive does not reproduce what it was shown")?;
         if let Some(path) = &self.output {
             file.write(path)?;
         }
@@ -235,20 +236,7 @@ impl Fit {
             RegressionArg::Response => Regression::Response { lambda: self.penalty.unwrap_or(PENALTY) },
         };
         let model = DmpModel::fit(settings, &demonstrations, regression)?;
-        let mean = |f: &dyn Fn(&Demonstration, usize) -> f64| -> Vec<f64> {
-            (0..shown.names.len())
-                .map(|d| {
-                    demonstrations.iter().map(|demo| f(demo, d)).sum::<f64>() / demonstrations.len() as f64
-                })
-                .collect()
-        };
-        Ok(PrimitiveFile {
-            start: mean(&|demo, d| demo.start(d)),
-            start_velocity: mean(&|demo, d| demo.velocities()[(0, d)]),
-            goal: mean(&|demo, d| demo.goal(d)),
-            final_velocity: mean(&|demo, d| demo.velocities()[(demo.samples() - 1, d)]),
-            ..self.file(shown, Primitive::Discrete(model))
-        })
+        Ok(PrimitiveFile::discrete(shown.names.clone(), &demonstrations, model))
     }
 
     fn rhythmic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
@@ -260,20 +248,7 @@ impl Fit {
             RegressionArg::LocallyWeighted => RhythmicModel::fit_locally_weighted(settings, &periods)?,
             RegressionArg::Response => bail!("a rhythm is fitted by ridge or locally-weighted regression"),
         };
-        let goal = model.baseline().as_slice().to_vec();
-        let (samples, count) = (self.samples as usize, periods.len() as f64);
-        let dt = shown.duration / samples as f64;
-        let mean = |f: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
-            (0..shown.names.len())
-                .map(|d| periods.iter().map(|period| f(period, d)).sum::<f64>() / count)
-                .collect()
-        };
-        Ok(PrimitiveFile {
-            start: mean(&|period, d| period[(0, d)]),
-            start_velocity: mean(&|period, d| (period[(1, d)] - period[(samples - 1, d)]) / (2.0 * dt)),
-            goal,
-            ..self.file(shown, Primitive::Rhythmic(model))
-        })
+        Ok(PrimitiveFile::rhythmic(shown.names.clone(), shown.duration, &periods, model))
     }
 
     fn probabilistic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
@@ -295,56 +270,8 @@ impl Fit {
         bar.finish_and_clear();
         let mut promp = promp?;
         promp.set_duration(shown.duration)?;
-        let at = |phase: f64| promp.mean_at(phase).as_slice().to_vec();
-        let moving = |phase: f64| (promp.mean_velocity_at(phase) / shown.duration).as_slice().to_vec();
-        Ok(PrimitiveFile {
-            start: at(0.0),
-            start_velocity: moving(0.0),
-            goal: at(1.0),
-            final_velocity: moving(1.0),
-            ..self.file(shown, Primitive::Probabilistic(promp))
-        })
+        Ok(PrimitiveFile::probabilistic(shown.names.clone(), promp))
     }
-
-    fn file(&self, shown: &Shown, primitive: Primitive) -> PrimitiveFile {
-        let zeros = vec![0.0; shown.names.len()];
-        PrimitiveFile {
-            version: PrimitiveFile::VERSION,
-            names: shown.names.clone(),
-            duration: shown.duration,
-            start: zeros.clone(),
-            start_velocity: zeros.clone(),
-            goal: zeros.clone(),
-            final_velocity: zeros,
-            primitive,
-        }
-    }
-}
-
-/// The primitive, asked for the movement of every demonstration.
-fn reproduce(file: &PrimitiveFile, shown: &Shown) -> anyhow::Result<Vec<Trajectory>> {
-    let mut all = Vec::new();
-    for (duration, positions) in &shown.demonstrations {
-        let last = positions.nrows() - 1;
-        let row = |k: usize| positions.row(k).iter().copied().collect::<Vec<f64>>();
-        let (wish, interval) = match &file.primitive {
-            Primitive::Discrete(_) => {
-                let ends = Wish { start: Some(row(0)), goal: Some(row(last)), ..Wish::default() };
-                (Wish { duration: Some(*duration), ..ends }, duration / last as f64)
-            }
-            Primitive::Rhythmic(_) => {
-                let wish = Wish { start: Some(row(0)), duration: Some(*duration), ..Wish::default() };
-                (Wish { periods: Some(1.0), ..wish }, duration / (last + 1) as f64)
-            }
-            Primitive::Probabilistic(_) => {
-                (Wish { duration: Some(*duration), ..Wish::default() }, duration / last as f64)
-            }
-        };
-        all.push(
-            roll_out(file, &wish, interval).context("the primitive does not reproduce what it was shown")?,
-        );
-    }
-    Ok(all)
 }
 
 fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {

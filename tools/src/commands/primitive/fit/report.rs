@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use motorium_primitives::file::PrimitiveFile;
+use motorium_primitives::rollout::Trajectory;
 use serde::Serialize;
 
 use super::Shown;
-use crate::commands::primitive::rollout::Trajectory;
 use crate::report::table;
 use crate::style;
 

@@ -1,0 +1,107 @@
+//! Letters written from their pictures by networks, against the nearest picture known.
+
+use motorium_library::{BuildError, Recordings, SampledSpring, Trajectory};
+use nalgebra::DMatrix;
+
+use crate::perception::{Coupling, Picture, Training, begun_at_zero, chamfer, even_speed, unit_extent};
+
+/// Samples of curves that are compared.
+const COMPARED: usize = 200;
+
+/// Chamfer distances of written curves from those shown, in letter sizes (the larger side), one a letter.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CurveErrors {
+    /// Both curves begin at the same point: a picture does not say where on the paper it is.
+    pub begun: Vec<f64>,
+    /// Both curves are centred.
+    pub centred: Vec<f64>,
+}
+
+impl CurveErrors {
+    fn add(&mut self, written: &DMatrix<f64>, shown: &DMatrix<f64>) {
+        self.begun.push(chamfer(&begun_at_zero(written), &begun_at_zero(shown)));
+        self.centred.push(chamfer(&unit_extent(written), shown));
+    }
+
+    /// The mean of several, letter by letter.
+    pub fn mean(all: &[Self]) -> Self {
+        let mean = |pick: fn(&Self) -> &Vec<f64>| {
+            let letters = all.first().map_or(0, |errors| pick(errors).len());
+            let of = |k: usize| all.iter().map(|errors| pick(errors)[k]).sum::<f64>() / all.len() as f64;
+            (0..letters).map(of).collect()
+        };
+        Self { begun: mean(|errors| &errors.begun), centred: mean(|errors| &errors.centred) }
+    }
+}
+
+/// Letters that are learned from and letters that are held out, as curves of unit extent and as pictures.
+#[derive(Clone, Debug)]
+pub struct Letters {
+    seen: Recordings,
+    known: Vec<DMatrix<f64>>,
+    known_pictures: Vec<Picture>,
+    /// Curves of the letters held out, samples x 2.
+    pub shown: Vec<DMatrix<f64>>,
+    pictures: Vec<Picture>,
+}
+
+/// A network trained on letters, measured on those held out.
+#[derive(Clone, Debug)]
+pub struct NetworkResult {
+    /// Loss of each epoch: the squared error of position, in letter sizes.
+    pub losses: Vec<f64>,
+    /// Curves that it writes for the letters held out, samples x 2.
+    pub written: Vec<DMatrix<f64>>,
+    /// Their distances from those shown.
+    pub errors: CurveErrors,
+}
+
+impl Letters {
+    /// Letters of two degrees of freedom.
+    pub fn new(seen: &Recordings, held: &Recordings) -> Self {
+        let curve = |letter: &Trajectory| unit_extent(&letter.resampled(COMPARED));
+        let curves = |set: &Recordings| set.trajectories.iter().map(curve).collect::<Vec<_>>();
+        let (known, shown) = (curves(seen), curves(held));
+        let pictures = |curves: &[DMatrix<f64>]| curves.iter().map(Picture::of).collect::<Vec<_>>();
+        let (known_pictures, pictures) = (pictures(&known), pictures(&shown));
+        Self { seen: seen.clone(), known, known_pictures, shown, pictures }
+    }
+
+    /// Errors when the letter with the nearest picture known is written.
+    pub fn nearest_picture(&self) -> CurveErrors {
+        let mut errors = CurveErrors::default();
+        for (picture, shown) in self.pictures.iter().zip(&self.shown) {
+            let distance = |k: &usize| -> f32 {
+                self.known_pictures[*k].0.iter().zip(&picture.0).map(|(a, b)| (a - b) * (a - b)).sum()
+            };
+            let nearest = (0..self.known.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            errors.add(&self.known[nearest.unwrap_or(0)], shown);
+        }
+        errors
+    }
+
+    /// Trains a network on the letters seen and writes those held out; `progress` is called after every epoch.
+    ///
+    /// # Errors
+    /// Letters that are not of two degrees of freedom, or none.
+    pub fn network(
+        &self,
+        spring: SampledSpring,
+        training: &Training,
+        mut progress: impl FnMut(),
+    ) -> Result<NetworkResult, BuildError> {
+        let mut losses = Vec::new();
+        let coupling = Coupling::train(&self.seen, spring, training, |_, loss| {
+            losses.push(loss);
+            progress();
+        })?;
+        let mut errors = CurveErrors::default();
+        let mut written = Vec::new();
+        for (picture, shown) in self.pictures.iter().zip(&self.shown) {
+            let path = even_speed(&coupling.see(picture).path(coupling.library()), COMPARED);
+            errors.add(&path, shown);
+            written.push(path);
+        }
+        Ok(NetworkResult { losses, written, errors })
+    }
+}

@@ -1,0 +1,191 @@
+//! Policy search (PoWER) on weights of a motion library and of radial kernels.
+
+use motorium_library::algebra::Simd;
+use motorium_library::statistics::mean_and_error;
+use motorium_library::{MotionLibrary, Movement, SampledSpring, Trajectory, kernel_functions};
+use nalgebra::DMatrix;
+
+use crate::{Power, PowerSettings};
+
+/// Rollouts of a search.
+pub const ROLLOUTS: usize = 300;
+/// Rollouts after which the best reward is reported.
+pub const REPORTED: [usize; 7] = [1, 10, 30, 60, 100, 200, 300];
+/// Standard deviation of the first exploration, in those of the weights in the library.
+const EXPLORATION: f64 = 0.6;
+/// Factors on the exploration of which [`Search::best_scale`] takes the best: every search space is tuned alike.
+const SCALES: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.0];
+/// Searches for each goal, with different seeds.
+const SEEDS: u64 = 3;
+
+/// A movement to be found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Goal {
+    /// Forces of the movement, degrees of freedom times forces of the spring.
+    pub forces: Vec<f64>,
+    /// Spread of its path, in which errors are counted.
+    pub spread: f64,
+}
+
+impl Goal {
+    /// The goal to make a recorded movement.
+    pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
+        let spread = Trajectory::spread(&trajectory.resampled(spring.samples()));
+        Self { forces: Movement::of(trajectory, spring).forces, spread }
+    }
+}
+
+/// Source of the first exploration of kernels. The library knows how much each of its weights varies; kernels are given as
+/// much.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KernelPrior {
+    /// Each kernel has the same share of the squared force of the movements.
+    EqualForce,
+    /// Each kernel has the same share of the squared response of the movements.
+    EqualResponse,
+    /// Each kernel varies as its weight in a ridge fit of the movements known to the library.
+    Fitted,
+}
+
+/// Functions to search with, and the variance of exploration of each weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SearchSpace {
+    /// Functions, forces x weights.
+    pub functions: DMatrix<f64>,
+    /// Variance of the first exploration, one a weight.
+    pub variance: Vec<f64>,
+}
+
+impl SearchSpace {
+    /// The first `n` eigenforces, explored as much as their weights vary over the movements of the library.
+    pub fn library(library: &MotionLibrary, n: usize) -> Self {
+        Self::library_of(library, n, library.entries().len())
+    }
+
+    /// The first `n` eigenforces of a library without weights (one of parts that move independently) that stands for
+    /// `movements` movements.
+    pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
+        let n = n.min(library.rank());
+        let movements = movements.max(1) as f64;
+        let variance = library.parts().singular[..n].iter();
+        Self {
+            functions: library.eigenforces().columns(0, n).into_owned(),
+            variance: variance.map(|s| EXPLORATION.powi(2) * s * s / movements).collect(),
+        }
+    }
+
+    /// Radial kernels, `n` for all degrees of freedom together.
+    pub fn kernels(library: &MotionLibrary, n: usize, prior: KernelPrior) -> Self {
+        let (dofs, spring) = (library.layout().dofs(), library.spring());
+        let (each, steps) = ((n / dofs).max(1), spring.forces());
+        let kernels = kernel_functions(spring, each);
+        let mut functions = DMatrix::zeros(library.rows(), each * dofs);
+        for d in 0..dofs {
+            functions.view_mut((d * steps, d * each), kernels.shape()).copy_from(&kernels);
+        }
+        let movements = library.entries().len().max(1) as f64;
+        let data = library.eigenforces() * library.weights();
+        let respond = |matrix: &DMatrix<f64>| {
+            let mut matrix = matrix.clone();
+            matrix.as_mut_slice().chunks_exact_mut(steps).for_each(|block| spring.respond(block));
+            matrix
+        };
+        // squared force (or response) of the movements, over that of every function
+        let shared = |data: &DMatrix<f64>, functions: &DMatrix<f64>| -> Vec<f64> {
+            let share = data.norm_squared() / movements / functions.ncols() as f64;
+            functions.column_iter().map(|f| share / f.norm_squared().max(f64::MIN_POSITIVE)).collect()
+        };
+        let variance = match prior {
+            KernelPrior::EqualForce => shared(&data, &functions),
+            KernelPrior::EqualResponse => shared(&respond(&data), &respond(&functions)),
+            KernelPrior::Fitted => {
+                // the weights of every movement, by ridge regression of its path
+                let responses = respond(&functions);
+                let mut gram = responses.tr_mul(&responses);
+                let ridge = 1e-6 * gram.trace() / gram.nrows() as f64;
+                (0..gram.nrows()).for_each(|k| gram[(k, k)] += ridge);
+                let weights = gram
+                    .cholesky()
+                    .map(|factor| factor.solve(&responses.tr_mul(&respond(&data))))
+                    .unwrap_or_else(|| DMatrix::zeros(functions.ncols(), 1));
+                weights.row_iter().map(|row| row.norm_squared() / movements).collect()
+            }
+        };
+        let variance = variance.into_iter().map(|v| EXPLORATION.powi(2) * v).collect();
+        Self { variance, functions }
+    }
+
+    /// The same functions with the standard deviation of exploration times `factor`.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let variance = self.variance.iter().map(|variance| factor * factor * variance).collect();
+        Self { functions: self.functions.clone(), variance }
+    }
+
+    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in [`REPORTED`]. The reward
+    /// is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
+    pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
+        let start = vec![0.0; self.variance.len()];
+        let mut power = Power::new(start, self.variance.clone(), PowerSettings::default(), seed);
+        let mut reported = [0.0; REPORTED.len()];
+        let mut left = vec![0.0; goal.forces.len()];
+        let simd = Simd::new();
+        for rollout in 1..=ROLLOUTS {
+            left.iter_mut().zip(&goal.forces).for_each(|(left, goal)| *left = -goal);
+            simd.superpose(self.functions.as_slice(), power.propose(), &mut left);
+            left.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
+            let squared = left.iter().map(|y| y * y).sum::<f64>() / spring.samples() as f64;
+            power.tell((-3.0 * squared / (goal.spread * goal.spread)).exp());
+            if let Some(k) = REPORTED.iter().position(|reported| *reported == rollout) {
+                reported[k] = power.best().map_or(0.0, |(_, reward)| reward);
+            }
+        }
+        reported
+    }
+}
+
+/// Rewards of searches for several goals with several seeds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Search {
+    /// Best rewards, one row a search, one column for each entry of [`REPORTED`].
+    pub rewards: Vec<[f64; REPORTED.len()]>,
+}
+
+impl Search {
+    /// Searches for every goal with three seeds.
+    pub fn new(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
+        let mut rewards = Vec::new();
+        for (k, goal) in goals.iter().enumerate() {
+            rewards.extend((0..SEEDS).map(|seed| space.search(goal, spring, 1000 * k as u64 + seed)));
+        }
+        Self { rewards }
+    }
+
+    /// The search whose mean final reward is largest among five scales of exploration.
+    pub fn best_scale(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
+        let all = SCALES.map(|scale| Self::new(&space.scaled(scale), goals, spring));
+        let best = all.into_iter().max_by(|a, b| a.reward().0.total_cmp(&b.reward().0));
+        best.unwrap_or_default()
+    }
+
+    /// Number of rollouts with the mean of the best reward and its standard error, for each entry of [`REPORTED`].
+    pub fn curve(&self) -> Vec<[f64; 3]> {
+        let point = |(k, rollouts): (usize, &usize)| {
+            let rewards: Vec<f64> = self.rewards.iter().map(|run| run[k]).collect();
+            let (mean, error) = mean_and_error(&rewards);
+            [*rollouts as f64, mean, error]
+        };
+        REPORTED.iter().enumerate().map(point).collect()
+    }
+
+    /// Mean of the final best reward and its standard error.
+    pub fn reward(&self) -> (f64, f64) {
+        let last: Vec<f64> = self.rewards.iter().map(|run| run[REPORTED.len() - 1]).collect();
+        mean_and_error(&last)
+    }
+}
+
+/// Tells whether the mean `a` is larger than `b` by more than their standard errors together.
+pub fn is_clearly_larger(a: (f64, f64), b: (f64, f64)) -> bool {
+    a.0 - b.0 > a.1.hypot(b.1)
+}

@@ -1,0 +1,5 @@
+//! Integration tests of the crate, one module a subject.
+
+mod body;
+mod perception;
+mod search;

@@ -1,0 +1,154 @@
+//! Errors and recognition rates of libraries on recordings they were not learned from, over several splits.
+
+use crate::statistics::mean_and_deviation;
+use crate::{
+    BALANCED, BuildError, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, compare,
+    nearest_neighbour_rate,
+};
+
+/// Name of the eigenforces in the metric of force.
+pub const FORCE: &str = "eigenforces, force";
+/// Name of the eigenforces in the metric of position.
+pub const POSITION: &str = "eigenforces, position";
+/// Names of the bases that are compared.
+pub const BASES: [&str; 5] = [FORCE, POSITION, BALANCED, "fourier", "kernels"];
+
+/// Eigenforces whose part of the variance is kept.
+const EXPLAINED: usize = 10;
+
+/// Errors of one basis with one number of weights, one entry a split.
+#[derive(Clone, Debug)]
+pub struct BasisErrors {
+    /// Name of the basis, one of [`BASES`].
+    pub basis: &'static str,
+    /// Number of weights.
+    pub n: usize,
+    /// Relative errors of force.
+    pub force: Vec<f64>,
+    /// Errors of position over the spread, means over the movements.
+    pub position: Vec<f64>,
+    /// Their standard deviations over the movements.
+    pub deviation: Vec<f64>,
+    /// Their largest values.
+    pub worst: Vec<f64>,
+}
+
+/// A cross validation of libraries.
+///
+/// ```
+/// use motorium_library::letters::{Variation, letters};
+/// use motorium_library::{CrossValidation, DAMPING, SampledSpring};
+///
+/// let all = letters(5, Variation::default(), 1);
+/// let mut validation = CrossValidation::new(vec![4, 8]);
+/// for seed in 1..=2 {
+///     let (held, seen) = all.split(0.2, seed);
+///     validation.add(&seen, &held, SampledSpring::new(60, DAMPING)?, || {})?;
+/// }
+/// let [coarse, fine] = [4, 8].map(|n| validation.position_error("eigenforces, force", n));
+/// assert!(fine.unwrap().0 < coarse.unwrap().0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CrossValidation {
+    terms: Vec<usize>,
+    splits: usize,
+    errors: Vec<BasisErrors>,
+    explained: Vec<Vec<f64>>,
+    /// Recognition rates in both metrics, one row a split, one entry for each number of weights.
+    rates: Vec<Vec<[f64; 2]>>,
+}
+
+impl CrossValidation {
+    /// A cross validation with these numbers of weights, without a split yet.
+    pub fn new(terms: Vec<usize>) -> Self {
+        Self { terms, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
+    }
+
+    /// Calls of `progress` in one [`add`](Self::add).
+    pub fn progress_of_split(&self) -> usize {
+        self.terms.len() + 2
+    }
+
+    /// Learns from the recordings `seen` and measures on those `held` out.
+    ///
+    /// # Errors
+    /// Recordings that no library is learned from.
+    pub fn add(
+        &mut self,
+        seen: &Recordings,
+        held: &Recordings,
+        spring: SampledSpring,
+        mut progress: impl FnMut(),
+    ) -> Result<(), BuildError> {
+        let mut build = |metric| {
+            progress();
+            MotionLibrary::build(seen, spring, metric, Truncation::All)
+        };
+        let (force, position) = (build(Metric::Force)?, build(Metric::Position)?);
+        let libraries = [(FORCE, &force), (POSITION, &position)];
+        for (basis, found) in compare(&libraries, held, &self.terms, &mut progress) {
+            let row = match self.errors.iter_mut().find(|row| row.basis == basis && row.n == found.n) {
+                Some(row) => row,
+                None => {
+                    let empty = Vec::new;
+                    let (force, position, deviation, worst) = (empty(), empty(), empty(), empty());
+                    let row = BasisErrors { basis, n: found.n, force, position, deviation, worst };
+                    self.errors.push(row);
+                    let last = self.errors.len() - 1;
+                    &mut self.errors[last]
+                }
+            };
+            row.force.push(found.force);
+            row.position.push(found.position.mean);
+            row.deviation.push(found.position.deviation);
+            row.worst.push(found.position.worst);
+        }
+        self.explained.push(force.explained().into_iter().take(EXPLAINED).collect());
+        if held.trajectories.iter().any(|trajectory| trajectory.label.is_some()) {
+            let rate =
+                |n: &usize| [&force, &position].map(|library| nearest_neighbour_rate(library, held, *n));
+            self.rates.push(self.terms.iter().map(rate).collect());
+        }
+        self.splits += 1;
+        Ok(())
+    }
+
+    /// Numbers of weights.
+    pub fn terms(&self) -> &[usize] {
+        &self.terms
+    }
+
+    /// Number of splits.
+    pub fn splits(&self) -> usize {
+        self.splits
+    }
+
+    /// Errors of every basis with every number of weights.
+    pub fn errors(&self) -> &[BasisErrors] {
+        &self.errors
+    }
+
+    /// Mean error of position over the splits and its standard deviation, of one basis with `n` weights.
+    pub fn position_error(&self, basis: &str, n: usize) -> Option<(f64, f64)> {
+        let row = self.errors.iter().find(|row| row.basis == basis && row.n == n)?;
+        Some(mean_and_deviation(&row.position))
+    }
+
+    /// Parts of the variance of force that the first ten eigenforces explain each, means over the splits.
+    pub fn explained(&self) -> Vec<f64> {
+        let first = self.explained.iter().map(Vec::len).min().unwrap_or(0);
+        let mean = |k: usize| self.explained.iter().map(|e| e[k]).sum::<f64>() / self.explained.len() as f64;
+        (0..first).map(mean).collect()
+    }
+
+    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the splits; `None`
+    /// without labels.
+    pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
+        if self.rates.is_empty() || k >= self.terms.len() {
+            return None;
+        }
+        let count = self.rates.len() as f64;
+        Some([0, 1].map(|metric| self.rates.iter().map(|rates| rates[k][metric]).sum::<f64>() / count))
+    }
+}

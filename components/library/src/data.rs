@@ -1,0 +1,74 @@
+//! Movements from recordings in files.
+
+use std::path::Path;
+
+use motorium_recordings::{Recording, RecordingError, Selection, read_all};
+
+use crate::{Recordings, Trajectory};
+
+/// An error of [`Recordings::read`].
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// No file.
+    #[error("found no file, expected at least one")]
+    NoFile,
+    /// Recordings whose degrees of freedom differ from those of the first.
+    #[error(
+        "recording `{id}` of {path} has the degrees of freedom {found}, the first one {expected}: choose common ones by name"
+    )]
+    Names {
+        /// File or folder of the recording.
+        path: String,
+        /// Id of the recording.
+        id: String,
+        /// Names of its degrees of freedom.
+        found: String,
+        /// Names of the degrees of freedom of the first recording.
+        expected: String,
+    },
+}
+
+impl From<&Recording> for Trajectory {
+    /// Evenly spaced samples of a recording, as many as it has.
+    fn from(recording: &Recording) -> Self {
+        Self {
+            id: recording.id().to_string(),
+            label: recording.label().map(str::to_string),
+            duration: recording.duration(),
+            positions: recording.evenly_spaced(),
+        }
+    }
+}
+
+impl Recordings {
+    /// Reads the recordings of files and folders, in this order; see [`motorium_recordings`] for their formats.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or recordings of different degrees of freedom.
+    pub fn read<P: AsRef<Path>>(
+        paths: impl IntoIterator<Item = P>,
+        selection: &Selection,
+    ) -> Result<Self, DataError> {
+        let mut all: Option<Self> = None;
+        for path in paths {
+            let path = path.as_ref();
+            for recording in read_all(path, selection)? {
+                let names = recording.names().to_vec();
+                let all = all.get_or_insert_with(|| Self { names: names.clone(), trajectories: Vec::new() });
+                if all.names != names {
+                    return Err(DataError::Names {
+                        path: path.display().to_string(),
+                        id: recording.id().to_string(),
+                        found: names.join(", "),
+                        expected: all.names.join(", "),
+                    });
+                }
+                all.trajectories.push(Trajectory::from(&recording));
+            }
+        }
+        all.ok_or(DataError::NoFile)
+    }
+}

@@ -1,0 +1,116 @@
+//! Pose the end effector starts from.
+
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium::state::JointState;
+use motorium::transport::Input;
+use motorium_robots::{FrameId, Kinematics, Model};
+use nalgebra::Isometry3;
+
+use super::config::DmpPolicyConfig;
+use super::waypoints;
+use crate::robot;
+
+/// Finds the pose the hand starts from.
+#[derive(Debug)]
+pub(super) enum StartPose {
+    /// From the file.
+    Configured(Isometry3<f64>),
+    /// From the joint state, through the model of the robot.
+    Measured(Box<Measured>),
+}
+
+#[derive(Debug)]
+pub(super) struct Measured {
+    state: Input<JointState>,
+    model: Model,
+    frame: FrameId,
+    kinematics: Kinematics,
+}
+
+impl StartPose {
+    /// Declares the input that is needed, and checks what can be checked.
+    pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        if let Some(start) = &config.start {
+            waypoints::pose(start, "start")?;
+            if config.frame.is_some() {
+                return Err(ConfigError::key(
+                    "frame",
+                    "with a configured `start`, no frame of the robot is looked at",
+                )
+                .advise("remove `frame`, or remove `start` to begin at the measured pose of this frame"));
+            }
+            return Ok(());
+        }
+        let robot = declare.robot().ok_or_else(|| {
+            ConfigError::new(
+                "the pose to start from is found through the model of a robot, and there is none",
+            )
+            .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
+        })?;
+        load(robot, config.frame.as_deref())?;
+        declare.input::<JointState>("joint_state", "joint state, read once to find where the hand starts");
+        Ok(())
+    }
+
+    pub(super) fn new(config: &DmpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        if let Some(start) = &config.start {
+            return Ok(Self::Configured(waypoints::pose(start, "start")?));
+        }
+        let (model, frame) = load(setup.robot()?, config.frame.as_deref())?;
+        let kinematics = Kinematics::new(&model);
+        Ok(Self::Measured(Box::new(Measured {
+            state: setup.input("joint_state")?,
+            model,
+            frame,
+            kinematics,
+        })))
+    }
+
+    /// True if the pose is measured.
+    pub(super) fn is_measured(&self) -> bool {
+        matches!(self, Self::Measured(_))
+    }
+
+    /// Measured position of the end effector, m, if it is measured.
+    pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
+        let Self::Measured(measured) = self else { return None };
+        let Measured { state, model, frame, kinematics } = measured.as_mut();
+        let state = state.latest().filter(|state| state.count() == model.nq())?;
+        kinematics.update(model, state.position());
+        Some(kinematics.pose(model, *frame).translation.vector)
+    }
+
+    /// The pose, once it is known.
+    pub(super) fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
+        let measured = match self {
+            Self::Configured(pose) => return Ok(Some(*pose)),
+            Self::Measured(measured) => measured,
+        };
+        let Measured { state, model, frame, kinematics } = measured.as_mut();
+        let Some(state) = state.latest() else { return Ok(None) };
+        if state.count() != model.nq() {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
+        }
+        kinematics.update(model, state.position());
+        Ok(Some(kinematics.pose(model, *frame)))
+    }
+}
+
+/// The model of a robot and the frame that is led.
+pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+    let loaded = robot::load(reference)?;
+    if loaded.model.base().floating {
+        let message = format!(
+            "robot `{}` has a floating base: where its hand is, its joints do not say",
+            reference.name
+        );
+        return Err(
+            ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
+        );
+    }
+    let id = robot::end_effector(&loaded, frame, "frame")?;
+    Ok((loaded.model, id))
+}

@@ -1,0 +1,267 @@
+//! Goals as they are configured, turned into segments.
+
+use motorium::declare::{ConfigError, RobotReference};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+use super::imitation::{self, Demonstrated, PathRecord};
+use motorium_primitives::dmp::DmpModel;
+use motorium_primitives::reach::{PathShape, PoseReach, ReachError, Repeat, Segment, SteerError};
+
+/// The goals of a policy, some of them relative to where it starts.
+#[derive(Debug)]
+pub(super) struct Waypoints {
+    goals: Vec<Goal>,
+    segments: Vec<Segment>,
+    /// Of every segment, the goal of the configuration it belongs to, and the path that was demonstrated.
+    keys: Vec<usize>,
+    paths: Vec<Option<Vec<Vector3<f64>>>>,
+    primitives: Vec<DmpModel>,
+    selected: Vec<usize>,
+    repeat: Repeat,
+    origin: Isometry3<f64>,
+}
+
+#[derive(Debug)]
+struct Goal {
+    place: Place,
+    /// None: as the goal before.
+    turn: Option<UnitQuaternion<f64>>,
+}
+
+#[derive(Debug)]
+enum Place {
+    At(Vector3<f64>),
+    /// Relative to the goal before, in world axes.
+    Beside(Vector3<f64>),
+}
+
+impl Waypoints {
+    pub(super) fn new(config: &DmpPolicyConfig, robot: Option<&RobotReference>) -> Result<Self, ConfigError> {
+        let mut waypoints = Self {
+            goals: Vec::new(),
+            segments: Vec::new(),
+            keys: Vec::new(),
+            paths: Vec::new(),
+            primitives: Vec::new(),
+            selected: Vec::new(),
+            repeat: config.repeat,
+            origin: Isometry3::identity(),
+        };
+        for (index, file) in config.primitives.iter().enumerate() {
+            let key = format!("primitives[{index}]");
+            let model = imitation::primitive(file, robot, &key)?;
+            if waypoints.primitives.first().is_some_and(|first| first.settings() != model.settings()) {
+                let message = format!("{file} was fitted with other settings than the first primitive");
+                return Err(ConfigError::key(key, message)
+                    .advise("fit all of them with the same variant and number of kernels"));
+            }
+            waypoints.primitives.push(model);
+        }
+        for (index, goal) in config.goals.iter().enumerate() {
+            waypoints.add(index, goal, robot, config.frame.as_deref())?;
+        }
+        Ok(waypoints)
+    }
+
+    /// Adds the segments of a goal.
+    fn add(
+        &mut self,
+        index: usize,
+        goal: &GoalConfig,
+        robot: Option<&RobotReference>,
+        frame: Option<&str>,
+    ) -> Result<(), ConfigError> {
+        let key = |name: &str| format!("goals[{index}].{name}");
+        let mut turn = orientation(goal.orientation, goal.rpy, key)?;
+        let mut segment = Segment {
+            goal: Isometry3::identity(),
+            duration: goal.duration.unwrap_or_default().into(),
+            dwell: goal.dwell.into(),
+            shape: PathShape::Straight,
+        };
+        let (mut at, mut path) = (None, None);
+        if let ShapeConfig::Demonstration(config) = &goal.shape {
+            let shown = Demonstrated::read(config, robot, frame, &key("shape"))?;
+            if let Some(approach) = config.approach {
+                let goal = Goal {
+                    place: Place::At(shown.start()),
+                    turn: shown.turns.map(|[start, _]| start).or(turn),
+                };
+                let to_start = Segment {
+                    duration: approach.into(),
+                    dwell: std::time::Duration::ZERO,
+                    ..segment.clone()
+                };
+                self.push(index, goal, to_start, None);
+            }
+            at = Some(Place::At(shown.end()));
+            turn = turn.or(shown.turns.map(|[_, end]| end));
+            segment.duration = goal.duration.map_or(shown.duration, Into::into);
+            segment.shape = PathShape::Learned(Box::new(shown.model));
+            path = Some(shown.path);
+        } else {
+            if goal.duration.is_none() {
+                return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
+                    .advise("say how long the way takes, such as `duration = \"2 s\"`"));
+            }
+            segment.shape =
+                self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
+                    None => ConfigError { key: Some(key("shape")), ..error },
+                    Some(_) => error,
+                })?;
+            if matches!(goal.shape, ShapeConfig::Selected) {
+                self.selected.push(self.segments.len());
+            }
+        }
+        let place = match at {
+            // a path of its own is compared with only where it leads where it led
+            Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
+            _ => {
+                path = None;
+                place(goal, &format!("goals[{index}]"), key)?
+            }
+        };
+        self.push(index, Goal { place, turn }, segment, path);
+        Ok(())
+    }
+
+    fn push(&mut self, index: usize, goal: Goal, segment: Segment, path: Option<Vec<Vector3<f64>>>) {
+        self.goals.push(goal);
+        self.segments.push(segment);
+        self.keys.push(index);
+        self.paths.push(path);
+    }
+
+    fn shape(
+        &self,
+        config: &ShapeConfig,
+        robot: Option<&RobotReference>,
+        key: &str,
+    ) -> Result<PathShape, ConfigError> {
+        let learned = |model: DmpModel| PathShape::Learned(Box::new(model));
+        match config {
+            ShapeConfig::Straight | ShapeConfig::Demonstration(_) => Ok(PathShape::Straight),
+            ShapeConfig::Arc(apex) => Ok(PathShape::Arc { apex: Vector3::from(*apex) }),
+            ShapeConfig::Primitive(stored) => DmpModel::try_from(stored.clone())
+                .map(learned)
+                .map_err(|error| ConfigError::key(key, error.to_string())),
+            ShapeConfig::File(file) => Ok(learned(imitation::primitive(file, robot, key)?)),
+            ShapeConfig::Selected => match self.primitives.first() {
+                Some(model) => Ok(learned(model.clone())),
+                None => Err(ConfigError::key(key, "there are no `primitives` to select from")),
+            },
+        }
+    }
+
+    /// The primitives that can be selected.
+    pub(super) fn primitives(&self) -> &[DmpModel] {
+        &self.primitives
+    }
+
+    /// The segments that follow the selected primitive.
+    pub(super) fn selected(&self) -> &[usize] {
+        &self.selected
+    }
+
+    /// Record of the deviations from the demonstrated paths.
+    pub(super) fn record(&self) -> PathRecord {
+        PathRecord::new(self.paths.clone())
+    }
+
+    /// The reach, its goals still to be aimed at.
+    pub(super) fn reach(&self) -> Result<PoseReach, ConfigError> {
+        PoseReach::new(self.segments.clone(), self.repeat).map_err(|error| match &error {
+            ReachError::NoSegments => ConfigError::key("goals", error.to_string()),
+            ReachError::Goal { segment } => {
+                ConfigError::key(format!("goals[{}]", self.keys[*segment]), error.to_string())
+            }
+            ReachError::Duration { segment, .. } => {
+                ConfigError::key(format!("goals[{}].duration", self.keys[*segment]), error.to_string())
+            }
+            ReachError::Shape { segment, source } => {
+                ConfigError::key(format!("goals[{}].shape", self.keys[*segment]), source.to_string())
+            }
+        })
+    }
+
+    /// Sets the goal of every segment, for a start pose.
+    pub(super) fn set_goals(
+        &mut self,
+        reach: &mut PoseReach,
+        origin: &Isometry3<f64>,
+    ) -> Result<(), SteerError> {
+        let (mut place, mut turn) = (origin.translation.vector, origin.rotation);
+        for (segment, goal) in self.goals.iter().enumerate() {
+            place = match goal.place {
+                Place::At(position) => position,
+                Place::Beside(offset) => place + offset,
+            };
+            turn = goal.turn.unwrap_or(turn);
+            reach.set_goal(segment, Isometry3::from_parts(Translation3::from(place), turn))?;
+        }
+        self.origin = *origin;
+        Ok(())
+    }
+
+    /// Start pose of the waypoints.
+    pub(super) fn origin(&self) -> Isometry3<f64> {
+        self.origin
+    }
+}
+
+/// A configured pose. `key` is that of its table.
+pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, ConfigError> {
+    let key = |name: &str| format!("{key}.{name}");
+    let position = finite(config.position, key("position"))?;
+    let turn = orientation(config.orientation, config.rpy, key)?.unwrap_or_default();
+    Ok(Isometry3::from_parts(Translation3::from(position), turn))
+}
+
+fn place(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
+    match (goal.position, goal.offset) {
+        (Some(position), None) => Ok(Place::At(finite(position, key("position"))?)),
+        (None, Some(offset)) => Ok(Place::Beside(finite(offset, key("offset"))?)),
+        (Some(_), Some(_)) => Err(ConfigError::key(key("offset"), "both `position` and `offset` are given")
+            .advise("keep one of them")),
+        (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(
+            "give `position` in the world frame, or `offset` from the goal before (zero to turn on the spot)",
+        )),
+    }
+}
+
+fn orientation(
+    quaternion: Option<[f64; 4]>,
+    rpy: Option<[f64; 3]>,
+    key: impl Fn(&str) -> String,
+) -> Result<Option<UnitQuaternion<f64>>, ConfigError> {
+    match (quaternion, rpy) {
+        (None, None) => Ok(None),
+        (Some(_), Some(_)) => {
+            Err(ConfigError::key(key("rpy"), "both `orientation` and `rpy` are given")
+                .advise("keep one of them"))
+        }
+        (None, Some(rpy)) => {
+            let [roll, pitch, yaw] = finite(rpy, key("rpy"))?.into();
+            Ok(Some(UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
+        }
+        (Some([x, y, z, w]), None) => {
+            let quaternion = Quaternion::new(w, x, y, z);
+            let norm = quaternion.norm();
+            // printed digits are rounded, but no further than this
+            if (norm - 1.0).abs() > 1e-2 || !norm.is_finite() {
+                let message = format!("the quaternion has the length {norm}, expected 1");
+                let error = ConfigError::key(key("orientation"), message);
+                return Err(error.advise("the order is x y z w"));
+            }
+            Ok(Some(UnitQuaternion::new_normalize(quaternion)))
+        }
+    }
+}
+
+fn finite(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(ConfigError::key(key, format!("{value} is no number to work with"))),
+        None => Ok(Vector3::from(values)),
+    }
+}

@@ -1,0 +1,252 @@
+//! Joint command writer: from setpoints of some joints to the command of all of them.
+
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium::state::{JointCommand, JointState};
+use motorium::transport::{Input, Output, Parameter};
+use motorium::units::TimeSpan;
+use motorium_robots::{Dynamics, Gains, Model};
+use nalgebra::{DVector, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use motorium_primitives::dmp::{Jet, Quintic};
+
+/// Gains, easing and feed-forward of joint commands.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointCommandConfig {
+    /// Stiffness of every joint, N m/rad or N/m. Without it, that of the robot's profile.
+    pub kp: Option<Vec<f64>>,
+    /// Damping of every joint, N m s/rad or N s/m. Without it, that of the robot's profile.
+    pub kd: Option<Vec<f64>>,
+    /// Time over which it goes over from where the robot is to the movement, such as "1 s". Default 1 s.
+    pub ease: TimeSpan,
+    /// Whether the torque that gravity calls for is added: that of the limbs, with a floating base taken for upright and
+    /// held. Default true.
+    pub gravity_compensation: bool,
+}
+
+impl Default for JointCommandConfig {
+    fn default() -> Self {
+        Self { kp: None, kd: None, ease: TimeSpan { ns: 1_000_000_000 }, gravity_compensation: true }
+    }
+}
+
+/// Standard gravity along -z of the world, m/s^2.
+const GRAVITY: f64 = 9.806_65;
+
+/// The model of the robot of a component, its gains and the joints that a policy moves.
+#[derive(Debug)]
+pub(crate) struct CommandedJoints {
+    pub(crate) model: Model,
+    gains: Gains,
+    joints: Vec<usize>,
+    /// Joints without a drive.
+    passive: Vec<usize>,
+}
+
+impl CommandedJoints {
+    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config.
+    pub(crate) fn new<'a>(
+        config: &JointCommandConfig,
+        robot: Option<&RobotReference>,
+        joints: impl Iterator<Item = (&'a str, String)>,
+    ) -> Result<Self, ConfigError> {
+        let robot = robot.ok_or_else(|| {
+            ConfigError::new("it moves the joints of a robot, and the component names none")
+                .advise("add `robot = \"NAME\"` to the component")
+        })?;
+        let loaded = crate::robot::load(robot)?;
+        let model = loaded.model;
+        let mut found = Vec::new();
+        for (name, key) in joints {
+            let index = model.joint_index(name).ok_or_else(|| {
+                let names = model.joint_names().join(", ");
+                ConfigError::key(&key, format!("robot `{}` has no joint \"{name}\"", robot.name))
+                    .advise(format!("its joints are {names}"))
+            })?;
+            if found.contains(&index) {
+                return Err(ConfigError::key(key, format!("joint \"{name}\" is named twice")));
+            }
+            found.push(index);
+        }
+        let profile = match (&config.kp, &config.kd) {
+            (Some(_), Some(_)) => None,
+            _ => {
+                let gains = loaded.profile.as_ref().map(|profile| profile.gains(&model));
+                Some(gains.transpose().map_err(|error| ConfigError::new(error.to_string()))?.ok_or_else(
+                    || {
+                        ConfigError::new(format!("robot `{}` has no profile with gains", robot.name))
+                            .advise("give `drive.kp` and `drive.kd`, one number for each joint")
+                    },
+                )?)
+            }
+        };
+        let arrange = |given: &Option<Vec<f64>>, key: &str, usual: Option<&DVector<f64>>| match (given, usual)
+        {
+            (Some(values), _) if values.len() != model.joint_count() => {
+                let message =
+                    format!("{} numbers, expected {}: one for each joint", values.len(), model.joint_count());
+                Err(ConfigError::key(key, message))
+            }
+            (Some(values), _) => match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+                Some(value) => Err(ConfigError::key(
+                    key,
+                    format!("a gain of {value}, expected a finite number of at least 0"),
+                )),
+                None => Ok(DVector::from_column_slice(values)),
+            },
+            (None, Some(usual)) => Ok(usual.clone()),
+            (None, None) => Ok(DVector::zeros(model.joint_count())),
+        };
+        let gains = Gains {
+            kp: arrange(&config.kp, "drive.kp", profile.as_ref().map(|gains| &gains.kp))?,
+            kd: arrange(&config.kd, "drive.kd", profile.as_ref().map(|gains| &gains.kd))?,
+        };
+        let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
+        let passive = passive.filter_map(|name| model.joint_index(name)).collect();
+        Ok(Self { model, gains, joints: found, passive })
+    }
+
+    /// Declares the ports and parameters of the drive.
+    pub(crate) fn declare(declare: &mut Declare) {
+        declare.input::<JointState>("joint_state", "measured joint state of the robot");
+        declare.output::<JointCommand>(
+            "joint_command",
+            "setpoints, feed-forward efforts and gains of all joints",
+        );
+        declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of the stiffness of all joints");
+        declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of the damping of all joints");
+    }
+}
+
+/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others stay
+/// where they are found. Setpoints are kept within the position limits.
+#[derive(Debug)]
+pub(crate) struct JointCommandWriter {
+    driven: CommandedJoints,
+    state: Input<JointState>,
+    command: Output<JointCommand>,
+    kp_scale: Parameter<f64>,
+    kd_scale: Parameter<f64>,
+    dynamics: Option<Dynamics>,
+    ease: f64,
+    /// Since the first joint state, s.
+    elapsed: f64,
+    /// Joint positions of the first joint state.
+    found: Vec<f64>,
+    is_found: bool,
+    setpoint: Vec<f64>,
+    velocity: Vec<f64>,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    /// Of the model: the pose of a floating base (upright) before the joints.
+    configuration: Vec<f64>,
+    gravity: Vec<f64>,
+}
+
+impl JointCommandWriter {
+    pub(crate) fn new(
+        driven: CommandedJoints,
+        config: &JointCommandConfig,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        let zeros = vec![0.0; driven.model.joint_count()];
+        Ok(Self {
+            configuration: driven.model.neutral(),
+            gravity: vec![0.0; driven.model.nv()],
+            state: setup.input("joint_state")?,
+            command: setup.output("joint_command")?,
+            kp_scale: setup.parameter("kp_scale")?,
+            kd_scale: setup.parameter("kd_scale")?,
+            dynamics: config.gravity_compensation.then(|| Dynamics::new(&driven.model)),
+            ease: config.ease.as_secs_f64().max(1e-3),
+            elapsed: 0.0,
+            found: zeros.clone(),
+            is_found: false,
+            setpoint: zeros.clone(),
+            velocity: zeros.clone(),
+            q: zeros.clone(),
+            v: zeros,
+            driven,
+        })
+    }
+
+    /// Takes over the newest joint state. False before the first one.
+    pub(crate) fn read(&mut self) -> Result<bool, StepError> {
+        let Some(state) = self.state.latest() else { return Ok(self.is_found) };
+        if state.count() != self.q.len() {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
+        }
+        self.q.copy_from_slice(state.position());
+        self.v.copy_from_slice(state.velocity());
+        if !self.is_found {
+            self.found.copy_from_slice(&self.q);
+            self.is_found = true;
+        }
+        Ok(true)
+    }
+
+    /// Measured position of a joint that is moved, rad or m.
+    pub(crate) fn position(&self, place: usize) -> f64 {
+        self.q[self.driven.joints[place]]
+    }
+
+    /// Measured velocity of a joint that is moved, per second.
+    pub(crate) fn speed(&self, place: usize) -> f64 {
+        self.v[self.driven.joints[place]]
+    }
+
+    /// Commands the setpoints (and their rates, per second) of the joints that are moved.
+    pub(crate) fn command(&mut self, dt: f64, setpoint: &[f64], rate: &[f64]) -> Result<(), StepError> {
+        if !self.is_found {
+            return Ok(());
+        }
+        let found = &self.found;
+        self.elapsed += dt;
+        let ease = Quintic::new(0.0, self.ease, Jet::default(), 1.0).sample(self.elapsed);
+        self.setpoint.copy_from_slice(found);
+        self.velocity.fill(0.0);
+        let model = &self.driven.model;
+        for ((joint, y), rate) in self.driven.joints.iter().zip(setpoint).zip(rate) {
+            let off = y - found[*joint];
+            let wanted = found[*joint] + ease.value * off;
+            let (low, high) = (model.lower()[*joint], model.upper()[*joint]);
+            self.setpoint[*joint] = wanted.max(low).min(high);
+            let moves = self.setpoint[*joint] == wanted;
+            self.velocity[*joint] = if moves { ease.value * rate + ease.rate * off } else { 0.0 };
+        }
+        let mut command = self.command.loan()?;
+        command.set_count(self.q.len());
+        command.position_mut().copy_from_slice(&self.setpoint);
+        command.velocity_mut().copy_from_slice(&self.velocity);
+        command.effort_mut().fill(0.0);
+        if let Some(dynamics) = &mut self.dynamics {
+            let base = self.configuration.len() - self.q.len();
+            self.configuration[base..].copy_from_slice(&self.q);
+            let down = Vector3::new(0.0, 0.0, -GRAVITY);
+            dynamics.gravity(model, &self.configuration, down, &mut self.gravity);
+            let efforts = model.joints_of_v(&self.gravity).iter().zip(model.effort_limit());
+            for (effort, (wanted, limit)) in command.effort_mut().iter_mut().zip(efforts) {
+                *effort = wanted.max(-limit).min(*limit);
+            }
+            for joint in &self.driven.passive {
+                command.effort_mut()[*joint] = 0.0;
+            }
+        }
+        let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
+            out.iter_mut().zip(gains).for_each(|(out, gain)| *out = scale * gain);
+        };
+        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.kp_mut());
+        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.kd_mut());
+        command.publish()
+    }
+
+    /// True once the easing into the movement is over.
+    pub(crate) fn is_eased_in(&self) -> bool {
+        self.elapsed >= self.ease
+    }
+}

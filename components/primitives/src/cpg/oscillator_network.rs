@@ -1,0 +1,309 @@
+//! Gaits of Hopf's, Matsuoka's or Kuramoto's oscillators.
+
+use std::f64::consts::TAU;
+
+use super::follower::{Commands, Follower, check_phases};
+use super::oscillators::{Oscillator, Oscillators};
+use super::{CpgError, Entrainment, finite, positive, size};
+use crate::ValueError;
+use crate::dmp::{CriticalSpring, Stride};
+
+/// Oscillation of a joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Swing {
+    /// The leg, counted from 0.
+    pub leg: usize,
+    /// Amplitude, unit of the output.
+    pub amplitude: f64,
+    /// About which it swings, unit of the output.
+    pub offset: f64,
+    /// Ahead of its leg, rad.
+    pub phase: f64,
+}
+
+/// The numbers of a rhythm; [`Default`] gives the values named on each field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OscillatorNetworkSettings {
+    /// Strides per second, Hz. Default 1.
+    pub frequency: f64,
+    /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
+    pub coupling: f64,
+    /// The part of a stride that is stance, in (0, 1). Only Hopf's oscillators have one. Default 0.5.
+    pub duty_factor: f64,
+    /// Damping of amplitudes, offsets, frequency and duty factor, 1/s. Default 20.
+    pub damping: f64,
+    /// Damping of the phases of the gait, 1/s. Default 8: most of a change takes half a second.
+    pub transition: f64,
+}
+
+impl Default for OscillatorNetworkSettings {
+    fn default() -> Self {
+        Self { frequency: 1.0, coupling: 5.0, duty_factor: 0.5, damping: 20.0, transition: 8.0 }
+    }
+}
+
+/// Duty factors that can be commanded.
+const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
+
+/// Legs that swing in a gait, an oscillator of one model for each (Matsuoka: for each joint).
+///
+/// Oscillators run along their cycles at their own speeds, and all models are coupled in the same way, through their speeds:
+/// with `chi_i` the part of a turn in time that oscillator `i` is past its maximum, and the phases `theta_i` of the gait,
+///
+/// `omega_i = 2 pi nu + p_i + k / (n - 1) sum_j sin((chi_j - theta_j) - (chi_i - theta_i))`.
+///
+/// For Kuramoto's phases that is his model. For the others it keeps the shape of each cycle, however strong the coupling, and
+/// holds the gait in time: legs that are to be half a stride apart are, also when stance takes longer than swing. `p_i` is
+/// feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous with its
+/// derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
+#[derive(Clone, Debug)]
+pub struct OscillatorNetwork {
+    settings: OscillatorNetworkSettings,
+    oscillators: Oscillators,
+    /// Oscillator of each joint, with cosine and sine of its phase lead.
+    joints: Vec<(usize, f64, f64)>,
+    /// Of each oscillator: its leg, and by how much it is ahead of that.
+    places: Vec<(usize, f64)>,
+    duty_factor: Follower,
+    commands: Commands,
+    phases: Vec<f64>,
+    /// Sine and cosine of `chi - theta`.
+    deviation: Vec<(f64, f64)>,
+    pull: Vec<f64>,
+    output: Vec<f64>,
+    velocity: Vec<f64>,
+    strides: (f64, [Stride; 2]),
+}
+
+impl OscillatorNetwork {
+    /// From the model, the joints that swing and the phase of every leg in the gait, rad. It begins in the gait.
+    ///
+    /// # Errors
+    /// Legs that do not exist, numbers out of range, neurons that do not oscillate.
+    pub fn new(
+        model: Oscillator,
+        swings: &[Swing],
+        gait: &[f64],
+        settings: OscillatorNetworkSettings,
+    ) -> Result<Self, CpgError> {
+        finite("the gait", gait)?;
+        finite("frequency", &[settings.frequency])?;
+        positive("damping", settings.damping)?;
+        positive("transition", settings.transition)?;
+        if !(settings.coupling >= 0.0 && settings.coupling.is_finite()) {
+            let (name, value) = ("coupling", settings.coupling);
+            return Err(CpgError::Value(ValueError::OutOfRange {
+                name,
+                value,
+                expected: "a finite number of at least 0",
+            }));
+        }
+        check_duty(settings.duty_factor)?;
+        for swing in swings {
+            finite("a swing", &[swing.amplitude, swing.offset, swing.phase])?;
+            if swing.leg >= gait.len() {
+                return Err(CpgError::Value(ValueError::Size {
+                    name: "the gait",
+                    found: gait.len(),
+                    expected: swing.leg + 1,
+                }));
+            }
+        }
+        let (places, joints): (Vec<_>, Vec<_>) = if Oscillators::turns(&model) {
+            let joint = |swing: &Swing| (swing.leg, swing.phase.cos(), swing.phase.sin());
+            ((0..gait.len()).map(|leg| (leg, 0.0)).collect(), swings.iter().map(joint).collect())
+        } else {
+            let place = |swing: &Swing| (swing.leg, swing.phase);
+            (swings.iter().map(place).collect(), (0..swings.len()).map(|unit| (unit, 1.0, 0.0)).collect())
+        };
+        let start: Vec<f64> = places.iter().map(|(leg, ahead)| gait[*leg] + ahead).collect();
+        let spring = CriticalSpring::new(settings.damping).stride(0.0);
+        let mut rhythm = Self {
+            oscillators: Oscillators::new(&model, &start, settings.duty_factor)?,
+            commands: Commands::new(
+                settings.frequency,
+                swings.iter().map(|swing| (swing.amplitude, swing.offset)),
+                start.iter().copied(),
+            ),
+            duty_factor: Follower::at(settings.duty_factor),
+            phases: start.iter().map(|theta| theta.rem_euclid(TAU)).collect(),
+            deviation: vec![(0.0, 1.0); start.len()],
+            pull: vec![0.0; start.len()],
+            output: vec![0.0; swings.len()],
+            velocity: vec![0.0; swings.len()],
+            strides: (0.0, [spring; 2]),
+            joints,
+            places,
+            settings,
+        };
+        rhythm.write();
+        Ok(rhythm)
+    }
+
+    /// Number of joints that swing.
+    pub fn joints(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Commands a frequency, Hz, of at least 0.
+    ///
+    /// # Errors
+    /// Another number.
+    pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
+        if !(frequency >= 0.0 && frequency.is_finite()) {
+            let (name, expected) = ("frequency", "a finite number of at least 0");
+            return Err(CpgError::Value(ValueError::OutOfRange { name, value: frequency, expected }));
+        }
+        self.commands.frequency.target = frequency;
+        Ok(())
+    }
+
+    /// Commands the part of a stride that is stance: 0.05 to 0.95. Only Hopf's oscillators have one.
+    ///
+    /// # Errors
+    /// Another number.
+    pub fn set_duty_factor(&mut self, duty_factor: f64) -> Result<(), CpgError> {
+        check_duty(duty_factor)?;
+        self.duty_factor.target = duty_factor;
+        Ok(())
+    }
+
+    /// Commands amplitude and offset of a joint.
+    ///
+    /// # Errors
+    /// A joint that does not exist, or numbers that are not finite.
+    pub fn set_amplitude_offset(
+        &mut self,
+        joint: usize,
+        amplitude: f64,
+        offset: f64,
+    ) -> Result<(), CpgError> {
+        self.commands.set_amplitude_offset("the network", joint, [amplitude, offset])
+    }
+
+    /// Commands the phase of every leg in the gait, rad. Each goes the short way round.
+    ///
+    /// # Errors
+    /// Wrong length, or numbers that are not finite.
+    pub fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
+        let legs = self.places.iter().map(|(leg, _)| leg + 1).max().unwrap_or(0);
+        if gait.len() < legs {
+            size("the gait", gait.len(), legs)?;
+        }
+        finite("the gait", gait)?;
+        self.commands.set_pattern(self.places.iter().map(|(leg, ahead)| gait[*leg] + ahead));
+        Ok(())
+    }
+
+    /// Puts every oscillator on its cycle at a phase, rad: one for each leg (Matsuoka: for each joint). A jump.
+    ///
+    /// # Errors
+    /// Wrong length, or numbers that are not finite.
+    pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
+        check_phases("phases", phases, self.places.len())?;
+        for (unit, phase) in phases.iter().enumerate() {
+            self.oscillators.place(unit, *phase);
+        }
+        self.write();
+        Ok(())
+    }
+
+    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    pub fn step(&mut self, dt: f64) {
+        self.step_entrained(dt, &[]);
+    }
+
+    /// As [`step`](Self::step), with `pull[i]` (rad/s) for each joint: the mean over the joints of an oscillator is added to
+    /// its angular velocity. An empty slice means no entrainment; see [`pull`](Self::pull).
+    pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
+        if dt.is_nan() || dt <= 0.0 {
+            return;
+        }
+        if self.strides.0 != dt {
+            let [quick, slow] = [self.settings.damping, self.settings.transition]
+                .map(|damping| CriticalSpring::new(damping).stride(dt));
+            self.strides = (dt, [quick, slow]);
+        }
+        let [quick, slow] = self.strides.1;
+        let Commands { frequency, amplitude, offset, theta } = &mut self.commands;
+        let quickly = amplitude.iter_mut().chain(offset).chain([frequency, &mut self.duty_factor]);
+        quickly.for_each(|follower| follower.step(&quick));
+        theta.iter_mut().for_each(|theta| theta.step(&slow));
+        self.oscillators.set_duty_factor(self.duty_factor.state.0);
+        self.pull.fill(0.0);
+        for (unit, total) in self.pull.iter_mut().enumerate() {
+            let own = self.joints.iter().zip(pull).filter(|(joint, _)| joint.0 == unit);
+            let (sum, count) = own.fold((0.0, 0), |(sum, count), (_, pull)| (sum + pull, count + 1));
+            *total = sum / f64::from(count.max(1));
+        }
+        let (mut sines, mut cosines) = (0.0, 0.0);
+        for ((deviation, phase), theta) in
+            self.deviation.iter_mut().zip(&self.phases).zip(&self.commands.theta)
+        {
+            let (sine, cosine) = (phase - theta.state.0).sin_cos();
+            *deviation = (sine, cosine);
+            sines += sine;
+            cosines += cosine;
+        }
+        let coupling = self.settings.coupling / (self.places.len().max(2) - 1) as f64;
+        let omega = TAU * self.commands.frequency.state.0;
+        for (unit, (sine, cosine)) in self.deviation.iter().enumerate() {
+            let speed = omega + self.pull[unit] + coupling * (sines * cosine - cosines * sine);
+            self.oscillators.advance(unit, dt, speed);
+        }
+        self.write();
+    }
+
+    /// What draws a joint along that is measured at `position` with `velocity` (per second): `gain sin(difference)` of the
+    /// phases of the measured motion and of that commanded, both read as if they were harmonic. None while it stands.
+    pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
+        let omega = TAU * self.commands.frequency.state.0;
+        if omega <= 0.0 || joint >= self.joints() {
+            return 0.0;
+        }
+        let offset = self.commands.offset[joint].state.0;
+        let phase = |q: f64, v: f64| Entrainment::measured_phase(q, v, offset, omega);
+        let commanded = phase(self.output[joint], self.velocity[joint]);
+        Entrainment { gain, lead: 0.0 }.pull(phase(position, velocity), commanded)
+    }
+
+    /// The output of every joint.
+    pub fn output(&self) -> &[f64] {
+        &self.output
+    }
+
+    /// The derivative of the output of every joint, per second.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// The phase of every oscillator in \[0, 2 pi), even in time, rad.
+    pub fn phases(&self) -> &[f64] {
+        &self.phases
+    }
+
+    /// The largest deviation of a phase difference from the gait at this moment, relative to the first oscillator, rad.
+    pub fn gait_error(&self) -> f64 {
+        self.commands.pattern_error(&self.phases)
+    }
+
+    fn write(&mut self) {
+        for (unit, phase) in self.phases.iter_mut().enumerate() {
+            *phase = self.oscillators.phase(unit);
+        }
+        for (joint, (unit, cosine, sine)) in self.joints.iter().enumerate() {
+            let [(value, rate), (later, later_rate)] = self.oscillators.read(*unit);
+            let (value, rate) = (cosine * value - sine * later, cosine * rate - sine * later_rate);
+            (self.output[joint], self.velocity[joint]) = self.commands.output(joint, value, rate);
+        }
+    }
+}
+
+fn check_duty(value: f64) -> Result<(), CpgError> {
+    let expected = "from 0.05 to 0.95";
+    if DUTY.contains(&value) {
+        Ok(())
+    } else {
+        Err(CpgError::Value(ValueError::OutOfRange { name: "duty_factor", value, expected }))
+    }
+}

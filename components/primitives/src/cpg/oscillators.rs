@@ -1,0 +1,149 @@
+//! The oscillators that a rhythm can be made of.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::DMatrix;
+
+use super::cycle::Cycle;
+use super::{CpgError, HopfNetwork, HopfSettings, MatsuokaOscillator, MatsuokaSettings};
+
+/// A model of oscillators, and its numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Oscillator {
+    /// A phase; the output is its cosine.
+    Kuramoto,
+    /// A point on a circle; the output is `x`. Half a turn with `y > 0` is stance and takes the part `duty_factor` of a
+    /// stride, whatever the speeds in the settings say; their amplitude does not matter.
+    Hopf(HopfSettings),
+    /// A pair of neurons for each joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no corners.
+    /// Only the ratio of the times matters, the tonic input does not.
+    Matsuoka {
+        /// Those of a neuron.
+        settings: MatsuokaSettings,
+        /// Inhibition between the neurons of a pair, `w`.
+        inhibition: f64,
+    },
+}
+
+/// Oscillators of one model. Each runs with an angular velocity of its own, and is read as a value of amplitude 1, as the
+/// same a quarter of a turn later, and as a phase that grows evenly in time and is 0 at the maximum of the value.
+#[derive(Clone, Debug)]
+pub(super) enum Oscillators {
+    Kuramoto { phases: Vec<f64>, omega: Vec<f64> },
+    Hopf { oscillators: Vec<HopfNetwork>, settings: HopfSettings, duty_factor: f64 },
+    Matsuoka { pairs: Vec<MatsuokaOscillator>, omega: Vec<f64>, cycle: Box<Cycle> },
+}
+
+impl Oscillators {
+    pub(super) fn new(model: &Oscillator, phases: &[f64], duty_factor: f64) -> Result<Self, CpgError> {
+        let mut units = match model {
+            Oscillator::Kuramoto => {
+                Self::Kuramoto { phases: vec![0.0; phases.len()], omega: vec![0.0; phases.len()] }
+            }
+            Oscillator::Hopf(settings) => {
+                let settings = HopfSettings { amplitude: 1.0, ..*settings };
+                let one = HopfNetwork::new(settings, DMatrix::zeros(1, 1), &[0.0])?;
+                Self::Hopf { oscillators: vec![one; phases.len()], settings, duty_factor }
+            }
+            Oscillator::Matsuoka { settings, inhibition } => {
+                let settings = MatsuokaSettings { tonic: 1.0, ..*settings };
+                let cycle = Box::new(Cycle::measure(settings, *inhibition)?);
+                let pair = MatsuokaOscillator::pair(settings, *inhibition)?;
+                Self::Matsuoka { pairs: vec![pair; phases.len()], omega: vec![0.0; phases.len()], cycle }
+            }
+        };
+        for (unit, phase) in phases.iter().enumerate() {
+            units.place(unit, *phase);
+        }
+        Ok(units)
+    }
+
+    /// Whether a value can be shifted in phase for one joint and another of a leg.
+    pub(super) fn turns(model: &Oscillator) -> bool {
+        !matches!(model, Oscillator::Matsuoka { .. })
+    }
+
+    /// Puts an oscillator on its cycle, at a phase.
+    pub(super) fn place(&mut self, unit: usize, phase: f64) {
+        match self {
+            Self::Kuramoto { phases, .. } => phases[unit] = phase.rem_euclid(TAU),
+            Self::Hopf { oscillators, duty_factor, .. } => {
+                let phase = phase.rem_euclid(TAU);
+                let stance = TAU * *duty_factor;
+                let angle = if phase < stance {
+                    PI * phase / stance
+                } else {
+                    PI + PI * (phase - stance) / (TAU - stance)
+                };
+                // finite, and the oscillator is there
+                let _ = oscillators[unit].set_state(0, (angle.cos(), angle.sin()));
+            }
+            Self::Matsuoka { pairs, cycle, .. } => {
+                let _ = pairs[unit].set_state(&cycle.state(phase));
+            }
+        }
+    }
+
+    /// The part of a stride that is stance, from now on. Only Hopf's oscillators have one.
+    pub(super) fn set_duty_factor(&mut self, value: f64) {
+        if let Self::Hopf { duty_factor, .. } = self {
+            *duty_factor = value;
+        }
+    }
+
+    /// Advances an oscillator by `dt` seconds with `omega` rad/s. Time runs backwards for phases alone.
+    pub(super) fn advance(&mut self, unit: usize, dt: f64, speed: f64) {
+        match self {
+            Self::Kuramoto { phases, omega } => {
+                omega[unit] = speed;
+                phases[unit] = (phases[unit] + speed * dt).rem_euclid(TAU);
+            }
+            Self::Hopf { oscillators, settings, duty_factor } => {
+                let turns = speed.max(1e-9) / TAU;
+                // positive and finite, as those that it was made with
+                let _ = oscillators[unit].set_settings(settings.with_stride(turns.recip(), *duty_factor));
+                oscillators[unit].step(dt);
+            }
+            Self::Matsuoka { pairs, omega, cycle } => {
+                omega[unit] = speed.max(0.0);
+                pairs[unit].step(dt * omega[unit] / TAU * cycle.period);
+            }
+        }
+    }
+
+    /// The value and its rate, and both a quarter of a turn later (of which pairs of neurons know nothing).
+    pub(super) fn read(&self, unit: usize) -> [(f64, f64); 2] {
+        match self {
+            Self::Kuramoto { phases, omega } => {
+                let (sine, cosine) = phases[unit].sin_cos();
+                [(cosine, -sine * omega[unit]), (sine, cosine * omega[unit])]
+            }
+            Self::Hopf { oscillators, .. } => {
+                let ((x, y), (dx, dy)) = (oscillators[unit].states()[0], oscillators[unit].rates()[0]);
+                [(x, dx), (y, dy)]
+            }
+            Self::Matsuoka { pairs, omega, cycle } => {
+                let (value, rate) = cycle.output(&pairs[unit]);
+                [(value, rate * omega[unit] / TAU * cycle.period), (0.0, 0.0)]
+            }
+        }
+    }
+
+    /// The phase, rad in \[0, 2 pi).
+    pub(super) fn phase(&self, unit: usize) -> f64 {
+        match self {
+            Self::Kuramoto { phases, .. } => phases[unit],
+            Self::Hopf { oscillators, duty_factor, .. } => {
+                let (x, y) = oscillators[unit].states()[0];
+                let angle = y.atan2(x).rem_euclid(TAU);
+                let phase = if angle < PI {
+                    2.0 * duty_factor * angle
+                } else {
+                    TAU * duty_factor + 2.0 * (1.0 - duty_factor) * (angle - PI)
+                };
+                phase.rem_euclid(TAU)
+            }
+            Self::Matsuoka { pairs, cycle, .. } => cycle.phase(&pairs[unit]),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The segments of a reach, and what cannot be one.
+
+use std::time::Duration;
+
+use nalgebra::Isometry3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::shape::{PathShape, ShapeError};
+use crate::dmp::MoveError;
+
+/// One goal and the way there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Pose of the hand at the end, in the world frame.
+    pub goal: Isometry3<f64>,
+    /// Time to get there, at least 1 ms.
+    pub duration: Duration,
+    /// Time to stay there.
+    pub dwell: Duration,
+    /// The way of the position.
+    pub shape: PathShape,
+}
+
+/// Behaviour after the last segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Repeat {
+    /// The hand stays at the last goal.
+    #[default]
+    Once,
+    /// The first goal.
+    Forever,
+}
+
+/// An invalid sequence of segments.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ReachError {
+    /// Nowhere to go.
+    #[error("no goal given, expected at least one")]
+    NoSegments,
+    /// A goal that is no pose.
+    #[error("the pose of goal {segment} holds numbers that are not finite")]
+    Goal {
+        /// Index, counted from 0.
+        segment: usize,
+    },
+    /// Too little time.
+    #[error("goal {segment} is to be reached in {found:?}, expected at least 1 ms")]
+    Duration {
+        /// Index, counted from 0.
+        segment: usize,
+        /// Value found.
+        found: Duration,
+    },
+    /// A shape that leads nowhere.
+    #[error("the way to goal {segment}: {source}")]
+    Shape {
+        /// Index, counted from 0.
+        segment: usize,
+        /// Why.
+        source: ShapeError,
+    },
+}
+
+/// An error of starting or steering a reach, which leaves it unchanged.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum SteerError {
+    /// Steered before it was started.
+    #[error("the reach has not been started, so it has no pose to be steered from")]
+    NotStarted,
+    /// A segment that does not exist.
+    #[error("there is no segment {segment}: there are {segments}, counted from 0")]
+    NoSuchSegment {
+        /// Index asked for.
+        segment: usize,
+        /// Number that exists.
+        segments: usize,
+    },
+    /// A speed that cannot be run.
+    #[error("a speed factor of {found}, expected a finite number of at least 0")]
+    Speed {
+        /// Value found.
+        found: f64,
+    },
+    /// Another shape for a segment that is under way.
+    #[error("segment {segment} is under way: its shape can change when the hand has arrived")]
+    UnderWay {
+        /// Index, counted from 0.
+        segment: usize,
+    },
+    /// An error of the primitives.
+    #[error(transparent)]
+    Move(#[from] MoveError),
+}
+
+/// The shortest time a segment may take.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+impl Segment {
+    /// Checks what does not depend on the shape. `index` is the number of the segment, from 0.
+    pub(super) fn check(&self, index: usize) -> Result<(), ReachError> {
+        if !numbers(&self.goal).all(f64::is_finite) {
+            return Err(ReachError::Goal { segment: index });
+        }
+        if self.duration < SHORTEST {
+            return Err(ReachError::Duration { segment: index, found: self.duration });
+        }
+        Ok(())
+    }
+}
+
+/// The numbers a pose is made of.
+pub(super) fn numbers(pose: &Isometry3<f64>) -> impl Iterator<Item = f64> + '_ {
+    pose.translation.vector.iter().chain(pose.rotation.coords.iter()).copied()
+}

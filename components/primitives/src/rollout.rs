@@ -1,0 +1,286 @@
+//! Movements of a primitive from start to end, in evenly spaced samples.
+//!
+//! ```
+//! use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings};
+//! use motorium_primitives::file::PrimitiveFile;
+//! use motorium_primitives::rollout::{Override, roll_out};
+//! use nalgebra::DMatrix;
+//!
+//! // a minimum-jerk stroke of one dimension, 0 to 1 in 2 s
+//! let stroke = DMatrix::from_fn(101, 1, |k, _| {
+//!     let p = k as f64 / 100.0;
+//!     p * p * p * (10.0 - 15.0 * p + 6.0 * p * p)
+//! });
+//! let shown = [Demonstration::from_positions(2.0, stroke)?];
+//! let model = DmpModel::fit(Settings::default(), &shown, Regression::default())?;
+//! let file = PrimitiveFile::discrete(vec!["x".into()], &shown, model);
+//! let elsewhere = Override { goal: Some(vec![-3.0]), duration: Some(1.0), ..Override::default() };
+//! let trajectory = roll_out(&file, &elsewhere, 0.01)?;
+//! assert_eq!(trajectory.time.len(), 101);
+//! assert!((trajectory.position[100][0] + 3.0).abs() < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use crate::ValueError;
+use crate::dmp::{DiscreteDmp, DmpModel, MoveError, RhythmicDmp, RhythmicModel};
+use crate::file::{Primitive, PrimitiveFile};
+use crate::promp::{ProMp, ProMpError};
+
+/// Values that replace those of the demonstration; `None` keeps the latter.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Override {
+    /// Start, one number a dimension.
+    pub start: Option<Vec<f64>>,
+    /// Goal of a movement, or centre of a rhythm; one number a dimension.
+    pub goal: Option<Vec<f64>>,
+    /// Velocity at the goal, per second, one number a dimension; of the variant `final_velocity` only.
+    pub final_velocity: Option<Vec<f64>>,
+    /// Duration of a movement, or period of a rhythm, s.
+    pub duration: Option<f64>,
+    /// Via points of a probabilistic primitive.
+    pub via: Vec<ViaPoint>,
+    /// Number of periods of a rhythm. Default 2.
+    pub periods: Option<f64>,
+    /// Factor on the amplitude of a rhythm. Default 1.
+    pub amplitude: Option<f64>,
+}
+
+/// A point that a probabilistic primitive is conditioned on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViaPoint {
+    /// Phase, 0 at the start and 1 at the end.
+    pub phase: f64,
+    /// Position, one number a dimension.
+    pub position: Vec<f64>,
+    /// Standard deviation of the position, in its unit.
+    pub deviation: f64,
+}
+
+/// Evenly spaced samples of a movement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trajectory {
+    /// Names of the dimensions.
+    pub names: Vec<String>,
+    /// Times of the samples, s, from 0.
+    pub time: Vec<f64>,
+    /// Positions, samples x dimensions.
+    pub position: Vec<Vec<f64>>,
+    /// Velocities per second, samples x dimensions.
+    pub velocity: Vec<Vec<f64>>,
+    /// Standard deviations of the positions, samples x dimensions; of a probabilistic primitive only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<Vec<Vec<f64>>>,
+}
+
+/// An error of [`roll_out`].
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RolloutError {
+    /// An override that the kind of primitive does not have.
+    #[error("a {kind} primitive has {has}: no {lacks}")]
+    Override {
+        /// Kind of the primitive.
+        kind: &'static str,
+        /// Overrides that it has.
+        has: &'static str,
+        /// Overrides that it has not.
+        lacks: &'static str,
+    },
+    /// A discrete or rhythmic primitive that cannot start so.
+    #[error(transparent)]
+    Move(#[from] MoveError),
+    /// A probabilistic primitive that cannot be conditioned so.
+    #[error(transparent)]
+    ProMp(#[from] ProMpError),
+    /// A number of samples out of its range.
+    #[error(transparent)]
+    Value(#[from] ValueError),
+}
+
+/// Longest step of discrete and rhythmic primitives, s; shorter where samples are closer.
+const STEP: f64 = 1e-3;
+
+/// Most samples of a trajectory.
+pub const MAX_SAMPLES: f64 = 1e7;
+
+/// Runs a primitive and takes a sample every `interval` seconds.
+///
+/// # Errors
+/// Overrides that the primitive does not have, or that are out of their range; more than [`MAX_SAMPLES`] samples.
+pub fn roll_out(
+    file: &PrimitiveFile,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    match &file.primitive {
+        Primitive::Discrete(model) => discrete(file, model, overrides, interval),
+        Primitive::Rhythmic(model) => rhythmic(file, model, overrides, interval),
+        Primitive::Probabilistic(promp) => probabilistic(file, promp, overrides, interval),
+    }
+}
+
+/// Runs a primitive as each of its demonstrations was shown: from its start (and to its goal, if it is discrete), in its
+/// duration, one sample for each of the demonstration's.
+///
+/// `demonstrations` are durations (s) with positions (samples x dimensions); of a rhythm, one period each.
+///
+/// # Errors
+/// As [`roll_out`].
+pub fn reproduce(
+    file: &PrimitiveFile,
+    demonstrations: &[(f64, DMatrix<f64>)],
+) -> Result<Vec<Trajectory>, RolloutError> {
+    let each = demonstrations.iter().map(|(duration, positions)| {
+        let last = positions.nrows().saturating_sub(1);
+        let row = |k: usize| Some(positions.row(k).iter().copied().collect());
+        let in_time = Override { duration: Some(*duration), ..Override::default() };
+        let (overrides, intervals) = match &file.primitive {
+            Primitive::Discrete(_) => (Override { start: row(0), goal: row(last), ..in_time }, last),
+            Primitive::Rhythmic(_) => (Override { start: row(0), periods: Some(1.0), ..in_time }, last + 1),
+            Primitive::Probabilistic(_) => (in_time, last),
+        };
+        roll_out(file, &overrides, duration / intervals as f64)
+    });
+    each.collect()
+}
+
+fn discrete(
+    file: &PrimitiveFile,
+    model: &DmpModel,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    if !overrides.via.is_empty() || overrides.periods.is_some() || overrides.amplitude.is_some() {
+        return Err(RolloutError::Override {
+            kind: "discrete",
+            has: "a start, a goal and a duration",
+            lacks: "via points, periods or amplitude",
+        });
+    }
+    let mut dmp = DiscreteDmp::new(model.clone());
+    let duration = overrides.duration.unwrap_or(file.duration);
+    let stretch = file.duration / duration;
+    let start = overrides.start.as_ref().unwrap_or(&file.start);
+    let goal = overrides.goal.as_ref().unwrap_or(&file.goal);
+    let velocity: Vec<f64> = file.start_velocity.iter().map(|v| v * stretch).collect();
+    let zeros = vec![0.0; start.len()];
+    let from = [&start[..], &velocity[..], &zeros[..]];
+    if model.settings().variant.may_end_in_motion() {
+        let shown: Vec<f64> = file.final_velocity.iter().map(|v| v * stretch).collect();
+        let last = overrides.final_velocity.as_ref().unwrap_or(&shown);
+        dmp.start_striking(from, [goal, last], duration)?;
+    } else {
+        if let Some(last) = &overrides.final_velocity {
+            dmp.start_striking(from, [goal, last], duration)?;
+        }
+        dmp.start_moving(from, goal, duration)?;
+    }
+    let state = |dmp: &DiscreteDmp| (dmp.position().to_vec(), dmp.velocity().to_vec());
+    stepped(file, [duration, interval], &mut dmp, state, |dmp, dt| dmp.step(dt))
+}
+
+fn rhythmic(
+    file: &PrimitiveFile,
+    model: &RhythmicModel,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    if !overrides.via.is_empty() || overrides.final_velocity.is_some() {
+        return Err(RolloutError::Override {
+            kind: "rhythmic",
+            has: "a start, a centre (the goal), a period (the duration), an amplitude and periods",
+            lacks: "via points or final velocity",
+        });
+    }
+    let mut dmp = RhythmicDmp::new(model.clone());
+    let period = overrides.duration.unwrap_or(file.duration);
+    dmp.set_period(period)?;
+    dmp.set_amplitude(overrides.amplitude.unwrap_or(1.0))?;
+    if let Some(centre) = &overrides.goal {
+        dmp.set_baseline(centre)?;
+    }
+    let velocity: Vec<f64> = file.start_velocity.iter().map(|v| v * file.duration / period).collect();
+    dmp.start(0.0, overrides.start.as_ref().unwrap_or(&file.start), &velocity)?;
+    let duration = period * overrides.periods.unwrap_or(2.0);
+    let state = |dmp: &RhythmicDmp| (dmp.position().to_vec(), dmp.velocity().to_vec());
+    stepped(file, [duration, interval], &mut dmp, state, |dmp, dt| dmp.step(dt))
+}
+
+/// Samples of a primitive that steps.
+fn stepped<T>(
+    file: &PrimitiveFile,
+    [duration, interval]: [f64; 2],
+    running: &mut T,
+    state: impl Fn(&T) -> (Vec<f64>, Vec<f64>),
+    step: impl Fn(&mut T, f64),
+) -> Result<Trajectory, RolloutError> {
+    let count = samples(duration, interval)?;
+    let substeps = (interval / STEP).ceil().max(1.0) as usize;
+    let mut trajectory = empty(file);
+    for k in 0..count {
+        if k > 0 {
+            (0..substeps).for_each(|_| step(running, interval / substeps as f64));
+        }
+        let (position, velocity) = state(running);
+        trajectory.time.push(k as f64 * interval);
+        trajectory.position.push(position);
+        trajectory.velocity.push(velocity);
+    }
+    Ok(trajectory)
+}
+
+/// Standard deviation with which a probabilistic primitive passes a start or goal that is given.
+const END_DEVIATION: f64 = 1e-4;
+
+fn probabilistic(
+    file: &PrimitiveFile,
+    promp: &ProMp,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    if overrides.final_velocity.is_some() || overrides.periods.is_some() || overrides.amplitude.is_some() {
+        return Err(RolloutError::Override {
+            kind: "probabilistic",
+            has: "a start, a goal, via points and a duration",
+            lacks: "final velocity, periods or amplitude",
+        });
+    }
+    let dimensions = promp.dimensions();
+    let mut promp = promp.clone();
+    let ends =
+        [(0.0, &overrides.start), (1.0, &overrides.goal)].into_iter().filter_map(|(phase, position)| {
+            Some(ViaPoint { phase, position: position.clone()?, deviation: END_DEVIATION })
+        });
+    for ViaPoint { phase, position, deviation } in ends.chain(overrides.via.iter().cloned()) {
+        let noise = DMatrix::identity(dimensions, dimensions) * deviation * deviation;
+        promp = promp.conditioned(phase, &DVector::from_vec(position), &noise)?;
+    }
+    let duration = overrides.duration.unwrap_or(file.duration);
+    let mut trajectory = empty(file);
+    let mut deviations = Vec::new();
+    for k in 0..samples(duration, interval)? {
+        let phase = (k as f64 * interval / duration).min(1.0);
+        trajectory.time.push(k as f64 * interval);
+        trajectory.position.push(promp.mean_at(phase).as_slice().to_vec());
+        trajectory.velocity.push((promp.mean_velocity_at(phase) / duration).as_slice().to_vec());
+        deviations.push(promp.covariance_at(phase).diagonal().iter().map(|v| v.max(0.0).sqrt()).collect());
+    }
+    trajectory.deviation = Some(deviations);
+    Ok(trajectory)
+}
+
+fn empty(file: &PrimitiveFile) -> Trajectory {
+    let names = file.names.clone();
+    Trajectory { names, time: Vec::new(), position: Vec::new(), velocity: Vec::new(), deviation: None }
+}
+
+fn samples(duration: f64, interval: f64) -> Result<usize, ValueError> {
+    let count = (duration / interval + 1e-9).floor() + 1.0;
+    if !(interval > 0.0 && (1.0..=MAX_SAMPLES).contains(&count)) {
+        let (name, expected) = ("the number of samples", "1 to ten million: choose a lower rate");
+        return Err(ValueError::OutOfRange { name, value: count, expected });
+    }
+    Ok(count as usize)
+}

@@ -1,0 +1,114 @@
+//! Tables of text: a header of names, then one sample a line.
+
+use ::csv::{ReaderBuilder, StringRecord, Trim};
+
+use crate::error::{Place, RecordingError};
+use crate::names::{Clock, Columns};
+use crate::read::{Selection, Table};
+
+/// Reads a table. `separator` is found in the text if it is not given.
+pub(crate) fn table(
+    path: &str,
+    text: &str,
+    separator: Option<u8>,
+    selection: &Selection,
+) -> Result<Table, RecordingError> {
+    let malformed = |place: Place, found: String, expected: &str| RecordingError::Malformed {
+        place: Box::new(place),
+        found,
+        expected: expected.into(),
+        advice: None,
+    };
+    let mut reader = ReaderBuilder::new()
+        .delimiter(separator.unwrap_or_else(|| guessed_separator(text)))
+        .comment(Some(b'#'))
+        .flexible(true)
+        .has_headers(false)
+        .trim(Trim::All)
+        .from_reader(text.as_bytes());
+    let mut record = StringRecord::new();
+    let mut header: Option<(Vec<String>, Columns)> = None;
+    let mut rows = Vec::new();
+    while reader
+        .read_record(&mut record)
+        .map_err(|error| malformed(Place::file(path), error.to_string(), "a table of text"))?
+    {
+        let line = record.position().map_or(0, |position| position.line() as usize);
+        let is_empty = record.iter().all(str::is_empty) && record.len() <= 1;
+        if is_empty || record.get(0).is_some_and(|cell| cell.starts_with('#')) {
+            continue;
+        }
+        let place = Place::line(path, line);
+        let Some((names, columns)) = &header else {
+            let names: Vec<String> = record.iter().map(str::to_string).collect();
+            if names.iter().all(|cell| cell.parse::<f64>().is_ok()) {
+                return Err(malformed(
+                    place,
+                    "numbers only".into(),
+                    "a header with the names of the columns",
+                ));
+            }
+            let columns = Columns::select(&place, &names, selection)?;
+            header = Some((names, columns));
+            continue;
+        };
+        if record.len() != names.len() {
+            let found = format!("{} cells", record.len());
+            return Err(malformed(place, found, &format!("{}, as in the header", names.len())));
+        }
+        let number = |index: usize| number(&record[index], || place.clone().column(index + 1, &names[index]));
+        let time = match columns.clock {
+            Some(Clock::Time(index) | Clock::Step(index)) => Some(number(index)?),
+            _ => None,
+        };
+        let values = columns.channels.iter().map(|(index, _)| number(*index)).collect::<Result<_, _>>()?;
+        rows.push((place, time, values));
+    }
+    let Some((_, columns)) = header else {
+        return Err(malformed(Place::file(path), "nothing".into(), "a header and a line for each sample"));
+    };
+    Ok(Table { columns, rows })
+}
+
+/// A finite number in a cell.
+fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> {
+    let found = if cell.is_empty() { "nothing".into() } else { format!("`{cell}`") };
+    let refused = |expected: &str, advice| RecordingError::Malformed {
+        place: Box::new(place()),
+        found: found.clone(),
+        expected: expected.into(),
+        advice,
+    };
+    match cell.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(_) => Err(refused("a finite number", Some("cut the recording or fill the gap"))),
+        Err(_) if cell.is_empty() => Err(refused("a number", Some("cut the recording or fill the gap"))),
+        Err(_) if cell.replacen(',', ".", 1).parse::<f64>().is_ok() => {
+            Err(refused("a number", Some("write decimals with a point")))
+        }
+        Err(_) => Err(refused("a number", None)),
+    }
+}
+
+/// The separator that divides the header and the line after it into equally many cells.
+fn guessed_separator(text: &str) -> u8 {
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let (header, first) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
+    let score = |separator: &u8| {
+        let count = separators(header, *separator);
+        (count > 0 && count == separators(first, *separator), count)
+    };
+    // the last of equals is taken: a comma
+    [b'\t', b';', b','].into_iter().max_by_key(score).unwrap_or(b',')
+}
+
+/// Number of separators in a line outside of quotes.
+fn separators(line: &str, separator: u8) -> usize {
+    let mut quoted = false;
+    line.bytes()
+        .filter(|byte| {
+            quoted ^= *byte == b'"';
+            !quoted && *byte == separator
+        })
+        .count()
+}

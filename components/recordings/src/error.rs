@@ -1,0 +1,157 @@
+//! Errors of reading and resampling recordings.
+
+use std::fmt;
+
+/// A place in a file of recordings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Path of the file.
+    pub path: String,
+    /// Line, counted from 1. Unknown in a JSON file once it is parsed.
+    pub line: Option<usize>,
+    /// Sample or recording of a JSON file, counted from 1, with that word: `("sample", 3)`.
+    pub item: Option<(&'static str, usize)>,
+    /// Column, counted from 1, with its name, which may be empty.
+    pub column: Option<(usize, String)>,
+}
+
+impl Place {
+    pub(crate) fn file(path: &str) -> Self {
+        Self { path: path.into(), line: None, item: None, column: None }
+    }
+
+    pub(crate) fn line(path: &str, line: usize) -> Self {
+        Self { line: Some(line), ..Self::file(path) }
+    }
+
+    pub(crate) fn item(path: &str, word: &'static str, number: usize) -> Self {
+        Self { item: Some((word, number)), ..Self::file(path) }
+    }
+
+    pub(crate) fn column(self, number: usize, name: &str) -> Self {
+        Self { column: Some((number, name.into())), ..self }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path)?;
+        if let Some(line) = self.line {
+            write!(f, ", line {line}")?;
+        }
+        if let Some((word, number)) = self.item {
+            write!(f, ", {word} {number}")?;
+        }
+        match &self.column {
+            Some((number, name)) if name.is_empty() => write!(f, ", column {number}")?,
+            Some((number, name)) => write!(f, ", column {number} (`{name}`)")?,
+            None => {}
+        }
+        Ok(())
+    }
+}
+
+/// An error of [`read`](crate::read) and [`read_all`](crate::read_all), or of a [`Recording`](crate::Recording).
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The system refused to read.
+    #[error("{path}: {source}")]
+    System {
+        /// Path of the file or folder.
+        path: String,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// Unknown ending of a file's name.
+    #[error(
+        "{path}: expected a name that ends in .csv, .tsv, .json, .jsonl or .ndjson, or a folder of such files"
+    )]
+    Format {
+        /// Path of the file.
+        path: String,
+    },
+    /// A line, sample or cell that cannot be read.
+    #[error("{place}: found {found}, expected {expected}{}", advised(*.advice))]
+    Malformed {
+        /// Place of the mistake.
+        place: Box<Place>,
+        /// Content found.
+        found: String,
+        /// Content expected.
+        expected: String,
+        /// A remedy.
+        advice: Option<&'static str>,
+    },
+    /// Neither a time column nor a rate.
+    #[error(
+        "{path}: found no column named {} or {}, and no rate; say how many samples a second there are",
+        crate::names::TIME.join(", "),
+        crate::names::STEP.join(", ")
+    )]
+    NoTime {
+        /// Path of the file.
+        path: String,
+    },
+    /// An unknown field or channel.
+    #[error("{path}: found no channel `{name}`; there are {known}")]
+    NoChannel {
+        /// Path of the file.
+        path: String,
+        /// The name asked for.
+        name: String,
+        /// The names in the file.
+        known: String,
+    },
+    /// A file without recordings, or with several where one is expected.
+    #[error("{path}: found {found} recordings, expected {expected}")]
+    Count {
+        /// Path of the file or folder.
+        path: String,
+        /// Number of recordings in it.
+        found: usize,
+        /// The number expected, in words.
+        expected: &'static str,
+    },
+    /// Too few samples.
+    #[error("found {found} samples, expected at least {expected}")]
+    TooShort {
+        /// Number of samples found.
+        found: usize,
+        /// Least number of samples.
+        expected: usize,
+    },
+    /// Times that do not increase.
+    #[error(
+        "sample {sample} is at {time} s, not after the one before: sort the recording, or cut it where the clock was reset"
+    )]
+    Backwards {
+        /// Index of the sample, counted from 1.
+        sample: usize,
+        /// Its time, s.
+        time: f64,
+    },
+    /// NaN or an infinite value.
+    #[error("sample {sample}, channel `{name}` is {value}: cut the recording or fill the gap")]
+    NotFinite {
+        /// Index of the sample, counted from 1.
+        sample: usize,
+        /// Name of the channel.
+        name: String,
+        /// The value.
+        value: f64,
+    },
+    /// A setting out of its range.
+    #[error("{name} = {value}: expected {expected}")]
+    OutOfRange {
+        /// Name of the setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        expected: &'static str,
+    },
+}
+
+fn advised(advice: Option<&str>) -> String {
+    advice.map_or_else(String::new, |advice| format!("; {advice}"))
+}

@@ -1,0 +1,217 @@
+//! Recordings from text and files.
+
+use motorium_recordings::{Recording, RecordingError, Selection, read, read_all, read_text};
+
+fn all() -> Selection {
+    Selection::default()
+}
+
+fn at(rate: f64) -> Selection {
+    Selection { rate: Some(rate), ..all() }
+}
+
+fn channels(names: &[&str]) -> Selection {
+    Selection { channels: names.iter().map(ToString::to_string).collect(), ..all() }
+}
+
+fn refusal(name: &str, text: &str, selection: &Selection) -> String {
+    read_text(name, text, selection).unwrap_err().to_string()
+}
+
+fn column(recording: &Recording, channel: usize) -> Vec<f64> {
+    recording.values().column(channel).iter().copied().collect()
+}
+
+#[test]
+fn a_table_is_read_whatever_separates_its_cells() {
+    for separator in [",", ";", "\t", " , "] {
+        for end in ["\n", "\r\n"] {
+            let text = "# by hand\ntime_s,a,b\n0.0,1,2\n# half way\n0.5,3,4e-1\n\n";
+            let text = text.replace(',', separator).replace('\n', end);
+            let recording = read_text("x.csv", &text, &all()).unwrap();
+            assert_eq!(recording.names(), ["a", "b"]);
+            assert_eq!(recording.times(), [0.0, 0.5]);
+            assert_eq!(column(&recording, 1), [2.0, 0.4]);
+        }
+    }
+    let recording = read_text("x.tsv", "t\ta,b\n0\t1\n1\t2\n", &all()).unwrap();
+    assert_eq!(recording.names(), ["a,b"]);
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_the_first_name() {
+    let recording = read_text("x.csv", "\u{feff}t,a\n0,1\n1,2\n", &all()).unwrap();
+    assert_eq!((recording.names(), recording.times()), (&["a".to_string()][..], &[0.0, 1.0][..]));
+    let recording = read_text("x.json", "\u{feff}[[1], [2]]", &at(1.0)).unwrap();
+    assert_eq!(column(&recording, 0), [1.0, 2.0]);
+}
+
+#[test]
+fn quotes_protect_separators_in_names_and_enclose_numbers() {
+    let text = "\"time\";\"force, \"\"x\"\"\";\"y; left\"\n\"0\";\"1\";2\n1;3;4\n";
+    let recording = read_text("x.csv", text, &all()).unwrap();
+    assert_eq!(recording.names(), ["force, \"x\"", "y; left"]);
+    assert_eq!(column(&recording, 1), [2.0, 4.0]);
+}
+
+#[test]
+fn channels_are_chosen_in_the_order_asked_for_and_others_need_not_be_numbers() {
+    let text = "clip,t,arm_b,arm_a,leg\nwalk,0,1,2,3\nwalk,1,4,5,6\n";
+    let recording = read_text("x.csv", text, &channels(&["leg", "arm_*"])).unwrap();
+    assert_eq!(recording.names(), ["leg", "arm_b", "arm_a"]);
+    assert_eq!(column(&recording, 0), [3.0, 6.0]);
+    let error = refusal("x.csv", text, &channels(&["tail"]));
+    assert_eq!(error, "x.csv: found no channel `tail`; there are clip, arm_b, arm_a, leg");
+    let error = refusal("x.csv", text, &all());
+    assert_eq!(error, "x.csv, line 2, column 1 (`clip`): found `walk`, expected a number");
+}
+
+#[test]
+fn velocities_beside_positions_are_channels_only_where_they_are_asked_for() {
+    let text = "time_s,a,b,a_velocity,b_velocity,wind_velocity\n0,1,2,3,4,5\n1,6,7,8,9,10\n";
+    let recording = read_text("x.csv", text, &all()).unwrap();
+    assert_eq!(recording.names(), ["a", "b", "wind_velocity"]);
+    let velocity = Selection { field: Some("velocity".into()), ..all() };
+    let recording = read_text("x.csv", text, &velocity).unwrap();
+    assert_eq!(recording.names(), ["a", "b", "wind"]);
+    assert_eq!(column(&recording, 1), [4.0, 9.0]);
+    assert_eq!(read_text("x.csv", text, &channels(&["a_velocity"])).unwrap().names(), ["a_velocity"]);
+    let effort = Selection { field: Some("effort".into()), ..all() };
+    assert!(refusal("x.csv", text, &effort).contains("found no channel `NAME_effort`"));
+}
+
+#[test]
+fn time_comes_from_every_usual_name_from_steps_or_from_a_rate() {
+    for name in ["time_s", "time", "t", "timestamp"] {
+        let recording = read_text("x.csv", &format!("a,{name}\n1,0.5\n2,1.5\n"), &all()).unwrap();
+        assert_eq!((recording.times(), recording.names()), (&[0.5, 1.5][..], &["a".to_string()][..]));
+    }
+    for name in ["dt_s", "dt", "frame_dt"] {
+        let text = format!("{name},a\n0.5,1\n0.25,2\n0.5,3\n");
+        assert_eq!(read_text("x.csv", &text, &all()).unwrap().times(), [0.0, 0.5, 0.75]);
+    }
+    // one of two clocks is the time, the other no channel
+    let recording = read_text("x.csv", "timestamp,t,a\n7,0,1\n8,2,3\n", &all()).unwrap();
+    assert_eq!((recording.times(), recording.names().len()), (&[0.0, 2.0][..], 1));
+    assert_eq!(read_text("x.csv", "a\n1\n2\n", &at(50.0)).unwrap().times(), [0.0, 0.02]);
+    assert!(matches!(read_text("x.csv", "a\n1\n2\n", &all()), Err(RecordingError::NoTime { .. })));
+    assert!(refusal("x.csv", "a\n1\n2\n", &at(0.0)).starts_with("rate = 0: expected"));
+}
+
+#[test]
+fn a_mistake_in_a_table_is_refused_with_its_line_and_column() {
+    let error = |text: &str| refusal("x.csv", text, &all());
+    assert_eq!(error("t,a\n0,1\n1\n"), "x.csv, line 3: found 1 cells, expected 2, as in the header");
+    assert_eq!(
+        error("# c\n\nt,a\n0,1\n1,one\n"),
+        "x.csv, line 5, column 2 (`a`): found `one`, expected a number"
+    );
+    assert_eq!(
+        error("t;a\n0;1\n1;0,5\n"),
+        "x.csv, line 3, column 2 (`a`): found `0,5`, expected a number; write decimals with a point"
+    );
+    assert!(error("t,a\n0,1\n1,\n").contains("column 2 (`a`): found nothing, expected a number; cut"));
+    assert!(error("1,2\n3,4\n").contains("line 1: found numbers only, expected a header"));
+    assert!(error("t,a,a\n0,1,2\n").contains("column 3 (`a`): found a second column `a`"));
+    assert!(error("t,a\n0,1\n").contains("found 1 samples, expected at least 2"));
+    assert!(error("t,a\n0,1\n2,2\n1,3\n").contains("line 4: found the time 1 s after 2 s"));
+    assert!(error("dt,a\n0.1,1\n0,2\n0.1,3\n").contains("line 4: found the time 0.1 s after 0.1 s"));
+    assert!(error("").contains("found nothing, expected a header"));
+}
+
+#[test]
+fn values_that_are_not_finite_are_refused_with_their_place() {
+    for cell in ["NaN", "nan", "inf", "-inf", "1e999"] {
+        let error = refusal("x.csv", &format!("t,a,b\n0,1,2\n1,2,{cell}\n"), &all());
+        let expected = format!("x.csv, line 3, column 3 (`b`): found `{cell}`, expected a finite number; ");
+        assert!(error.starts_with(&expected), "{error}");
+        let error = refusal("x.csv", &format!("t,a\n0,1\n{cell},2\n"), &all());
+        assert!(error.contains("line 3, column 1 (`t`)"), "{error}");
+    }
+    let error = refusal("x.jsonl", "{\"t\":0,\"a\":1}\n{\"t\":1,\"a\":[null]}\n", &all());
+    assert!(error.contains("x.jsonl, line 2: found `null`, expected a finite number"), "{error}");
+    let error = refusal("x.json", "[{\"x\":[1,2]},{\"x\":[1,null]}]", &at(1.0));
+    assert!(error.contains("x.json, item 2: found `null`"), "{error}");
+}
+
+#[test]
+fn a_topic_as_it_is_printed_is_read_with_the_field_that_is_asked_for() {
+    let line = |t: f64, x: f64| {
+        format!(
+            r#"{{"topic":"arm/joint_state","sequence":7,"time_s":{t},"origin":"encoder","value":{{"count":2,"position":[{x},2.0],"velocity":[9.0,{x}]}}}}"#
+        )
+    };
+    let text = format!("{}\n{}\n", line(1.5, 0.25), line(1.75, 0.5));
+    let recording = read_text("x.jsonl", &text, &all()).unwrap();
+    assert_eq!((recording.times(), recording.names().len()), (&[1.5, 1.75][..], 2));
+    assert_eq!(column(&recording, 0), [0.25, 0.5]);
+    let velocity = Selection { field: Some("velocity".into()), ..all() };
+    assert_eq!(column(&read_text("x.jsonl", &text, &velocity).unwrap(), 0), [9.0, 9.0]);
+    let wrong = Selection { field: Some("torque".into()), ..all() };
+    let error = refusal("x.jsonl", &text, &wrong);
+    assert_eq!(error, "x.jsonl, line 1: found no channel `torque`; there are count, position, velocity");
+}
+
+#[test]
+fn lists_are_samples_and_objects_with_arrays_are_recordings() {
+    let recording = read_text("x.json", "[[1, 2], [3, 4], [5, 6]]", &at(50.0)).unwrap();
+    assert_eq!(recording.times(), [0.0, 0.02, 0.04]);
+    assert_eq!((recording.id(), recording.names()), ("x", &["0".to_string(), "1".to_string()][..]));
+    let recording = read_text("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#, &at(10.0)).unwrap();
+    assert_eq!((recording.names(), column(&recording, 0)), (&["a".to_string()][..], vec![1.0, 2.0, 4.0]));
+    let recording = read_text("c.json", r#"{"x":[1,2,4],"t":[0,1,3]}"#, &all()).unwrap();
+    assert_eq!((recording.times(), column(&recording, 0)), (&[0.0, 1.0, 3.0][..], vec![1.0, 2.0, 4.0]));
+    let text = "{\"id\":1,\"x\":[1,2]}\n{\"t\":0,\"x\":1}\n";
+    assert!(refusal("x.jsonl", text, &at(1.0)).contains("line 2: found a sample among recordings"));
+}
+
+#[test]
+fn recordings_a_line_keep_their_names_labels_and_durations() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jsonl");
+    let lines = [
+        r#"{"id":1,"label":"l","n":3,"rate":10,"vx":[1,2,3],"vy":[0,0,1]}"#,
+        r#"{"letter":"A","demo":3,"duration":2,"vx":[1,2],"vy":[3,4]}"#,
+    ];
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let all_of_it = read_all(&path, &at(100.0)).unwrap();
+    let described: Vec<_> =
+        all_of_it.iter().map(|r| (r.id(), r.label(), r.duration(), r.names().join(" "))).collect();
+    assert_eq!(described, [("1", Some("l"), 0.2, "x y".into()), ("A-3", Some("A"), 2.0, "x y".into())]);
+    // velocities times the 0.1 s or 2 s between their samples, summed up
+    let sums = column(&all_of_it[0], 0);
+    assert!(sums.iter().zip([0.1, 0.3, 0.6]).all(|(sum, expected)| (sum - expected).abs() < 1e-12));
+    assert_eq!(column(&all_of_it[1], 1), [6.0, 14.0]);
+    let error = read(&path, &all()).unwrap_err().to_string();
+    assert!(error.ends_with("found 2 recordings, expected one"), "{error}");
+}
+
+#[test]
+fn a_folder_is_read_in_the_order_of_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in
+        [("b.csv", "t,a\n0,1\n1,2\n"), ("a.json", "{\"recordings\":[{\"a\":[5,6]}]}"), ("c.txt", "no")]
+    {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let recordings = read_all(folder.path(), &at(1.0)).unwrap();
+    assert_eq!(recordings.iter().map(Recording::id).collect::<Vec<_>>(), ["0", "b"]);
+    let error = read_all(&folder.path().join("c.txt"), &all()).unwrap_err().to_string();
+    assert!(error.contains("expected a name that ends in .csv, .tsv, .json"), "{error}");
+    let empty = tempfile::tempdir().unwrap();
+    assert!(matches!(read_all(empty.path(), &all()), Err(RecordingError::Count { found: 0, .. })));
+    let missing = read_all(&folder.path().join("none.csv"), &all());
+    assert!(matches!(missing, Err(RecordingError::System { .. })));
+}
+
+#[test]
+fn text_that_is_torn_or_not_utf8_is_refused_with_its_line() {
+    let error = refusal("x.jsonl", "{\"t\": 0, \"x\": 1}\n{\"t\": 1, \"x\":", &all());
+    assert!(error.starts_with("x.jsonl, line 2, column 13: found EOF"), "{error}");
+    assert!(error.ends_with("expected JSON; the text is cut short"), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.csv");
+    std::fs::write(&path, b"t,a\n0,1\n1,\xff\n").unwrap();
+    let error = read(&path, &all()).unwrap_err().to_string();
+    assert!(error.ends_with("line 3: found bytes that are no UTF-8, expected text in UTF-8"), "{error}");
+}

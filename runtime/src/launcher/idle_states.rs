@@ -1,0 +1,51 @@
+//! The limit on idle states of all cores while real-time components run.
+
+use std::time::Duration;
+
+use super::{Hosting, Launch, LaunchError};
+use crate::os::IdleLimit;
+use crate::plan::{ClockKind, OnDenied, Plan, SchedulingClass};
+
+/// A limit from which on nothing is requested, ns: no idle state takes this long to leave.
+const ANY_NS: u64 = 1_000_000_000;
+
+/// The limit on idle states that a plan requests, and the system's answer.
+#[derive(Debug, Default)]
+pub(super) struct IdleStates {
+    _limit: Option<IdleLimit>,
+    /// The limit that holds, ns; `None` if none was requested or the system denied it.
+    pub(super) exit_ns: Option<u64>,
+    /// The reason of a denial.
+    pub(super) denied: Option<String>,
+}
+
+impl IdleStates {
+    /// Requests the limit of a plan; it holds until this is dropped or this process dies.
+    pub(super) fn begin(plan: &Plan) -> Self {
+        let exit_ns = plan.scheduling.idle_exit_ns;
+        let waits = plan.components.iter().any(|component| component.class != SchedulingClass::Normal);
+        if plan.clock != ClockKind::Realtime || !waits || exit_ns >= ANY_NS {
+            return Self::default();
+        }
+        match IdleLimit::hold(Duration::from_nanos(exit_ns)) {
+            Ok(limit) => Self { _limit: Some(limit), exit_ns: Some(exit_ns), denied: None },
+            Err(error) => Self { denied: Some(error.to_string()), ..Self::default() },
+        }
+    }
+}
+
+impl Launch<'_> {
+    /// Requests the limit, unless the components are threads of one process, which have no priorities.
+    pub(super) fn limit_idle_states(&mut self) -> Result<(), LaunchError> {
+        if self.options.hosting == Hosting::Processes {
+            self.idle_states = IdleStates::begin(&self.plan);
+        }
+        match &self.idle_states.denied {
+            Some(reason) if self.plan.scheduling.on_denied == OnDenied::Strict => Err(LaunchError::System {
+                what: "limiting idle states (/dev/cpu_dma_latency)",
+                reason: reason.clone(),
+            }),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! The reason for which components have ordered a safe stop.
+
+use crate::plan::{OnMiss, OnOverrun, Plan};
+use crate::region::{Misses, Region};
+use crate::units::TimeSpan;
+
+/// The limits of the graph that were exceeded, as text.
+pub(super) fn reason(plan: &Plan, region: &Region) -> String {
+    let misses: Vec<Misses> = region.components().iter().map(|block| block.misses()).collect();
+    let latencies: Vec<(u64, u64)> = region
+        .latencies()
+        .iter()
+        .map(|block| {
+            (block.missed.load(std::sync::atomic::Ordering::Relaxed), block.latency.percentiles().max)
+        })
+        .collect();
+    words(plan, &misses, &latencies)
+}
+
+/// As [`reason`], from the misses of each component, and the number of misses and longest time (ns) of each budget.
+fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
+    let overruns = plan.components.iter().zip(misses).filter_map(|(component, misses)| {
+        let strict = component.on_overrun == OnOverrun::SafeStop;
+        let tolerated = component.overruns_tolerated.or(strict.then_some(0))?;
+        // a stale input is no overrun of its own
+        let late = misses.late_wake + misses.long_step + misses.stolen;
+        (late > u64::from(tolerated)).then(|| {
+            let causes = [
+                (misses.long_step, "too long"),
+                (misses.late_wake, "held up by others"),
+                (misses.stolen, "by the host"),
+            ];
+            let causes: Vec<String> = causes
+                .iter()
+                .filter(|(count, _)| *count > 0)
+                .map(|(count, cause)| format!("{count} {cause}"))
+                .collect();
+            let steps = if late == 1 { "step" } else { "steps" };
+            format!(
+                "`{}` had {late} late {steps} ({}) where {tolerated} are tolerated",
+                component.name,
+                causes.join(", ")
+            )
+        })
+    });
+    let late = plan.latencies.iter().zip(latencies).filter_map(|(latency, (missed, longest_ns))| {
+        let (from, to) = (&plan.topics[latency.from].name, &plan.topics[latency.to].name);
+        (latency.on_miss == OnMiss::SafeStop && *missed > 0).then(|| {
+            format!(
+                "the latency from `{from}` to `{to}` was {} where {} are allowed",
+                TimeSpan { ns: *longest_ns },
+                TimeSpan { ns: latency.max_ns }
+            )
+        })
+    });
+    let found: Vec<String> = overruns.chain(late).collect();
+    match found.as_slice() {
+        // the counters of the component that ordered it may not be visible yet
+        [] => "a component ordered the safe stop (a latency budget or an overrun policy)".to_string(),
+        found => found.join("; "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schedule::tests::graphs::{When, graph, node};
+
+    fn plan() -> Plan {
+        let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("controller", When::After(0), 1)];
+        let mut plan = graph(&nodes, 0, &[(0, 1, 300_000)]);
+        plan.components[1].on_overrun = OnOverrun::SafeStop;
+        plan.latencies[0].on_miss = OnMiss::SafeStop;
+        plan
+    }
+
+    #[test]
+    fn who_overran_and_why_is_named_and_who_may_is_not() {
+        let late = Misses { long_step: 1, late_wake: 2, ..Misses::default() };
+        let both = [late, late];
+        assert_eq!(
+            words(&plan(), &both, &[(0, 0)]),
+            "`controller` had 3 late steps (1 too long, 2 held up by others) where 0 are tolerated"
+        );
+        let mut tolerant = plan();
+        tolerant.components[1].overruns_tolerated = Some(3);
+        assert!(words(&tolerant, &both, &[(0, 0)]).starts_with("a component ordered"));
+    }
+
+    #[test]
+    fn a_latency_that_was_too_long_is_named_with_its_budget() {
+        assert_eq!(
+            words(&plan(), &[Misses::default(); 2], &[(1, 412_000)]),
+            "the latency from `topic/physics` to `topic/controller` was 412 us where 300 us are allowed"
+        );
+    }
+}

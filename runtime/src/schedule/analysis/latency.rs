@@ -1,0 +1,202 @@
+//! Bounds on the latency of data through a graph.
+//!
+//! The way from one topic to another goes in *legs*: the component at the head of a chain, and those that trigger one
+//! another after it. From one leg to the next the data waits in shared memory until the next head reads it.
+//!
+//! A component is taken to publish at the end of its step: what it does after it has published is not part of the
+//! latency of what it published, but holds up those it triggers on its core.
+
+use super::Analysis;
+use super::phases::greatest_common_divisor;
+use super::tasks::{self, Place, Release};
+use super::window::{Sum, after_first_stage};
+use crate::plan::{Activation, LatencyPlan, Plan};
+
+/// A bound on a latency, as a sum.
+#[derive(Debug)]
+pub(in crate::schedule) struct LatencySum {
+    /// The bound, ns.
+    pub ns: u64,
+    /// The terms of the sum, in the order of the path.
+    pub terms: Vec<LatencyTerm>,
+}
+
+/// A term of a latency's bound.
+#[derive(Debug)]
+pub(in crate::schedule) enum LatencyTerm {
+    /// The whole path, from the release of its first component to the end of its last.
+    WholePath { ns: u64 },
+    /// The rest of the first component's step after it has published.
+    AfterPublication { ns: u64 },
+    /// The way of a wake-up to another core.
+    ToCore { ns: u64, core: usize },
+    /// The stages of a task from `first` on.
+    Stages { place: Place, first: usize, sum: Sum },
+    /// From the release of `writer` until the time-triggered `reader` reads its data.
+    Wait { ns: u64, writer: usize, reader: usize },
+    /// The last leg, to the end of its last component.
+    ToEnd { ns: u64, component: usize },
+}
+
+/// The bound of a latency budget whose path is `path`; `None` if there is none.
+pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
+    match legs(analysis.plan, path).as_slice() {
+        [_] => triggered(analysis, path),
+        legs => sampled(analysis, legs),
+    }
+}
+
+/// The components that data goes through, from the writer of `from` to that of `to`.
+pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize> {
+    let mut path = vec![latency.component];
+    let mut topic = latency.to;
+    // a way is no longer than there are components
+    while topic != latency.from && path.len() <= plan.components.len() {
+        let component = &plan.components[plan.topics[topic].writer];
+        let Some(cause) = component.cause.and_then(|cause| component.inputs.get(cause)?.topic) else { break };
+        topic = cause;
+        path.push(plan.topics[topic].writer);
+    }
+    path.reverse();
+    path
+}
+
+/// The path cut before every time-triggered component.
+fn legs<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
+    let periodic =
+        |component: &usize| matches!(plan.components[*component].activation, Activation::Periodic { .. });
+    let cuts: Vec<usize> = (1..path.len()).filter(|index| periodic(&path[*index])).collect();
+    let starts = core::iter::once(0).chain(cuts.iter().copied());
+    let ends = cuts.iter().copied().chain([path.len()]);
+    starts.zip(ends).map(|(start, end)| &path[start..end]).collect()
+}
+
+/// From the publication of the first component to the end of the last, all triggered by one another.
+fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
+    let last = path.last()?;
+    let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
+    let since_release = since_release(analysis, *last)
+        .map(|ns| LatencySum { ns, terms: vec![LatencyTerm::WholePath { ns }] });
+    let hop_by_hop = places.and_then(|places| hop_by_hop(analysis, path, &places));
+    match (since_release, hop_by_hop) {
+        (Some(one), Some(other)) => Some(if one.ns < other.ns { one } else { other }),
+        (one, other) => one.or(other),
+    }
+}
+
+/// The same as a sum: the rest of the first task, then each task after it from its own release.
+fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<LatencySum> {
+    let tasks = &analysis.tasks.tasks;
+    let mut total = 0;
+    let mut terms = Vec::new();
+    let mut places = places.iter().peekable();
+    while let Some(place) = places.next() {
+        // only the last stage of each task matters
+        if places.peek().is_some_and(|next| next.task == place.task) {
+            continue;
+        }
+        let (sum, first): (Sum, usize) = if terms.is_empty() && total == 0 && first_task(analysis, place.task)
+        {
+            let goes_on = goes_on(analysis, path, *place);
+            if goes_on > 0 {
+                terms.push(LatencyTerm::AfterPublication { ns: goes_on });
+            }
+            (rest(analysis, *place, goes_on)?, 1)
+        } else {
+            let bounds = analysis.responses.bounds[place.task].as_ref()?;
+            if let Release::Trigger { delay_ns, .. } = tasks[place.task].release
+                && delay_ns > 0
+            {
+                total += delay_ns as i64;
+                terms.push(LatencyTerm::ToCore { ns: delay_ns, core: tasks[place.task].core });
+            }
+            (bounds.get(place.stage)?.response.clone(), 0)
+        };
+        total += sum.total;
+        terms.push(LatencyTerm::Stages { place: *place, first, sum });
+    }
+    Some(LatencySum { ns: u64::try_from(total).ok()?, terms })
+}
+
+fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
+    matches!(analysis.tasks.tasks[task].release, Release::Timer { .. })
+}
+
+/// How long the component at the head of a task goes on after it has published, before those on a path through the task
+/// have all had their turn, ns: what is more urgent has it at once.
+fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
+    let task = &analysis.tasks.tasks[place.task];
+    let priority = |component: usize| tasks::priority(&analysis.plan.components[component]);
+    let in_task = |component: usize| analysis.tasks.places[component].is_some_and(|at| at.task == place.task);
+    let waits = |component: usize| in_task(component) && priority(component) <= priority(task.head());
+    if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
+}
+
+/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in
+/// between.
+fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
+    let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
+    let bounds = analysis.responses.bounds[place.task].as_ref()?;
+    if bounds.iter().any(|bound| bound.finish.total > demands[index].period) {
+        return None;
+    }
+    let queued = bounds.first()?.finish.total;
+    after_first_stage(&demands, index, queued, goes_on as i64)?.get(place.stage).cloned()
+}
+
+/// From the release at the head of a chain to the end of a component's step, ns.
+pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
+    if let Some((reservation, _)) = analysis.tasks.reservation(component) {
+        return u64::try_from(analysis.responses.reserved_finish(reservation)?).ok();
+    }
+    let place = analysis.tasks.places[component]?;
+    let bound = analysis.responses.bounds[place.task].as_ref()?.get(place.stage)?;
+    let spin = analysis.tasks.tasks[place.task].spin_ns();
+    u64::try_from(bound.finish.total - spin as i64).ok()
+}
+
+/// From the release at the head of the first leg to the end of the last one.
+fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<LatencySum> {
+    let mut total = 0;
+    let mut terms = Vec::new();
+    for pair in legs.windows(2) {
+        let (writer, reader) = (pair[0], pair[1]);
+        let ns = age_at_read(analysis, writer, reader)?;
+        terms.push(LatencyTerm::Wait { ns, writer: writer[0], reader: reader[0] });
+        total += ns;
+    }
+    let component = *legs.last()?.last()?;
+    let ns = since_release(analysis, component)?;
+    terms.push(LatencyTerm::ToEnd { ns, component });
+    Some(LatencySum { ns: total + ns, terms })
+}
+
+/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is
+/// released and reads it.
+///
+/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago
+/// the newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
+/// divisor of the periods and d the difference of the phases.
+fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
+    let end = since_release(analysis, *writer.last()?)? as i64;
+    let timer = |component: usize| {
+        if let Some((_, reservation)) = analysis.tasks.reservation(component) {
+            let (period, phase) = (reservation.period_ns as i64, reservation.phase_ns as i64);
+            return Some((period, phase, reservation.fixed));
+        }
+        let task = &analysis.tasks.tasks[analysis.tasks.places[component]?.task];
+        match task.release {
+            Release::Timer { phase_ns, fixed, .. } => Some((task.period_ns as i64, phase_ns as i64, fixed)),
+            Release::Trigger { .. } => None,
+        }
+    };
+    let (period, phase, fixed) = timer(writer[0])?;
+    let (reader_period, reader_phase, reader_fixed) = timer(reader[0])?;
+    let age = if fixed && reader_fixed {
+        let grain = greatest_common_divisor(period, reader_period);
+        end + period - grain + (reader_phase - phase - end).rem_euclid(grain)
+    } else {
+        end + period
+    };
+    u64::try_from(age).ok()
+}

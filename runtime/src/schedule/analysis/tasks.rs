@@ -1,0 +1,327 @@
+//! The static plan: which tasks share which core, and what releases them.
+//!
+//! A *task* is what the scheduler cannot tell apart: a real-time component together with everything that it triggers,
+//! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but
+//! stay below whatever else there is. Its *stages* run one after the other: the first is the component at its head,
+//! the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of
+//! the queue of its priority, and nobody of that priority interrupts another, so that everything triggered by one
+//! stage has run before anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as
+//! the step that triggers it ends, and runs at once.) With rising priorities and several components triggered by one,
+//! it is open whether one of them or what another one triggers comes first: from there on all is one stage. A
+//! component that is triggered from another core, or by one of another priority, is the head of a task of its own.
+
+use serde::Serialize;
+
+use super::overheads::Overheads;
+use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, Spin};
+
+/// All real-time components of a graph as tasks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StaticPlan {
+    /// Tasks, each after the one that triggers it.
+    pub tasks: Vec<Task>,
+    /// By component of the plan: where it is; `None` if it is not real-time, or may run on several cores.
+    pub places: Vec<Option<Place>>,
+    /// The components that the kernel schedules by deadlines: before all tasks, on any core.
+    pub reservations: Vec<Reservation>,
+    /// Number of cores of the graph, for real-time and shared work together.
+    pub available_cores: usize,
+}
+
+/// A component that the kernel schedules by its deadline (`SCHED_DEADLINE`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Reservation {
+    /// Its step.
+    pub step: Step,
+    /// Time of a core that the kernel gives it in each period, and no more, ns.
+    pub runtime_ns: u64,
+    /// The period, and the deadline within it, ns.
+    pub period_ns: u64,
+    /// Offset of the first release, ns.
+    pub phase_ns: u64,
+    /// True if releases never leave that grid.
+    pub fixed: bool,
+}
+
+impl Reservation {
+    /// Share of a core, 1 for all of it.
+    pub fn share(&self) -> f64 {
+        self.runtime_ns as f64 / self.period_ns as f64
+    }
+}
+
+/// The place of a component in a static plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// Index of its task.
+    pub task: usize,
+    /// Index of its stage.
+    pub stage: usize,
+}
+
+/// Components that trigger one another on one core at one priority.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Task {
+    /// The core.
+    pub core: usize,
+    /// `SCHED_FIFO` priority of its head; what it triggers may rise above it.
+    pub priority: u8,
+    /// Time between two releases of the time-triggered component at the head of the whole chain, ns.
+    pub period_ns: u64,
+    /// The release of its first stage.
+    pub release: Release,
+    /// Its stages, one after the other.
+    pub stages: Vec<Stage>,
+}
+
+/// The release of a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Release {
+    /// The clock, at `start + phase + n * period`.
+    Timer {
+        /// Offset of the first release, ns.
+        phase_ns: u64,
+        /// Earliest start of spinning before a release, ns.
+        spin_ns: u64,
+        /// True if it may begin later, as the wake errors of the machine allow.
+        tuned: bool,
+        /// True if releases never leave that grid; the overrun policy `rephase` moves it.
+        fixed: bool,
+    },
+    /// A publication of another component.
+    Trigger {
+        /// Index of that component in the plan.
+        by: usize,
+        /// Longest time from the publication until the core of another component knows of it, ns.
+        delay_ns: u64,
+    },
+}
+
+/// Components that are triggered together; they run one after the other.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Stage {
+    /// Their steps.
+    pub steps: Vec<Step>,
+}
+
+/// One step of one component, as it weighs on its core.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Step {
+    /// Index of the component in the plan.
+    pub component: usize,
+    /// Execution time allowed, ns.
+    pub budget_ns: Option<u64>,
+    /// Overhead of the runtime and the machine, ns.
+    pub overhead_ns: u64,
+    /// Part of the overhead after the step has published, ns.
+    pub after_ns: u64,
+}
+
+impl Step {
+    /// Time of the core that it takes, ns: budget and overhead; the overhead alone without a budget.
+    pub fn cost_ns(&self) -> u64 {
+        self.budget_ns.unwrap_or(0) + self.overhead_ns
+    }
+}
+
+impl Stage {
+    /// Time of the core that its steps take, ns.
+    pub fn cost_ns(&self) -> u64 {
+        self.steps.iter().map(Step::cost_ns).sum()
+    }
+}
+
+impl Task {
+    /// Spin time of its head before every release, ns.
+    pub fn spin_ns(&self) -> u64 {
+        match self.release {
+            Release::Timer { spin_ns, .. } => spin_ns,
+            Release::Trigger { .. } => 0,
+        }
+    }
+
+    /// Time of the core that one release takes, ns: spinning and all stages.
+    pub fn cost_ns(&self) -> u64 {
+        self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
+    }
+
+    /// All its steps.
+    pub fn steps(&self) -> impl Iterator<Item = &Step> {
+        self.stages.iter().flat_map(|stage| &stage.steps)
+    }
+
+    /// Index in the plan of the component at its head.
+    pub fn head(&self) -> usize {
+        self.stages[0].steps[0].component
+    }
+}
+
+impl StaticPlan {
+    /// The tasks of a plan.
+    pub fn of(plan: &Plan, overheads: &Overheads) -> Self {
+        let mut cores = plan.scheduling.shared_cores.clone();
+        cores.extend(plan.components.iter().filter_map(|component| component.core));
+        cores.sort_unstable();
+        cores.dedup();
+        let mut made = Self {
+            tasks: Vec::new(),
+            places: vec![None; plan.components.len()],
+            reservations: plan
+                .components
+                .iter()
+                .enumerate()
+                .filter_map(|c| reservation(c, overheads))
+                .collect(),
+            available_cores: cores.len().max(1),
+        };
+        // writers come before those they trigger, so that a task is there when its members are placed
+        let mut order: Vec<usize> = (0..plan.components.len()).collect();
+        order.sort_by_key(|component| plan.components[*component].order);
+        for index in order {
+            made.place(plan, index, overheads);
+        }
+        made.join_open_stages(plan);
+        made
+    }
+
+    /// Makes one stage of all that runs in an order that is not known.
+    fn join_open_stages(&mut self, plan: &Plan) {
+        for (index, task) in self.tasks.iter_mut().enumerate() {
+            let rises = task.steps().any(|step| plan.components[step.component].rise > 0);
+            let Some(open) = task.stages.iter().position(|stage| stage.steps.len() > 1).filter(|_| rises)
+            else {
+                continue;
+            };
+            let rest = task.stages.split_off(open + 1);
+            task.stages[open].steps.extend(rest.into_iter().flat_map(|stage| stage.steps));
+            for place in self.places.iter_mut().flatten().filter(|place| place.task == index) {
+                place.stage = place.stage.min(open);
+            }
+        }
+    }
+
+    fn place(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
+        let component = &plan.components[index];
+        let (Some(own), Some(core)) = (priority(component), core(plan, component)) else { return };
+        let priority = own - component.rise.min(own);
+        let spin_ns = component.spin.at_most_ns();
+        let mut step = step(index, component, overheads);
+        let release = match component.activation {
+            Activation::Periodic { period_ns, phase_ns } => Release::Timer {
+                phase_ns,
+                // who spins all the time takes all the time
+                spin_ns: spin_ns.min(period_ns),
+                tuned: matches!(component.spin, Spin::Tuned { .. }),
+                fixed: component.on_overrun != OnOverrun::Rephase,
+            },
+            Activation::Triggered { topic, .. } => {
+                let by = plan.topics[topic].writer;
+                let writer = &plan.components[by];
+                // who runs on any core may have run on this one
+                if has_deadline(writer) {
+                    step.overhead_ns += overheads.hop_same_core_ns;
+                }
+                if self::core(plan, writer) == Some(core) {
+                    step.overhead_ns += overheads.hop_same_core_ns;
+                    let place = self.places[by].filter(|place| {
+                        let task = &self.tasks[place.task];
+                        (task.core, task.priority) == (core, priority)
+                    });
+                    if let Some(Place { task, stage }) = place {
+                        let stages = &mut self.tasks[task].stages;
+                        stages.resize_with(stages.len().max(stage + 2), Stage::default);
+                        stages[stage + 1].steps.push(step);
+                        self.places[index] = Some(Place { task, stage: stage + 1 });
+                        return;
+                    }
+                    Release::Trigger { by, delay_ns: 0 }
+                } else {
+                    step.overhead_ns += overheads.look_ns;
+                    step.after_ns += overheads.look_ns;
+                    Release::Trigger { by, delay_ns: overheads.hop_cross_core_ns }
+                }
+            }
+        };
+        self.places[index] = Some(Place { task: self.tasks.len(), stage: 0 });
+        self.tasks.push(Task {
+            core,
+            priority,
+            period_ns: component.period_ns(),
+            release,
+            stages: vec![Stage { steps: vec![step] }],
+        });
+    }
+
+    /// The reservation of a component, and its index.
+    pub fn reservation(&self, component: usize) -> Option<(usize, &Reservation)> {
+        self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
+    }
+
+    /// Whether a component is part of the analysis.
+    pub fn knows(&self, component: usize) -> bool {
+        self.places[component].is_some() || self.reservation(component).is_some()
+    }
+
+    /// The cores on which there are tasks, ascending.
+    pub fn cores(&self) -> Vec<usize> {
+        let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
+        cores.sort_unstable();
+        cores.dedup();
+        cores
+    }
+
+    /// Indices of the tasks on a core.
+    pub fn on_core(&self, core: usize) -> Vec<usize> {
+        (0..self.tasks.len()).filter(|task| self.tasks[*task].core == core).collect()
+    }
+}
+
+/// The kernel's reservation for a component that is scheduled by its deadline.
+fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Option<Reservation> {
+    let (index, component) = component;
+    let SchedulingClass::Deadline { runtime_ns, period_ns } = component.class else { return None };
+    let phase_ns = match component.activation {
+        Activation::Periodic { phase_ns, .. } => phase_ns,
+        // refused when the graph is read
+        Activation::Triggered { .. } => return None,
+    };
+    let step = step(index, component, overheads);
+    let fixed = component.on_overrun != OnOverrun::Rephase;
+    Some(Reservation { step, runtime_ns, period_ns, phase_ns, fixed })
+}
+
+/// A step of a component, with the overhead common to all triggers.
+fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step {
+    let timer_ns = match component.activation {
+        Activation::Periodic { .. } => overheads.timer_ns,
+        Activation::Triggered { .. } => 0,
+    };
+    let added_ns = overheads.worker_ns + timer_ns;
+    Step { component: index, budget_ns: component.budget_ns, overhead_ns: added_ns, after_ns: added_ns }
+}
+
+/// Whether the kernel schedules a component by its deadline, on any core.
+pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
+    matches!(component.class, SchedulingClass::Deadline { .. })
+}
+
+/// Priority of a component that is scheduled as `SCHED_FIFO`.
+pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
+    match component.class {
+        SchedulingClass::Fifo(priority) => Some(priority),
+        _ => None,
+    }
+}
+
+/// The one core that a component may run on, if it is one.
+pub(in crate::schedule) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
+    if has_deadline(component) {
+        return None;
+    }
+    match (component.core, plan.scheduling.shared_cores.as_slice()) {
+        (Some(core), _) => Some(core),
+        (None, [only]) => Some(*only),
+        (None, _) => None,
+    }
+}

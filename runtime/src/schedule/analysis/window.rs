@@ -1,0 +1,311 @@
+//! Response times on one core under fixed priorities.
+//!
+//! The response time of a job is found from the *busy window* it falls into: a time in which the core is never without
+//! work of its priority or above. Whatever finishes in the window was released in it, so that
+//!
+//! ```text
+//! finish = own work + sum over others of the same or higher priority of (releases before finish) * cost
+//! ```
+//!
+//! whose smallest solution is found by iteration (M. Joseph, P. Pandya, *Finding response times in a real-time system*,
+//! 1986). A job may be the first of its task in the window or a later one, for response times beyond the period
+//! (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings
+//! 1993).
+//!
+//! Equals wait in one queue, first come first served, and do not interrupt each other. With phases that are not known
+//! they count like the more urgent, which is right for any order in that queue, and costs nothing: as long as all of
+//! one priority finish within their periods, at most one job of each runs before a job that waits with it. With known
+//! phases only those count that joined the queue no later.
+//!
+//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due
+//! before.
+
+/// A task on a core, as this analysis sees it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::schedule) struct Demand {
+    /// Higher is more urgent.
+    pub priority: u8,
+    /// Time between two releases.
+    pub period: i64,
+    /// Offset of the releases, ns: due at `offset + n * period` on a clock that all tasks share; at any time if `None`.
+    pub offset: Option<i64>,
+    /// Release jitter, ns: the longest time from the due time to the release; `None` if unbounded.
+    pub jitter: Option<i64>,
+    /// Longest time from the due time until it joins the queue of its priority, ns: not less than the jitter.
+    pub queue: i64,
+    /// Whether it goes to the end of that queue once more as it first gets the core: what waits for the clock lets
+    /// those have their turn that it has woken. Among those who all do so that changes nothing.
+    pub yields: bool,
+    /// Cost of each stage.
+    pub stages: Vec<i64>,
+    /// Whether every job is known to finish before the next one is due, so that each goes to the end of the queue.
+    pub orderly: bool,
+}
+
+/// Bounds of one stage of a task.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::schedule) struct Bound {
+    /// From the time a release is due to the end of the stage.
+    pub finish: Sum,
+    /// From the actual release to the end of the stage.
+    pub response: Sum,
+}
+
+/// The terms of a bound: the stages of the job up to its own, other jobs, less the time that ran before.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(in crate::schedule) struct Sum {
+    /// The bound.
+    pub total: i64,
+    /// By task of the core: jobs that run in the window before the stage ends, besides the job itself.
+    pub jobs: Vec<i64>,
+    /// Time from the opening of the window to the beginning of the measurement; negative if that came first.
+    pub elapsed: i64,
+}
+
+/// More jobs than this in one window are not followed.
+const MOST: usize = 100_000;
+
+/// The start of the window.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::schedule) enum Opening {
+    /// At time 0, with every other task released as late as it can be, so that the next release follows soonest.
+    Worst,
+    /// At this time, with releases as their offsets say.
+    At(i64),
+}
+
+impl Opening {
+    fn time(self) -> i64 {
+        match self {
+            Self::Worst => 0,
+            Self::At(time) => time,
+        }
+    }
+}
+
+pub(in crate::schedule) fn floor_div(a: i64, b: i64) -> i64 {
+    a.div_euclid(b)
+}
+
+pub(in crate::schedule) fn ceil_div(a: i64, b: i64) -> i64 {
+    -((-a).div_euclid(b))
+}
+
+impl Demand {
+    /// Cost of one job.
+    pub(in crate::schedule) fn cost(&self) -> i64 {
+        self.stages.iter().sum()
+    }
+
+    fn late(&self) -> i64 {
+        self.jitter.unwrap_or(0)
+    }
+
+    /// Releases in the window before `until`.
+    fn releases(&self, opening: Opening, until: i64) -> i64 {
+        let first = match (opening, self.offset) {
+            _ if until <= opening.time() => return 0,
+            (Opening::At(time), Some(offset)) => {
+                offset + ceil_div(time - self.late() - offset, self.period) * self.period
+            }
+            _ => opening.time() - self.late(),
+        };
+        ceil_div(until - first, self.period).max(0)
+    }
+}
+
+/// A task, and those of its core that can hold it up: of its own priority or above.
+#[derive(Debug)]
+pub(in crate::schedule) struct Level<'a> {
+    tasks: &'a [Demand],
+    index: usize,
+    others: Vec<usize>,
+}
+
+impl<'a> Level<'a> {
+    /// The jobs that can hold up a task; `None` if there is no bound.
+    pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
+        let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
+        let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
+        let utilisation: f64 = level.all().map(|task| task.cost() as f64 / task.period as f64).sum();
+        let bounded = level.all().all(|task| task.jitter.is_some());
+        (bounded && utilisation <= 1.0 + 1e-12).then_some(level)
+    }
+
+    pub(in crate::schedule) fn own(&self) -> &'a Demand {
+        &self.tasks[self.index]
+    }
+
+    /// The task and all that can hold it up.
+    pub(in crate::schedule) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
+        self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
+    }
+
+    /// Length of the longest busy window.
+    pub(in crate::schedule) fn longest(&self) -> Option<i64> {
+        let length = settle(1, |until| {
+            self.all().map(|task| task.releases(Opening::Worst, until) * task.cost()).sum()
+        })?;
+        let shortest = self.all().map(|task| task.period).min()?;
+        (length / shortest < MOST as i64).then_some(length)
+    }
+
+    /// Jobs of all tasks of the core: of those that can hold up the own one as `count` says, of others none.
+    fn jobs(&self, own: i64, count: impl Fn(&Demand) -> i64) -> Vec<i64> {
+        let mut jobs = vec![0; self.tasks.len()];
+        for other in &self.others {
+            jobs[*other] = count(&self.tasks[*other]);
+        }
+        jobs[self.index] = own;
+        jobs
+    }
+
+    fn work(&self, count: impl Fn(&Demand) -> i64) -> i64 {
+        self.others.iter().map(|other| &self.tasks[*other]).map(|other| count(other) * other.cost()).sum()
+    }
+
+    /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task run first.
+    /// By stage: the time, and the jobs that ran before it, by task.
+    pub(in crate::schedule) fn run(
+        &self,
+        opening: Opening,
+        due: i64,
+        before: i64,
+    ) -> Option<Vec<(i64, Vec<i64>)>> {
+        let own = self.own();
+        let start = opening.time();
+        let mut joins = due + own.queue;
+        let mut turn = joins;
+        if own.yields && matches!(opening, Opening::At(_)) {
+            // it may have come late to a core that nobody else wanted before
+            let there = joins.max(start);
+            turn = settle(there + 1, |until| {
+                there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.cost()
+            })?;
+        }
+        let mut work = 0;
+        let mut ends = Vec::with_capacity(own.stages.len());
+        for (stage, cost) in own.stages.iter().enumerate() {
+            work += cost;
+            // the first stages of later jobs may run between the stages of this one, if it is not through before them
+            let later = |until: i64| match stage {
+                0 => 0,
+                _ => (ceil_div(until - due, own.period) - 1).max(0),
+            };
+            let count = |other: &Demand, until: i64| {
+                let joins = if other.yields { joins } else { turn };
+                self.ahead(opening, other, until, joins)
+            };
+            let end = settle(start + 1, |until| {
+                let others = self.work(|other| count(other, until));
+                start + work + others + (before + later(until)) * own.cost()
+            })?;
+            let until = end.max(start + 1);
+            ends.push((end, self.jobs(before + later(end), |other| count(other, until))));
+            joins = joins.max(end);
+            turn = joins;
+        }
+        Some(ends)
+    }
+
+    /// Releases of another task before `until` that come before a job which joins the queue at `joins`.
+    fn ahead(&self, opening: Opening, other: &Demand, until: i64, joins: i64) -> i64 {
+        let waits = other.priority == self.own().priority && other.orderly;
+        match opening {
+            Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
+            _ => other.releases(opening, until),
+        }
+    }
+}
+
+/// The smallest fixed point of a function that never falls, not below `from`; where the function is below `from`
+/// itself, its value there.
+fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
+    let mut time = from;
+    for _ in 0..MOST {
+        let next = function(time);
+        if next <= time {
+            return Some(next);
+        }
+        time = next;
+    }
+    None
+}
+
+/// Keeps the worst of each stage, with what was found for a job that is due at `due`.
+pub(in crate::schedule) fn keep_worst(
+    bounds: &mut [Option<Bound>],
+    opening: Opening,
+    due: i64,
+    ends: Vec<(i64, Vec<i64>)>,
+) {
+    let sum = |end: i64, jobs: &Vec<i64>, from: i64| Sum {
+        total: end - from,
+        jobs: jobs.clone(),
+        elapsed: from - opening.time(),
+    };
+    for (bound, (end, jobs)) in bounds.iter_mut().zip(ends) {
+        let finish = sum(end, &jobs, due);
+        let response = sum(end, &jobs, due.max(opening.time()));
+        let Some(bound) = bound else {
+            *bound = Some(Bound { finish, response });
+            continue;
+        };
+        if finish.total > bound.finish.total {
+            bound.finish = finish;
+        }
+        if response.total > bound.response.total {
+            bound.response = response;
+        }
+    }
+}
+
+/// Bounds of all stages of a task, whatever the offsets of the tasks are. `None` if there is no bound.
+pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
+    let level = Level::of(tasks, index)?;
+    let own = level.own();
+    let longest = level.longest()?;
+    let mut bounds = vec![None; own.stages.len()];
+    // every job of the task that may be released in the window
+    for before in 0.. {
+        let due = before * own.period - own.late();
+        if due >= longest {
+            break;
+        }
+        let ends = level.run(Opening::Worst, due, before)?;
+        keep_worst(&mut bounds, Opening::Worst, due, ends);
+    }
+    bounds.into_iter().collect()
+}
+
+/// Bound of the time from the end of the first stage of a job to the end of each of its stages, for a task that is
+/// through before it is due again.
+///
+/// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the
+/// queue after the job did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so
+/// much before that end as it takes to do that much of the stage.
+pub(in crate::schedule) fn after_first_stage(
+    tasks: &[Demand],
+    index: usize,
+    queued: i64,
+    rest: i64,
+) -> Option<Vec<Sum>> {
+    let level = Level::of(tasks, index)?;
+    let own = level.own();
+    let mut bounds = Vec::with_capacity(own.stages.len());
+    let mut work = rest;
+    for cost in core::iter::once(&0).chain(own.stages.iter().skip(1)) {
+        work += cost;
+        if work == 0 {
+            bounds.push(Sum { total: 0, jobs: vec![0; tasks.len()], elapsed: 0 });
+            continue;
+        }
+        let count = |other: &Demand, until: i64| {
+            let since = if other.priority > own.priority { 0 } else { queued };
+            other.releases(Opening::Worst, since + until)
+        };
+        let end = settle(1, |until| work + level.work(|other| count(other, until)))?;
+        bounds.push(Sum { total: end, jobs: level.jobs(0, |other| count(other, end.max(1))), elapsed: 0 });
+    }
+    Some(bounds)
+}

@@ -1,0 +1,8 @@
+//! The text of an admission: sums of times, problems, advice. It adds no number of its own.
+
+pub(in crate::schedule) mod latency;
+pub(in crate::schedule) mod load;
+pub(in crate::schedule) mod problems;
+pub(in crate::schedule) mod task;
+mod terms;
+pub(in crate::schedule) mod words;

@@ -1,0 +1,172 @@
+//! The problems of an admission, as text with advice.
+
+use super::words;
+use crate::schedule::admission::{Admission, Problem, TaskBound, Verdict};
+use crate::schedule::analysis::Analysis;
+use crate::schedule::analysis::load::{Burst, longest_burst};
+use crate::severity::Severity;
+
+/// Finds all problems of an admission, refusals first.
+pub(in crate::schedule) fn find(analysis: &Analysis<'_>, admission: &mut Admission) {
+    let mut problems = overload(admission);
+    problems.extend(reserved_too_much(admission));
+    bursts(analysis, admission, &mut problems);
+    late(admission, &mut problems);
+    latencies(admission, &mut problems);
+    not_known(analysis, &mut problems);
+    unprovable_latencies(admission, &mut problems);
+    problems.sort_by_key(|problem| problem.severity == Severity::Warning);
+    admission.problems = problems;
+}
+
+fn error(message: String, arithmetic: Option<String>, advice: &str) -> Problem {
+    Problem { severity: Severity::Error, message, arithmetic, advice: advice.to_string() }
+}
+
+fn overload(admission: &Admission) -> Vec<Problem> {
+    let overloaded = admission.cores.iter().filter(|core| core.verdict == Verdict::Exceeds);
+    overloaded
+        .map(|core| {
+            let message = if core.share > 1.0 {
+                format!("core {} is asked for more time than it has", core.core)
+            } else {
+                format!(
+                    "core {} is asked for more time than the kernel lets real-time components have",
+                    core.core
+                )
+            };
+            error(
+                message,
+                Some(format!("core {}: {}", core.core, core.arithmetic)),
+                "lower rates or budgets, spin for less time, or move components to another core",
+            )
+        })
+        .collect()
+}
+
+/// More deadlines than the kernel takes.
+fn reserved_too_much(admission: &Admission) -> Option<Problem> {
+    let load = admission.deadlines.as_ref().filter(|load| load.verdict == Verdict::Exceeds)?;
+    Some(error(
+        "the kernel does not take so many components by their deadlines".to_string(),
+        Some(format!("all cores: {}", load.arithmetic)),
+        "lower rates or budgets, or schedule some of them as `fifo`",
+    ))
+}
+
+/// Cores whose mean load is allowed, but not what may come in one throttling period.
+fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec<Problem>) {
+    for core in admission.cores.iter_mut().filter(|core| core.verdict != Verdict::Exceeds) {
+        let limit = &admission.rt_limit;
+        let burst = longest_burst(analysis.tasks, analysis.responses, core.core, limit);
+        let (Some(Burst { total_ns, terms }), Some(runtime_ns)) = (burst, limit.runtime_ns) else { continue };
+        if total_ns <= runtime_ns {
+            continue;
+        }
+        core.verdict = Verdict::Exceeds;
+        let terms: Vec<String> = terms
+            .iter()
+            .enumerate()
+            .map(|(index, (members, work))| {
+                let sign = if index > 0 { "+ " } else { "" };
+                format!("{sign}{} ({})", words::time(*work), words::names(analysis.plan, members))
+            })
+            .collect();
+        let period = words::time(limit.period_ns);
+        problems.push(error(
+            format!("the kernel may stop the real-time components of core {} (throttling)", core.core),
+            Some(format!(
+                "core {}, in one period of {period}: {}",
+                core.core,
+                words::comparison(&terms, words::time(total_ns), false, &words::time(runtime_ns))
+            )),
+            "lower rates or budgets, split long steps, or set kernel.sched_rt_runtime_us to -1",
+        ));
+    }
+}
+
+fn late(admission: &Admission, problems: &mut Vec<Problem>) {
+    // what has no end on a core that is asked for too much follows from that
+    let follows = |task: &TaskBound| {
+        task.response_ns.is_none()
+            && admission.cores.iter().any(|core| Some(core.core) == task.core && core.share > 1.0)
+    };
+    let mut reported: Vec<&str> = Vec::new();
+    for task in admission.tasks.iter().filter(|task| task.verdict == Verdict::Exceeds && !follows(task)) {
+        // of the members of one chain, the first that is late is enough
+        if reported.contains(&task.released_with.as_str()) {
+            continue;
+        }
+        reported.push(&task.released_with);
+        let since = if task.released_with == task.component {
+            String::new()
+        } else {
+            format!(", which is released with `{}`,", task.released_with)
+        };
+        problems.push(error(
+            format!("component `{}`{since} may not be through when its next release comes", task.component),
+            Some(format!("{}: {}", task.component, task.arithmetic)),
+            "lower rates or budgets, raise its priority, shift it by a phase, or move it to another core",
+        ));
+    }
+}
+
+fn latencies(admission: &Admission, problems: &mut Vec<Problem>) {
+    let unbounded_follows = !problems.is_empty();
+    for latency in admission.latencies.iter().filter(|latency| latency.verdict == Verdict::Exceeds) {
+        if latency.bound_ns.is_none() && unbounded_follows {
+            continue;
+        }
+        problems.push(error(
+            format!(
+                "data may take longer from `{}` to `{}` than its latency budget",
+                latency.from, latency.to
+            ),
+            Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
+            "allow more time, lower budgets on its way, or let its components trigger one another",
+        ));
+    }
+}
+
+fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
+    let (plan, unknown) = (analysis.plan, analysis.unknown);
+    let mut warn = |components: &[usize], one: &str, several: &str, advice: &str| {
+        let words = match components {
+            [] => return,
+            [_] => format!("component {} {one}", words::names(plan, components)),
+            _ => format!("components {} {several}", words::names(plan, components)),
+        };
+        problems.push(Problem {
+            severity: Severity::Warning,
+            message: format!("{words}: what rests on that cannot be proved"),
+            arithmetic: None,
+            advice: advice.to_string(),
+        });
+    };
+    warn(
+        &unknown.without_budget,
+        "has no budget",
+        "have no budget",
+        "add `budget = \"100 us\"`, or what a step takes at most",
+    );
+    warn(
+        &unknown.released_by_others,
+        "is triggered by one that is not real-time",
+        "are triggered by ones that are not real-time",
+        "schedule both in the same way",
+    );
+    warn(&unknown.without_core, "may run on several cores", "may run on several cores", "add `core = 1`");
+}
+
+fn unprovable_latencies(admission: &Admission, problems: &mut Vec<Problem>) {
+    for latency in &admission.latencies {
+        if latency.verdict == Verdict::NotProvable && latency.bound_ns.is_none() {
+            problems.push(Problem {
+                severity: Severity::Warning,
+                message: format!("the latency from `{}` to `{}` cannot be proved", latency.from, latency.to),
+                arithmetic: Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
+                advice: "schedule all components on its way as `fifo`, each on one core".to_string(),
+            });
+        }
+    }
+}
