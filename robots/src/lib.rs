@@ -49,6 +49,7 @@ mod load;
 mod mjcf;
 mod model;
 mod nearest;
+mod per_joint;
 mod postures;
 mod profile;
 mod source;
@@ -75,6 +76,7 @@ pub use model::{
     AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
     JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,
 };
+pub use per_joint::{PerJoint, PerJointError};
 pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,

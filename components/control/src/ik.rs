@@ -26,7 +26,7 @@ impl Default for IkSettings {
     }
 }
 
-/// Why a tick has no velocity. The safe answer is to stand still.
+/// A tick without a joint velocity. The safe answer is to stand still.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The state, a target or a setting is not a number, or the limits cross.
@@ -37,7 +37,8 @@ pub enum IkError {
     Solve(#[from] SolveError),
 }
 
-/// Finds the joint velocity `v` \[rad/s or m/s\] that serves a weighted sum of tasks best within all limits.
+/// A differential inverse kinematics: the joint velocity `v` \[rad/s or m/s\] that minimises a weighted sum of task
+/// costs within all limits.
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
@@ -107,9 +108,9 @@ impl<S: QpSolver> DifferentialIk<S> {
         task.add_to(&mut self.problem);
     }
 
-    /// Narrows the bounds by `limit` for a tick of `dt` seconds.
+    /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
     pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
-        limit.tighten(state, dt, &mut self.problem);
+        limit.intersect(state, dt, &mut self.problem);
     }
 
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.

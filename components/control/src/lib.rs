@@ -7,15 +7,15 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] say what should happen: a frame reaches a pose, the joints keep a posture.
-//! - [`limits`] say what must never happen: joint position and velocity limits.
+//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, the joints keep a posture.
+//! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
-//! - [`CommandComposer`] adds gravity compensation and gains: the command a joint drive takes.
+//! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
-//! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`, puts
-//! it behind topics.
+//! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`,
+//! puts it behind topics.
 //!
 //! # Example
 //!
@@ -30,46 +30,46 @@
 //! let panda = load("panda", std::path::Path::new("."))?;
 //! let model = &panda.model;
 //! let home = panda.profile.as_ref().expect("a catalogue robot has a profile").home(model)?;
-//! let hand = model.frame("panda_hand_tcp")?;
+//! let tool = model.frame("panda_hand_tcp")?;
 //!
 //! let mut kinematics = Kinematics::new(model);
-//! let mut reach = CartesianTask::new(model, hand);
+//! let mut cartesian = CartesianTask::new(model, tool);
 //! let mut posture = PostureTask::new(model, home.as_slice());
 //! let (position, velocity) = (PositionLimit::default(), VelocityLimit::default());
 //! let mut ik = DifferentialIk::new(model);
 //! let mut setpoint = JointSetpoint::new(model, home.as_slice());
 //!
 //! kinematics.update(model, home.as_slice());
-//! let mut target = kinematics.pose(model, hand);
+//! let mut target = kinematics.pose(model, tool);
 //! target.translation.x += 0.1;
-//! reach.set_target(target);
+//! cartesian.set_target(target);
 //!
 //! let dt = 0.001;
 //! for _ in 0..3000 {
 //!     kinematics.update(model, setpoint.position());
 //!     let state = RobotState { model, kinematics: &kinematics, q: setpoint.position() };
-//!     ik.assemble(&state, &mut [&mut reach, &mut posture], &[&position, &velocity], dt);
+//!     ik.assemble(&state, &mut [&mut cartesian, &mut posture], &[&position, &velocity], dt);
 //!     setpoint.integrate(ik.solve()?, dt);
 //! }
-//! assert!(reach.position_error() < 1e-6);
+//! assert!(cartesian.position_error() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod command;
 mod component;
+mod feed_forward;
+mod gains;
+mod goals;
 mod ik;
 pub mod limits;
-pub mod se3;
 mod setpoint;
 pub mod solver;
 mod state;
 pub mod tasks;
 
-pub use command::{CommandComposer, ComposeError, JointCommand};
-pub use component::{
-    CartesianConfig, Feedback, LimitsConfig, PerJoint, PositionLimitConfig, PostureConfig, QpController,
-    QpControllerConfig, TaskConfig, VelocityLimitConfig,
-};
+pub use component::*;
+pub use feed_forward::FeedForward;
+pub use gains::{GainsError, check_gains};
+pub use goals::{GoalError, GoalRecord, GoalSummary};
 pub use ik::{DifferentialIk, IkError, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use state::RobotState;

@@ -1,4 +1,4 @@
-//! From joint velocities to a position setpoint within the limits.
+//! The joint setpoint: the integral of the joint velocity, within the position limits.
 
 use motorium_robots::Model;
 use nalgebra::DVector;
@@ -63,17 +63,17 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Pulls the position to within `lead` \[rad or m\] of the measured `q`, so that it cannot run away from a joint
-    /// that is blocked; the velocity of such a joint becomes zero.
+    /// Limits the tracking error: the position comes to within `max_error` \[rad or m\] of the measured `q`, so that it
+    /// cannot run away from a joint that is blocked. The velocity of such a joint becomes zero.
     ///
     /// # Panics
     /// If `q` has not one entry per independent joint.
-    pub fn limit_lead(&mut self, q: &[f64], lead: f64) {
+    pub fn limit_tracking_error(&mut self, q: &[f64], max_error: f64) {
         assert_eq!(q.len(), self.position.len(), "length of q");
         for (joint, q) in q.iter().enumerate() {
             let position = self.position[joint];
-            let near = position.max(q - lead).min(q + lead);
-            // only a velocity that leads farther away is to blame
+            let near = position.max(q - max_error).min(q + max_error);
+            // a velocity towards the joint may go on
             if (position - near) * self.velocity[joint] > 0.0 {
                 self.velocity[joint] = 0.0;
             }

@@ -1,4 +1,4 @@
-//! Interfaces between motorium graphs and people.
+//! Interfaces between motorium graphs and people: `log.console`.
 
 mod console;
 

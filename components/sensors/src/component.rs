@@ -1,51 +1,16 @@
-//! `sensor.joint_encoder`: what a robot's joint sensors make of the true joint state.
+//! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
-use motorium::state::JointState;
-use motorium::transport::{Input, Output};
-use motorium::units::{TimeSpan, UnitError};
-use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer};
+use motorium::prelude::*;
 
-use crate::encoder::{EncoderModel, EncoderSettings, PerJoint, SettingsError, VelocitySource};
+use crate::encoder::{EncoderModel, EncoderSettings};
 
-/// Configuration of `sensor.joint_encoder`; the default is an ideal sensor. Units are those of the joint: rad or, where
-/// it slides, m. Each number may be a list with one entry for each joint of the robot.
+/// A component that publishes the readings of the joint sensors of a robot.
 ///
-/// ```toml
-/// resolution     = 1e-5
-/// position_noise = 2e-5
-/// velocity       = { kind = "differentiated", cutoff_hz = 100.0 }
-/// latency        = "500 us"
-/// ```
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct JointEncoderConfig {
-    /// Step of the position reading, rad (or m); 0 for a continuous one. A count of `n` bits is `2 pi / 2^n`.
-    pub resolution: PerJoint,
-    /// Standard deviation of the position before it is quantised, rad (or m).
-    pub position_noise: PerJoint,
-    /// Standard deviation of a measured velocity, rad/s (or m/s).
-    pub velocity_noise: PerJoint,
-    /// Standard deviation of the effort, N m (or N).
-    pub effort_noise: PerJoint,
-    /// Where the velocity comes from. Default measured.
-    pub velocity: VelocitySource,
-    /// Time from sampling until the reading is available, such as "500 us". Default none.
-    #[serde(deserialize_with = "time")]
-    #[schemars(with = "TimeSpan")]
-    pub latency: Duration,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-}
-
-/// Publishes what the joint sensors of a robot read.
-///
-/// It samples each joint state once, at the tick at which it first sees it, and publishes each reading once, at the first
-/// tick at which its latency is over. When the joint state stops coming, so do the readings.
+/// It samples each joint state once, at the tick at which it first sees it, and publishes each reading once, at the
+/// first tick at which its latency is over. When the joint state stops coming, so do the readings. A velocity is
+/// differentiated by the run's time of the state, which does not jitter with the time of its publication.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,
@@ -59,21 +24,21 @@ pub struct JointEncoder {
 impl Component for JointEncoder {
     const KIND: &'static str = "sensor.joint_encoder";
     const SUMMARY: &'static str = "joint sensors: resolution, noise, latency";
-    type Config = JointEncoderConfig;
+    type Config = EncoderSettings;
 
-    fn declare(config: &JointEncoderConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(config: &EncoderSettings, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
             ConfigError::new("an encoder has the joints of a robot, and there is none")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        // the period is not known yet: one that allows any latency here
-        build(config, joints(robot)?, 0, config.latency)?;
+        // the period is not known yet: one that allows any latency
+        build(config, joints(robot)?, 0, config.latency.into())?;
         declare.input::<JointState>("joint_state", "true joint state");
-        declare.output::<JointState>("measured", "joint state as it is measured");
+        declare.output::<JointState>("measured", "measured joint state");
         Ok(())
     }
 
-    fn configure(config: JointEncoderConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    fn configure(config: EncoderSettings, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let joints = joints(setup.robot()?)?;
         Ok(Self {
             state: setup.input("joint_state")?,
@@ -91,9 +56,17 @@ impl Component for JointEncoder {
             let name = (stamp.origin, stamp.incarnation, stamp.sequence);
             if name != self.last_state {
                 self.last_state = name;
-                self.model.sample(tick.time_ns, state.position(), state.velocity(), state.effort()).map_err(
-                    |_| StepError::failed("the joint state has another number of joints than the robot"),
-                )?;
+                self.model
+                    .sample_state(
+                        tick.time_ns,
+                        state.time_ns(),
+                        state.position(),
+                        state.velocity(),
+                        state.effort(),
+                    )
+                    .map_err(|_| {
+                        StepError::failed("the joint state has another number of joints than the robot")
+                    })?;
             }
         }
         let Some(reading) = self.model.reading(tick.time_ns) else { return Ok(()) };
@@ -119,13 +92,12 @@ impl Component for JointEncoder {
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     let loaded = motorium_robots::load(&robot.urdf, &robot.base)
         .map_err(|error| ConfigError::new(error.to_string()))?;
-    // What a joint state has: no pose of a floating base, but the rotors that fly it.
+    // a joint state holds no pose of a floating base, but the rotors that fly it
     let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());
     let joints = loaded.model.joint_count() + rotors;
-    if joints > motorium::state::MAX_JOINTS {
-        let most = motorium::state::MAX_JOINTS;
+    if joints > MAX_JOINTS {
         return Err(ConfigError::new(format!(
-            "robot `{}` has {joints} joints, at most {most} fit",
+            "robot `{}` has {joints} joints, at most {MAX_JOINTS} fit",
             robot.name
         )));
     }
@@ -133,34 +105,11 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
 }
 
 fn build(
-    config: &JointEncoderConfig,
+    settings: &EncoderSettings,
     joints: usize,
     seed: u64,
     period: Duration,
 ) -> Result<EncoderModel, ConfigError> {
-    let settings = EncoderSettings {
-        resolution: config.resolution.clone(),
-        position_noise: config.position_noise.clone(),
-        velocity_noise: config.velocity_noise.clone(),
-        effort_noise: config.effort_noise.clone(),
-        velocity: config.velocity,
-        latency_ns: u64::try_from(config.latency.as_nanos()).unwrap_or(u64::MAX),
-        seed: config.seed.unwrap_or(seed),
-    };
-    EncoderModel::new(joints, &settings, period).map_err(|error| {
-        let key = match error {
-            SettingsError::Count { name, .. } | SettingsError::OutOfRange { name, .. } => name,
-            SettingsError::NeedlessVelocityNoise => "velocity_noise",
-            SettingsError::Latency { .. } => "latency",
-        };
-        ConfigError::key(key, error.to_string())
-    })
-}
-
-fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
-    let text = String::deserialize(deserializer)?;
-    let span: TimeSpan = text.parse().map_err(|error: UnitError| {
-        serde::de::Error::custom(format!("the time {}: {}", error.found, error.expected))
-    })?;
-    Ok(Duration::from_nanos(span.ns))
+    EncoderModel::new(joints, settings, seed, period)
+        .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
 }

@@ -35,7 +35,7 @@ impl DelayLine {
         }
     }
 
-    /// How many frames fit.
+    /// Number of frames that fit.
     pub fn capacity(&self) -> usize {
         self.times.len()
     }

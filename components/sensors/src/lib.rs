@@ -1,22 +1,24 @@
 //! Sensor models for motorium: noise, resolution, latency.
 //!
-//! - [`encoder`]: what a robot's joint sensors make of the true joint state.
+//! - [`encoder`]: the joint sensors of a robot.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
-//! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph. Nothing else here knows the runtime.
+//! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph.
 //!
-//! The models are plain libraries: time comes in as nanoseconds, and only construction allocates.
+//! The models are plain libraries: of the runtime they use only its unit of time, and only construction allocates.
 //!
 //! ```
 //! use std::time::Duration;
-//! use motorium_sensors::encoder::{EncoderSettings, EncoderModel, PerJoint};
+//! use motorium::units::TimeSpan;
+//! use motorium_robots::PerJoint;
+//! use motorium_sensors::encoder::{EncoderModel, EncoderSettings};
 //!
 //! let settings = EncoderSettings {
-//!     resolution: PerJoint::Same(1e-3),
-//!     latency_ns: 2_000_000,
+//!     resolution: PerJoint::All(1e-3),
+//!     latency: TimeSpan { ns: 2_000_000 },
 //!     ..EncoderSettings::default()
 //! };
-//! let mut encoder = EncoderModel::new(1, &settings, Duration::from_millis(1))?;
+//! let mut encoder = EncoderModel::new(1, &settings, 0, Duration::from_millis(1))?;
 //! encoder.sample(0, &[0.1234], &[0.5], &[0.0])?;
 //! assert!(encoder.reading(1_999_999).is_none());
 //! let reading = encoder.reading(2_000_000).unwrap();

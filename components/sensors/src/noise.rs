@@ -6,8 +6,8 @@ use rand_pcg::Pcg64;
 
 /// A source of standard normal numbers: the same seed and channel give the same sequence.
 ///
-/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so that switching the noise
-/// of one quantity on or off leaves that of the others alone.
+/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so that switching the
+/// noise of one quantity on or off leaves that of the others alone.
 #[derive(Clone, Debug)]
 pub struct Noise {
     generator: Pcg64,

@@ -1,37 +1,31 @@
-//! `control.qp`: leads frames of a robot to their targets by differential inverse kinematics.
+//! `control.qp`: a controller that moves a robot towards the targets of its tasks by differential inverse kinematics.
 
-mod assembly;
+mod checks;
 mod config;
-mod goals;
-mod reach;
+mod setup;
+mod tasks;
 
-pub use config::{
-    CartesianConfig, Feedback, LimitsConfig, PerJoint, PositionLimitConfig, PostureConfig,
-    QpControllerConfig, TaskConfig, VelocityLimitConfig,
-};
+pub use config::{Feedback, LimitsConfig, QpControllerConfig};
+pub use tasks::*;
 
-use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::{JointCommand, JointState};
+use motorium::prelude::*;
 use motorium::telemetry::set_apart;
-use motorium::transport::{Input, Output, Parameter};
-use motorium_robots::{Kinematics, Model};
+use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
 use crate::{
-    CommandComposer, DifferentialIk, IkSettings, JointSetpoint, RobotState,
+    DifferentialIk, FeedForward, GoalSummary, IkSettings, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
     solver::{ClarabelSettings, ClarabelSolver},
-    tasks::{PostureSettings, PostureTask},
 };
-use assembly::{Assembly, GAINS, WEIGHTS};
-use reach::Reach;
+use setup::ControllerSetup;
 
-/// Turns pose targets into joint commands, once per step; see [`DifferentialIk`].
+/// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
 ///
-/// It begins with the first joint state, from where the robot is; after a crash with the setpoint of before, if the
-/// robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe state by
-/// themselves, and begins anew when one comes. If a tick has no solution the setpoint stands still for that tick.
+/// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
+/// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
+/// state by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that
+/// tick.
 pub struct QpController {
     joint_state: Input<JointState>,
     joint_command: Output<JointCommand>,
@@ -41,13 +35,14 @@ pub struct QpController {
     /// At the measured joint positions.
     measured: Kinematics,
     q: DVector<f64>,
-    reaches: Vec<Reach>,
-    postures: Vec<HeldPosture>,
+    /// Names and tasks, in the order of the configuration.
+    tasks: Vec<(String, Box<dyn HeldTask>)>,
     position: PositionLimit,
     velocity: VelocityLimit,
     ik: DifferentialIk,
     setpoint: JointSetpoint,
-    composer: CommandComposer,
+    gains: Gains,
+    feed_forward: FeedForward,
     feedback: Feedback,
     max_lead: f64,
     state_timeout_ns: u64,
@@ -55,20 +50,13 @@ pub struct QpController {
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
     velocity_fraction: Parameter<f64>,
-    memory: Checkpoint,
+    checkpoint: Checkpoint,
     /// The setpoint before a crash.
     remembered: Option<Vec<f64>>,
     /// Time of the last step that commanded something, ns.
     last_ns: Option<u64>,
     unsolved: u64,
     stale: u64,
-}
-
-struct HeldPosture {
-    task: PostureTask,
-    as_found: bool,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
 }
 
 impl Component for QpController {
@@ -82,25 +70,19 @@ impl Component for QpController {
             ConfigError::new("it controls a robot, and the component names none")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        // the period is not known yet; it changes no more than a default
-        let assembly = Assembly::new(config, robot, 0.0)?;
+        let parts = ControllerSetup::new(config, robot)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
-        for cartesian in &assembly.cartesian {
-            Reach::declare(cartesian, declare);
-        }
         declare.output::<JointCommand>(
             "joint_command",
             "setpoints, feed-forward efforts and gains of all joints",
         );
-        for posture in &assembly.postures {
-            let PostureSettings { gain, weight } = *posture.task.settings();
-            let name = |parameter: &str| format!("{}_{parameter}", posture.name);
-            declare.float(&name("gain"), gain, GAINS, "1/s", "rate at which the posture is approached");
-            declare.float(&name("weight"), weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
+        // no check and no default of a parameter depends on the period
+        for (place, task) in parts.tasks(0.0) {
+            task.declare(&place, declare)?;
         }
-        declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of the stiffness of all joints");
-        declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of the damping of all joints");
-        let fraction = assembly.velocity.fraction;
+        declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
+        declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");
+        let fraction = config.limits.velocity.fraction;
         declare.float(
             "velocity_fraction",
             fraction,
@@ -113,21 +95,13 @@ impl Component for QpController {
 
     fn configure(config: QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let assembly = Assembly::new(&config, &robot, setup.period().as_secs_f64())?;
-        let model = assembly.model;
-        let at_rest = vec![0.0; model.nv()];
-        let reaches = assembly.cartesian.into_iter().map(|cartesian| Reach::new(cartesian, setup));
-        let reaches = reaches.collect::<Result<_, _>>()?;
-        let postures = assembly.postures.into_iter().map(|posture| {
-            Ok(HeldPosture {
-                gain: setup.parameter(&format!("{}_gain", posture.name))?,
-                weight: setup.parameter(&format!("{}_weight", posture.name))?,
-                task: posture.task,
-                as_found: posture.as_found,
-            })
-        });
-        let postures = postures.collect::<Result<_, ConfigureError>>()?;
-        let mut memory = setup.checkpoint(model.nv())?;
+        let parts = ControllerSetup::new(&config, &robot)?;
+        let tasks = parts
+            .tasks(setup.period().as_secs_f64())
+            .map(|(place, task)| Ok((task.name().to_owned(), task.configure(&place, setup)?)))
+            .collect::<Result<_, ConfigureError>>()?;
+        let ControllerSetup { model, gains, feed_forward, .. } = parts;
+        let mut checkpoint = setup.checkpoint(model.nv())?;
         let solver = ClarabelSolver::new(DifferentialIk::structure(&model), ClarabelSettings::default());
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -135,22 +109,22 @@ impl Component for QpController {
             kinematics: Kinematics::new(&model),
             measured: Kinematics::new(&model),
             q: DVector::zeros(model.nv()),
-            reaches,
-            postures,
-            position: assembly.position,
-            velocity: assembly.velocity,
+            tasks,
+            position: config.limits.position,
+            velocity: config.limits.velocity,
             ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }),
-            setpoint: JointSetpoint::new(&model, &at_rest),
-            composer: assembly.composer,
+            setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
+            gains,
+            feed_forward,
             feedback: config.feedback,
             max_lead: config.max_lead,
-            state_timeout_ns: nanoseconds(config.state_timeout),
-            target_timeout_ns: nanoseconds(config.target_timeout),
+            state_timeout_ns: config.state_timeout.ns,
+            target_timeout_ns: config.target_timeout.ns,
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction: setup.parameter("velocity_fraction")?,
-            remembered: memory.resume(),
-            memory,
+            remembered: checkpoint.resume(),
+            checkpoint,
             last_ns: None,
             unsolved: 0,
             stale: 0,
@@ -171,27 +145,29 @@ impl Component for QpController {
         self.last_ns = Some(tick.time_ns);
         self.prepare(dt);
         self.solve(dt);
-        for reach in &mut self.reaches {
-            reach.judge(&self.model, &self.measured, dt);
+        let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
+        for (_, task) in &mut self.tasks {
+            task.record(&measured, dt);
         }
-        self.memory.save(self.setpoint.position().iter().copied());
+        self.checkpoint.save(self.setpoint.position().iter().copied());
         self.publish(dt)
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut worst: Option<goals::PoseError> = None;
-        let mut reached = 0;
+        let mut goals = GoalSummary::default();
         let mut tasks = serde_json::Map::new();
-        for reach in &self.reaches {
-            let (count, error) = reach.goals.summary();
-            reached += count;
-            worst = error.map(|error| worst.map_or(error, |worst| worst.worse(error))).or(worst);
-            tasks.insert(reach.name.clone(), reach.result());
+        for (name, task) in &self.tasks {
+            if let Some(record) = task.goals() {
+                goals = goals.merge(record.summary());
+            }
+            if let Some(result) = task.result() {
+                tasks.insert(name.clone(), result);
+            }
         }
         Some(serde_json::json!({
-            "position_error_m": worst.map(|error| error.position),
-            "orientation_error_rad": worst.map(|error| error.orientation),
-            "goals_reached": reached,
+            "position_error_m": goals.worst.map(|error| error.position),
+            "orientation_error_rad": goals.worst.and_then(|error| error.orientation),
+            "goals_reached": goals.reached,
             "tasks": tasks,
             "steps_without_solution": self.unsolved,
             "steps_without_fresh_state": self.stale,
@@ -200,7 +176,7 @@ impl Component for QpController {
 }
 
 impl QpController {
-    /// Takes over the newest joint state. False if there is none to act upon.
+    /// Takes over the newest joint state. False without a fresh one.
     fn read_state(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
         if state.age_ns() > self.state_timeout_ns {
@@ -218,7 +194,7 @@ impl QpController {
         Ok(true)
     }
 
-    /// Begins where the robot is, or with the setpoint of before a crash.
+    /// Begins at the measured positions, or at the setpoint before a crash.
     fn begin(&mut self) {
         let near = |setpoint: &Vec<f64>| {
             setpoint.iter().zip(&self.q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
@@ -229,25 +205,18 @@ impl QpController {
         if let Some(remembered) = &mut self.remembered {
             remembered.fill(f64::NAN);
         }
-        self.composer.rest();
-        for reach in &mut self.reaches {
-            reach.stay(self.measured.pose(&self.model, reach.task.frame()));
-        }
-        for posture in self.postures.iter_mut().filter(|posture| posture.as_found) {
-            posture.task.set_target(self.q.as_slice());
-            posture.as_found = false;
+        self.feed_forward.reset();
+        let start = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
+        for (_, task) in &mut self.tasks {
+            task.begin(&start);
         }
     }
 
     /// Takes over parameters and targets.
     fn prepare(&mut self, dt: f64) {
-        let max_gain = 0.5 / dt;
-        for reach in &mut self.reaches {
-            reach.prepare(max_gain, self.target_timeout_ns);
-        }
-        for posture in &mut self.postures {
-            let (gain, weight) = (posture.gain.get().min(max_gain), posture.weight.get());
-            posture.task.set_settings(PostureSettings { gain, weight });
+        let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+        for (_, task) in &mut self.tasks {
+            task.prepare(&bounds);
         }
         self.velocity.fraction = self.velocity_fraction.get();
     }
@@ -263,11 +232,8 @@ impl QpController {
         };
         let state = RobotState { model: &self.model, kinematics, q };
         self.ik.begin();
-        for reach in &mut self.reaches {
-            self.ik.add_task(&state, &mut reach.task);
-        }
-        for posture in &mut self.postures {
-            self.ik.add_task(&state, &mut posture.task);
+        for (_, task) in &mut self.tasks {
+            self.ik.add_task(&state, task.task());
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);
@@ -278,32 +244,30 @@ impl QpController {
                 self.setpoint.hold();
             }
         }
-        self.setpoint.limit_lead(self.q.as_slice(), self.max_lead);
+        self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
     }
 
     fn publish(&mut self, dt: f64) -> Result<(), StepError> {
-        self.composer.follow(&self.setpoint, dt);
-        let composed = self.composer.compose(&self.model, self.q.as_slice(), &self.setpoint);
-        let (kp_scale, kd_scale) = (self.kp_scale.get(), self.kd_scale.get());
+        let setpoint = &self.setpoint;
+        self.feed_forward.update(setpoint, dt);
         let mut command = self.joint_command.loan()?;
-        command.set_count(composed.position.len());
-        command.position_mut().copy_from_slice(composed.position.as_slice());
-        command.velocity_mut().copy_from_slice(composed.velocity.as_slice());
-        command.effort_mut().copy_from_slice(composed.effort.as_slice());
-        for (scaled, kp) in command.kp_mut().iter_mut().zip(&composed.kp) {
-            *scaled = kp_scale * kp;
-        }
-        for (scaled, kd) in command.kd_mut().iter_mut().zip(&composed.kd) {
-            *scaled = kd_scale * kd;
-        }
+        command.set_count(self.model.nv());
+        command.position_mut().copy_from_slice(setpoint.position());
+        command.velocity_mut().copy_from_slice(setpoint.velocity());
+        command.effort_mut().copy_from_slice(self.feed_forward.effort(
+            &self.model,
+            self.q.as_slice(),
+            setpoint,
+        ));
+        let scale = |gains: &DVector<f64>, scale: f64, scaled: &mut [f64]| {
+            scaled.iter_mut().zip(gains).for_each(|(scaled, gain)| *scaled = scale * gain);
+        };
+        scale(&self.gains.kp, self.kp_scale.get(), command.kp_mut());
+        scale(&self.gains.kd, self.kd_scale.get(), command.kd_mut());
         command.publish()
     }
 }
 
 fn period_ns(tick: &Tick) -> u64 {
-    nanoseconds(tick.period)
-}
-
-fn nanoseconds(time: std::time::Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+    u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -1,4 +1,4 @@
-//! What must never happen, each as bounds on the joint velocity.
+//! Limits of the commanded motion, each as bounds on the joint velocity.
 
 mod position;
 mod velocity;
@@ -11,6 +11,7 @@ use crate::{RobotState, solver::Problem};
 /// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`, so that any set of limits has a
 /// solution whatever the state.
 pub trait Limit {
-    /// Narrows the bounds of `problem`, whose unknowns are the joint velocities, for a tick of `dt` seconds.
-    fn tighten(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem);
+    /// Intersects the bounds of `problem`, whose unknowns are the joint velocities, with those of this limit for a tick
+    /// of `dt` seconds.
+    fn intersect(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem);
 }

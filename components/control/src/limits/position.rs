@@ -1,5 +1,8 @@
 //! Joints stay within their position limits.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::Limit;
 use crate::{RobotState, solver::Problem};
 
@@ -12,11 +15,12 @@ use crate::{RobotState, solver::Problem};
 /// so that one tick never crosses a limit and the distance to it shrinks at most exponentially. A joint that is
 /// already outside may stay or come back but not go farther (zero is kept feasible, as in OpenSoT). Joints without
 /// limits are left alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct PositionLimit {
-    /// Share of the remaining distance that may be covered per second \[1/s\].
+    /// Share of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
     pub rate: f64,
-    /// Distance kept from the limits of the model \[rad or m\]; at most half the range is taken.
+    /// Distance kept from the limits of the robot, rad or m, at least 0; at most half the range is taken. Default 0.
     pub margin: f64,
 }
 
@@ -27,7 +31,7 @@ impl Default for PositionLimit {
 }
 
 impl Limit for PositionLimit {
-    fn tighten(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem) {
+    fn intersect(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem) {
         let rate = self.rate.min(dt.recip());
         let (lower, upper) = (state.model.lower(), state.model.upper());
         for (joint, q) in state.q.iter().enumerate() {

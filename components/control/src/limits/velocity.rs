@@ -1,5 +1,8 @@
 //! Joints stay within their velocity limits.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::Limit;
 use crate::{RobotState, solver::Problem};
 
@@ -8,9 +11,10 @@ use crate::{RobotState, solver::Problem};
 /// ```text
 /// -fraction v_max <= v <= fraction v_max
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct VelocityLimit {
-    /// Fraction of the model's velocity limit that may be used, in `(0, 1]`.
+    /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
     pub fraction: f64,
 }
 
@@ -21,7 +25,7 @@ impl Default for VelocityLimit {
 }
 
 impl Limit for VelocityLimit {
-    fn tighten(&self, state: &RobotState<'_>, _dt: f64, problem: &mut Problem) {
+    fn intersect(&self, state: &RobotState<'_>, _dt: f64, problem: &mut Problem) {
         for (joint, limit) in state.model.velocity_limit().iter().enumerate() {
             let limit = self.fraction * limit;
             problem.lower[joint] = problem.lower[joint].max(-limit);

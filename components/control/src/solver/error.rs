@@ -1,4 +1,4 @@
-//! Why a quadratic program could not be taken or solved.
+//! Errors of quadratic programs: numbers that cannot be used, problems without a solution.
 
 use std::fmt;
 
@@ -67,7 +67,7 @@ impl fmt::Display for Conflict {
     }
 }
 
-/// Why the numbers of a problem were refused.
+/// Numbers of a problem that no solver can use.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum UpdateError {
     /// A matrix or vector does not have the size the structure asks for.
@@ -119,7 +119,7 @@ pub enum UpdateError {
     },
 }
 
-/// Why a problem has no solution to offer.
+/// A problem for which no solution was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.

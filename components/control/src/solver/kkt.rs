@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::{Problem, Solution};
 
-/// How far a claimed solution is from satisfying the Karush-Kuhn-Tucker conditions, in the problem's own units.
+/// Residuals of the Karush-Kuhn-Tucker conditions at a claimed solution, in the problem's own units.
 ///
 /// For a convex problem a point with all residuals zero is optimal (Boyd and Vandenberghe, *Convex
 /// Optimization*, 5.5.3). Allocates; meant for tests and diagnosis.

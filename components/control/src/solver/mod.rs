@@ -8,7 +8,7 @@
 //! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on which
 //! rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each tick; a
 //! [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
-//! [`KktResidual`] judges any claimed solution without trusting the solver that made it.
+//! [`KktResidual`] checks a claimed solution independently of its solver.
 
 pub mod clarabel;
 mod error;

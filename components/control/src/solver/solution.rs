@@ -1,16 +1,16 @@
-//! What a solver returns.
+//! The solution of a quadratic program.
 
 use nalgebra::DVector;
 
 use super::Structure;
 
-/// How closely the solver's own tolerances were met.
+/// The tolerances that a solution meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
-    /// As asked for.
+    /// Those of the settings.
     #[default]
     Full,
-    /// The looser tolerances only, where rounding allowed no more.
+    /// Only the looser ones, where rounding allowed no more.
     Reduced,
 }
 
@@ -30,7 +30,7 @@ pub struct Solution {
     pub bound_dual: DVector<f64>,
     /// Iterations the solver needed.
     pub iterations: u32,
-    /// How closely the tolerances were met.
+    /// The tolerances that it meets.
     pub accuracy: Accuracy,
 }
 

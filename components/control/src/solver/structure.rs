@@ -1,4 +1,4 @@
-//! What never changes between ticks: dimensions, and where bounds may appear.
+//! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have bounds.
 
 /// One side of a two-sided constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -27,7 +27,7 @@ pub enum Sides {
 }
 
 impl Sides {
-    /// Whether `side` is declared.
+    /// True if `side` is declared.
     pub fn has(self, side: Side) -> bool {
         matches!((self, side), (Self::Both, _) | (Self::Lower, Side::Lower) | (Self::Upper, Side::Upper))
     }

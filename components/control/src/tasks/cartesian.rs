@@ -1,10 +1,10 @@
 //! A frame reaches a pose.
 
-use motorium_robots::{FrameId, Model, Reference, Twist};
+use motorium_robots::{FrameId, Model, Reference, Twist, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
 use super::Task;
-use crate::{RobotState, se3, solver::Problem};
+use crate::{RobotState, solver::Problem};
 
 /// Gains and weights of a [`CartesianTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,11 @@
-//! What the robot should do, each as a least-squares cost on the joint velocity.
+//! Tasks of the robot, each as a least-squares cost on the joint velocity.
 
 mod cartesian;
+mod centre_of_mass;
 mod posture;
 
 pub use cartesian::{CartesianSettings, CartesianTask};
+pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use posture::{PostureSettings, PostureTask};
 
 use crate::{RobotState, solver::Problem};

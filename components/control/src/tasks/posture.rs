@@ -16,7 +16,7 @@ pub struct PostureSettings {
 }
 
 impl Default for PostureSettings {
-    /// Light enough to pull a hand off its target by less than a micrometre.
+    /// Light enough to pull an end effector off its target by less than a micrometre.
     fn default() -> Self {
         Self { gain: 1.0, weight: 1e-3 }
     }

@@ -1,33 +1,34 @@
-//! A line to be printed: numbers now, words later.
+//! One line of output: numbers in the step, text in the thread that prints.
 
 use core::fmt;
 
-use motorium::state::{ImuSample, JointCommand, JointState, MAX_JOINTS, Phase, PoseTarget, Wrench};
+use motorium::prelude::*;
 
-/// Named groups of numbers, without heap memory.
+/// The numbers of one sample, without heap memory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
     time: f64,
     pub(super) port: &'static str,
-    pub(super) values: Values,
+    pub(super) groups: Groups,
 }
 
 impl Line {
     pub(super) fn at(time: f64) -> Self {
-        Self { time, port: "", values: Values { groups: [Group::EMPTY; GROUPS], count: 0 } }
+        Self { time, port: "", groups: Groups { groups: [Group::EMPTY; GROUPS], count: 0 } }
     }
 
-    /// The line as text, with so many digits.
+    /// The line as text, with `digits` after the decimal point.
     pub(super) fn display(&self, digits: usize) -> impl fmt::Display + '_ {
         Display { line: self, digits }
     }
 }
 
+/// Groups that one line holds.
 const GROUPS: usize = 4;
 
-/// The groups of one line.
+/// Named groups of numbers with a unit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Values {
+pub(super) struct Groups {
     groups: [Group; GROUPS],
     count: usize,
 }
@@ -44,7 +45,7 @@ impl Group {
     const EMPTY: Self = Self { name: "", unit: "", numbers: [0.0; MAX_JOINTS], count: 0 };
 }
 
-impl Values {
+impl Groups {
     pub(super) fn clear(&mut self) {
         self.count = 0;
     }
@@ -58,57 +59,66 @@ impl Values {
     }
 }
 
-/// A type that can be put into words.
-pub(super) trait Words {
-    /// Adds what is worth reading of it.
-    fn words(&self, values: &mut Values);
+/// A state buffer that can be printed.
+pub(super) trait Print {
+    /// Adds its numbers, at most [`GROUPS`] groups.
+    fn print(&self, groups: &mut Groups);
 }
 
-impl Words for JointState {
-    fn words(&self, values: &mut Values) {
-        values.add("q", self.position(), "");
-        values.add("v", self.velocity(), "");
-        values.add("tau", self.effort(), "");
+impl Print for JointState {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("q", self.position(), "");
+        groups.add("v", self.velocity(), "");
+        groups.add("tau", self.effort(), "");
     }
 }
 
-impl Words for JointCommand {
-    fn words(&self, values: &mut Values) {
-        values.add("q", self.position(), "");
-        values.add("v", self.velocity(), "");
-        values.add("tau", self.effort(), "");
+impl Print for JointCommand {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("q", self.position(), "");
+        groups.add("v", self.velocity(), "");
+        groups.add("tau", self.effort(), "");
     }
 }
 
-impl Words for PoseTarget {
-    fn words(&self, values: &mut Values) {
-        values.add("position", &self.position, "m");
-        values.add("orientation", &self.orientation, "");
-        values.add("velocity", &self.linear_velocity, "m/s");
-        values.add("angular", &self.angular_velocity, "rad/s");
+impl Print for PoseTarget {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("position", &self.position, "m");
+        groups.add("orientation", &self.orientation, "");
+        groups.add("velocity", &self.linear_velocity, "m/s");
+        groups.add("angular", &self.angular_velocity, "rad/s");
     }
 }
 
-impl Words for Wrench {
-    fn words(&self, values: &mut Values) {
-        values.add("force", &self.force, "N");
-        values.add("torque", &self.torque, "N m");
+impl Print for BaseState {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("position", &self.position, "m");
+        groups.add("orientation", &self.orientation, "");
+        groups.add("velocity", &self.linear_velocity, "m/s");
+        groups.add("angular", &self.angular_velocity, "rad/s");
     }
 }
 
-impl Words for ImuSample {
-    fn words(&self, values: &mut Values) {
-        values.add("specific force", &self.specific_force, "m/s^2");
-        values.add("angular", &self.angular_velocity, "rad/s");
-        values.add("orientation", &self.orientation, "");
+impl Print for Wrench {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("force", &self.force, "N");
+        groups.add("torque", &self.torque, "N m");
     }
 }
 
-impl Words for Phase {
-    fn words(&self, values: &mut Values) {
-        values.add("phase", &[self.phase], "");
-        values.add("rate", &[self.rate], "");
-        values.add("amplitude", &[self.amplitude], "");
+impl Print for ImuSample {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("specific force", &self.specific_force, "m/s^2");
+        groups.add("angular", &self.angular_velocity, "rad/s");
+        groups.add("orientation", &self.orientation, "");
+    }
+}
+
+impl Print for Phase {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("phase", &[self.phase], "");
+        groups.add("rate", &[self.rate], "");
+        groups.add("amplitude", &[self.amplitude], "");
     }
 }
 
@@ -119,9 +129,9 @@ struct Display<'a> {
 
 impl fmt::Display for Display<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Line { time, port, values } = self.line;
+        let Line { time, port, groups } = self.line;
         write!(f, "{time:9.3} s  {port}:")?;
-        for group in &values.groups[..values.count] {
+        for group in &groups.groups[..groups.count] {
             write!(f, "  {} [", group.name)?;
             for (i, number) in group.numbers[..group.count].iter().enumerate() {
                 let separator = if i == 0 { "" } else { " " };
@@ -145,7 +155,7 @@ mod tests {
         state.position_mut().copy_from_slice(&[0.5, -1.25]);
         let mut line = Line::at(1.5);
         line.port = "joint_state";
-        state.words(&mut line.values);
+        state.print(&mut line.groups);
         assert_eq!(
             line.display(2).to_string(),
             "    1.500 s  joint_state:  q [0.50 -1.25]  v [0.00 0.00]  tau [0.00 0.00]"

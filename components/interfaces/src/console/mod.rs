@@ -1,7 +1,7 @@
 //! `log.console`: prints the newest samples of topics as lines, on standard error.
 //!
-//! The step only copies numbers into a ring; a thread beside it puts them into words. So a terminal that is slow,
-//! or a full pipe, never holds up the graph: lines are dropped and counted instead.
+//! The step only copies numbers into a ring; a thread beside it formats and prints them. A slow terminal or a full pipe
+//! never holds up the graph: lines are dropped and counted instead.
 
 mod line;
 
@@ -11,21 +11,18 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::{ImuSample, JointCommand, JointState, Phase, PoseTarget, StateBuffer, Wrench};
-use motorium::transport::Input;
+use motorium::prelude::*;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use line::{Line, Words};
+use line::{Line, Print};
 
 /// Configuration of `log.console`.
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConsoleLogConfig {
-    /// Digits after the decimal point, 0 to 12.
+    /// Digits after the decimal point, 0 to 12. Default 3.
     pub digits: u8,
-    /// Lines that may wait to be printed; what comes when so many wait is dropped.
+    /// Lines that may wait to be printed, at least 1; further lines are dropped. Default 256.
     pub backlog: usize,
 }
 
@@ -35,7 +32,7 @@ impl Default for ConsoleLogConfig {
     }
 }
 
-/// Prints the newest sample of every wired input, once per step.
+/// A component that prints the newest sample of every wired input, once per step.
 pub struct ConsoleLog {
     inputs: Vec<Box<dyn Source>>,
     ring: Producer<Line>,
@@ -45,7 +42,7 @@ pub struct ConsoleLog {
     finished: Arc<AtomicBool>,
 }
 
-/// An input of any type that can be put into words.
+/// An input of any type that can be printed.
 trait Source {
     /// Fills the line with the newest sample that was not logged yet.
     fn fill(&mut self, line: &mut Line) -> bool;
@@ -57,7 +54,7 @@ struct Typed<T: StateBuffer> {
     last: (u32, u64),
 }
 
-impl<T: StateBuffer + Words> Source for Typed<T> {
+impl<T: StateBuffer + Print> Source for Typed<T> {
     fn fill(&mut self, line: &mut Line) -> bool {
         let Some(sample) = self.input.latest() else { return false };
         let stamp = sample.stamp();
@@ -65,8 +62,8 @@ impl<T: StateBuffer + Words> Source for Typed<T> {
             return false;
         }
         line.port = self.name;
-        line.values.clear();
-        sample.words(&mut line.values);
+        line.groups.clear();
+        sample.print(&mut line.groups);
         self.last = (stamp.incarnation, stamp.sequence);
         true
     }
@@ -94,6 +91,7 @@ macro_rules! ports {
 ports! {
     "joint_state": JointState, "joint state to print";
     "joint_command": JointCommand, "joint command to print";
+    "base_state": BaseState, "base state to print";
     "target": PoseTarget, "pose and twist target to print";
     "wrench": Wrench, "wrench to print";
     "imu": ImuSample, "inertial measurement to print";
@@ -177,5 +175,23 @@ fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
         }
         // Polling keeps the step free of the system call that waking this thread would take.
         std::thread::park_timeout(Duration::from_millis(20));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn every_built_in_state_buffer_has_an_input() {
+        let mut declare = Declare::new(None);
+        ConsoleLog::declare(&ConsoleLogConfig::default(), &mut declare).expect("the default configuration");
+        let ports = declare.into_declaration().ports;
+        let printed: BTreeSet<_> = ports.into_iter().map(|port| port.layout.type_name).collect();
+        let built_in: BTreeSet<_> =
+            motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();
+        assert_eq!(printed, built_in);
     }
 }

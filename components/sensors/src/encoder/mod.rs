@@ -1,7 +1,7 @@
-//! What a robot's joint sensors make of the true joint state.
+//! Joint sensors: resolution, noise and latency between the true joint state and the measured one.
 
 mod model;
 mod settings;
 
 pub use model::{EncoderModel, Reading, SampleError};
-pub use settings::{EncoderSettings, PerJoint, SettingsError, VelocitySource};
+pub use settings::{EncoderSettings, SettingsError, VelocitySource};

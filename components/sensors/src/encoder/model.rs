@@ -2,15 +2,17 @@
 
 use std::time::Duration;
 
-use super::settings::{EncoderSettings, SettingsError, VelocitySource};
+use motorium_robots::PerJoint;
+
+use super::settings::{EncoderSettings, SettingsError, VelocitySource, resolve};
 use crate::delay::DelayLine;
 use crate::noise::Noise;
 
 /// The joint sensors of a robot.
 ///
-/// At every [`sample`](Self::sample), for each joint: position `q* = r round((q + n) / r)` with resolution `r` and noise
-/// `n`, so a reading is a whole number of steps; velocity measured with noise, or differentiated from `q*`; effort with
-/// noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
+/// At every [`sample`](Self::sample), for each joint: position `q* = r round((q + n) / r)` with resolution `r` and
+/// noise `n`, so a reading is a whole number of steps; velocity measured with noise, or differentiated from `q*`;
+/// effort with noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
 /// [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct EncoderModel {
@@ -34,10 +36,10 @@ enum Velocity {
     Differentiated { cutoff_hz: f64, since: Option<u64>, position: Vec<f64>, estimate: Vec<f64> },
 }
 
-/// What the sensors say, in the order of the joints.
+/// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
-    /// When the joints were sampled, ns.
+    /// Time of the sampling, ns.
     pub sampled_at: u64,
     /// Positions, rad or m.
     pub position: &'a [f64],
@@ -47,7 +49,7 @@ pub struct Reading<'a> {
     pub effort: &'a [f64],
 }
 
-/// Why a joint state cannot be sampled.
+/// A joint state that cannot be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the joint state has {position} positions, {velocity} velocities and {effort} efforts, the encoder {joints} joints"
@@ -67,24 +69,28 @@ pub struct SampleError {
 const MOST_FRAMES: u64 = 100_000;
 
 impl EncoderModel {
-    /// Sensors for `joints` joints, sampled no more often than every `shortest_period`.
+    /// Sensors for `joints` joints, sampled no more often than every `shortest_period`. `seed` is that of the noise
+    /// unless the settings have one.
     ///
     /// # Errors
     /// A list of another length, a number out of range, a latency of more than 100,000 periods.
     pub fn new(
         joints: usize,
         settings: &EncoderSettings,
+        seed: u64,
         shortest_period: Duration,
     ) -> Result<Self, SettingsError> {
-        let channel = |name, per_joint: &super::PerJoint, number| {
-            let deviations = per_joint.resolve(name, joints)?;
-            Ok(Channel { noise: Noise::new(settings.seed, number), deviations })
+        let seed = settings.seed.unwrap_or(seed);
+        let channel = |name, deviations: &PerJoint, number| {
+            Ok(Channel { noise: Noise::new(seed, number), deviations: resolve(name, deviations, joints)? })
         };
         let velocity = match settings.velocity {
             VelocitySource::Measured => {
                 Velocity::Measured(channel("velocity_noise", &settings.velocity_noise, 1)?)
             }
-            VelocitySource::Differentiated { .. } if !settings.velocity_noise.is_zero() => {
+            VelocitySource::Differentiated { .. }
+                if settings.velocity_noise.values().iter().any(|deviation| *deviation != 0.0) =>
+            {
                 return Err(SettingsError::NeedlessVelocityNoise);
             }
             VelocitySource::Differentiated { cutoff_hz } if cutoff_hz > 0.0 && cutoff_hz.is_finite() => {
@@ -96,7 +102,7 @@ impl EncoderModel {
                 return Err(SettingsError::OutOfRange { name, value, expected });
             }
         };
-        let latency_ns = settings.latency_ns;
+        let latency_ns = settings.latency.ns;
         let period_ns = u64::try_from(shortest_period.as_nanos()).unwrap_or(u64::MAX).max(1);
         let frames = latency_ns / period_ns;
         if frames > MOST_FRAMES {
@@ -104,7 +110,7 @@ impl EncoderModel {
         }
         Ok(Self {
             joints,
-            resolution: settings.resolution.resolve("resolution", joints)?,
+            resolution: resolve("resolution", &settings.resolution, joints)?,
             position: channel("position_noise", &settings.position_noise, 0)?,
             velocity,
             effort: channel("effort_noise", &settings.effort_noise, 2)?,
@@ -112,11 +118,28 @@ impl EncoderModel {
         })
     }
 
-    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N).
+    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N), one number per
+    /// joint each.
     ///
     /// # Errors
     /// Slices of another length than the encoder has joints; nothing is sampled then.
     pub fn sample(&mut self, time_ns: u64, q: &[f64], v: &[f64], tau: &[f64]) -> Result<(), SampleError> {
+        self.sample_state(time_ns, time_ns, q, v, tau)
+    }
+
+    /// As [`sample`](Self::sample), with the time (ns) that the state is for, by which a velocity is differentiated:
+    /// unlike the time of sampling it does not jitter.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn sample_state(
+        &mut self,
+        time_ns: u64,
+        state_ns: u64,
+        q: &[f64],
+        v: &[f64],
+        tau: &[f64],
+    ) -> Result<(), SampleError> {
         let joints = self.joints;
         if [q.len(), v.len(), tau.len()] != [joints; 3] {
             return Err(SampleError { position: q.len(), velocity: v.len(), effort: tau.len(), joints });
@@ -136,16 +159,16 @@ impl EncoderModel {
                 channel.disturb(velocity);
             }
             Velocity::Differentiated { cutoff_hz, since, position: previous, estimate } => {
-                if since.is_none_or(|since| time_ns < since) {
+                if since.is_none_or(|since| state_ns < since) {
                     estimate.fill(0.0);
-                } else if let Some(elapsed) = since.map(|since| time_ns - since).filter(|ns| *ns > 0) {
+                } else if let Some(elapsed) = since.map(|since| state_ns - since).filter(|ns| *ns > 0) {
                     let dt = elapsed as f64 * 1e-9;
                     let share = -(-std::f64::consts::TAU * *cutoff_hz * dt).exp_m1();
                     for ((estimate, now), before) in estimate.iter_mut().zip(&*position).zip(&*previous) {
                         *estimate += share * ((now - before) / dt - *estimate);
                     }
                 }
-                *since = Some(time_ns);
+                *since = Some(state_ns);
                 previous.copy_from_slice(position);
                 velocity.copy_from_slice(estimate);
             }

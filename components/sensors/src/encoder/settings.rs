@@ -1,19 +1,11 @@
 //! The numbers that describe a robot's joint sensors.
 
+use motorium::units::TimeSpan;
+use motorium_robots::{PerJoint, PerJointError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One number for all joints, or one for each in the order of the model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum PerJoint {
-    /// The same for all.
-    Same(f64),
-    /// One for each joint.
-    Each(Vec<f64>),
-}
-
-/// Where a velocity reading comes from.
+/// The source of a velocity reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum VelocitySource {
@@ -28,27 +20,50 @@ pub enum VelocitySource {
     },
 }
 
-/// A robot's joint sensors; the default is ideal. Units are those of the joint: rad or, where it slides, m.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// The joint sensors of a robot: settings of [`EncoderModel`](super::EncoderModel) and configuration of
+/// `sensor.joint_encoder`. The default is an ideal sensor. Units are those of the joint: rad or, where it slides, m.
+///
+/// ```toml
+/// resolution     = 1e-5
+/// position_noise = 2e-5
+/// velocity       = { kind = "differentiated", cutoff_hz = 100.0 }
+/// latency        = "500 us"
+/// ```
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderSettings {
-    /// Step of the position reading, rad (or m); 0 for a continuous one. A count of `n` bits is `2 pi / 2^n`.
+    /// Step of the position reading, rad (or m); 0 for a continuous one, the default. A count of `n` bits is `2 pi /
+    /// 2^n`.
     pub resolution: PerJoint,
-    /// Standard deviation of the position before it is quantised, rad (or m).
+    /// Standard deviation of the position before it is quantised, rad (or m). Default 0.
     pub position_noise: PerJoint,
-    /// Standard deviation of a measured velocity, rad/s (or m/s).
+    /// Standard deviation of a measured velocity, rad/s (or m/s). Default 0.
     pub velocity_noise: PerJoint,
-    /// Standard deviation of the effort, N m (or N).
+    /// Standard deviation of the effort, N m (or N). Default 0.
     pub effort_noise: PerJoint,
-    /// Where the velocity comes from.
+    /// Source of the velocity. Default measured.
     pub velocity: VelocitySource,
-    /// Time from sampling until the reading is available, ns.
-    pub latency_ns: u64,
-    /// Seed of the noise.
-    pub seed: u64,
+    /// Time from sampling until the reading is available, such as "500 us". Default none.
+    pub latency: TimeSpan,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
 }
 
-/// Why settings describe no sensor.
+impl Default for EncoderSettings {
+    fn default() -> Self {
+        Self {
+            resolution: PerJoint::default(),
+            position_noise: PerJoint::default(),
+            velocity_noise: PerJoint::default(),
+            effort_noise: PerJoint::default(),
+            velocity: VelocitySource::default(),
+            latency: TimeSpan { ns: 0 },
+            seed: None,
+        }
+    }
+}
+
+/// Settings that describe no sensor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// A list of another length than the robot has joints.
@@ -63,14 +78,14 @@ pub enum SettingsError {
         /// Joints of the robot.
         expected: usize,
     },
-    /// A number that cannot be.
+    /// A number out of range.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
         /// The setting.
         name: &'static str,
-        /// What was found.
+        /// The number found.
         value: f64,
-        /// What would do.
+        /// The numbers expected.
         expected: &'static str,
     },
     /// Noise on a velocity that is not measured.
@@ -94,41 +109,30 @@ pub enum SettingsError {
     },
 }
 
-impl Default for PerJoint {
-    /// 0 for all.
-    fn default() -> Self {
-        Self::Same(0.0)
+impl SettingsError {
+    /// The setting at fault.
+    pub fn setting(&self) -> &'static str {
+        match self {
+            Self::Count { name, .. } | Self::OutOfRange { name, .. } => name,
+            Self::NeedlessVelocityNoise => "velocity_noise",
+            Self::Latency { .. } => "latency",
+        }
     }
 }
 
-impl PerJoint {
-    /// One number for each of `joints` joints, all finite and at least 0.
-    pub(super) fn resolve(&self, name: &'static str, joints: usize) -> Result<Vec<f64>, SettingsError> {
-        let values = match self {
-            Self::Same(value) => vec![*value; joints],
-            Self::Each(values) if values.len() == joints => values.clone(),
-            Self::Each(values) => {
-                return Err(SettingsError::Count { name, found: values.len(), expected: joints });
-            }
-        };
-        // a robot without joints still gets its settings checked
-        let single = match self {
-            Self::Same(value) => Some(value),
-            Self::Each(_) => None,
-        };
-        match values.iter().chain(single).find(|value| !(value.is_finite() && **value >= 0.0)) {
-            Some(&value) => {
-                Err(SettingsError::OutOfRange { name, value, expected: "a finite number of at least 0" })
-            }
-            None => Ok(values),
+/// One number for each of `joints` joints, all finite and at least 0.
+pub(super) fn resolve(
+    name: &'static str,
+    numbers: &PerJoint,
+    joints: usize,
+) -> Result<Vec<f64>, SettingsError> {
+    let resolved = numbers
+        .resolve(joints)
+        .map_err(|PerJointError { found, expected }| SettingsError::Count { name, found, expected })?;
+    match numbers.values().iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+        Some(&value) => {
+            Err(SettingsError::OutOfRange { name, value, expected: "a finite number of at least 0" })
         }
-    }
-
-    /// Whether it is 0 for every joint.
-    pub(super) fn is_zero(&self) -> bool {
-        match self {
-            Self::Same(value) => *value == 0.0,
-            Self::Each(values) => values.iter().all(|value| *value == 0.0),
-        }
+        None => Ok(resolved),
     }
 }

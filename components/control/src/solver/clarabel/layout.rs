@@ -1,4 +1,4 @@
-//! Where each number of a [`Problem`] goes in Clarabel's form `A x + s = b`, `s` in a cone.
+//! The place of each number of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
 //!
 //! Rows in order: equalities (zero cone), then one row per declared side (non-negative cone), sides of `G`
 //! before bounds. A side that is infinite at this tick keeps its place as the row `0 x + s = 1`, which never

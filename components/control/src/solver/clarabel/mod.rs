@@ -16,17 +16,17 @@ use super::{Accuracy, Conflict, Problem, QpSolver, Solution, SolveError, Structu
 use layout::Layout;
 use scaling::Scaling;
 
-/// When Clarabel stops, on the problem scaled to numbers around one.
+/// Stopping criteria of Clarabel, on the problem scaled to numbers around one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClarabelSettings {
-    /// Largest duality gap, absolute or relative.
+    /// Largest duality gap, absolute or relative. Default 1e-11.
     pub gap: f64,
-    /// Largest relative residual of the constraints and of stationarity.
+    /// Largest relative residual of the constraints and of stationarity. Default 1e-9.
     pub feasibility: f64,
-    /// Most iterations allowed.
+    /// Largest number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Refine each linear solve once or more. A third of the time of a small problem, for residuals up to a
-    /// thousand times smaller and safety where the Hessian is nearly singular.
+    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small problem, for
+    /// residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
     pub refinement: bool,
 }
 
@@ -39,7 +39,7 @@ impl Default for ClarabelSettings {
 }
 
 impl ClarabelSettings {
-    /// How much looser the tolerances become where rounding ends progress ([`Accuracy::Reduced`]).
+    /// Factor of the tolerances where rounding ends progress ([`Accuracy::Reduced`]).
     const REDUCED: f64 = 1e3;
 
     fn build(&self) -> DefaultSettings<f64> {

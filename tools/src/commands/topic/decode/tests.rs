@@ -137,3 +137,12 @@ fn numbers_keep_their_width_and_extremes_get_an_exponent() {
     let texts = [0.0, -1.5, 1234.5678901, 1e-7, 2.5e9, f64::NAN].map(|x| Number::from(x).to_string());
     assert_eq!(texts, ["0.000000", "-1.500000", "1234.567890", "1.000e-7", "2.500e9", "NaN"]);
 }
+
+#[test]
+fn every_built_in_type_can_be_read_and_those_with_a_count_are_cut_to_it() {
+    for layout in motorium::state::built_in() {
+        Decoder::new(&layout).unwrap_or_else(|error| panic!("{error}"));
+        let counts = layout.fields.iter().any(|field| field.name == "count");
+        assert_eq!(COUNTED.contains(&layout.type_name.as_str()), counts, "{}", layout.type_name);
+    }
+}

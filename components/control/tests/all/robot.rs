@@ -1,5 +1,4 @@
 //! The Panda, and random numbers that are the same at every run.
-#![allow(dead_code, reason = "every test program uses a part of it")]
 
 use motorium_control::{
     DifferentialIk, JointSetpoint, RobotState,
@@ -58,7 +57,7 @@ impl Random {
 }
 
 /// A Panda whose joints follow their setpoint exactly.
-pub(crate) struct Reach<'a> {
+pub(crate) struct ClosedLoop<'a> {
     pub(crate) panda: &'a Panda,
     pub(crate) kinematics: Kinematics,
     pub(crate) task: CartesianTask,
@@ -69,7 +68,7 @@ pub(crate) struct Reach<'a> {
     pub(crate) setpoint: JointSetpoint,
 }
 
-impl<'a> Reach<'a> {
+impl<'a> ClosedLoop<'a> {
     pub(crate) fn new(panda: &'a Panda, start: &[f64]) -> Self {
         let model = &panda.model;
         Self {

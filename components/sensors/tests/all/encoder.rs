@@ -1,16 +1,16 @@
-//! What a joint encoder promises.
+//! The model of the joint sensors.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use motorium_sensors::encoder::{
-    EncoderModel, EncoderSettings, PerJoint, SampleError, SettingsError, VelocitySource,
-};
+use motorium::units::TimeSpan;
+use motorium_robots::PerJoint;
+use motorium_sensors::encoder::{EncoderModel, EncoderSettings, SampleError, SettingsError, VelocitySource};
 
 const PERIOD_NS: u64 = 1_000_000;
 
 fn encoder(joints: usize, settings: &EncoderSettings) -> EncoderModel {
-    EncoderModel::new(joints, settings, Duration::from_nanos(PERIOD_NS)).unwrap()
+    EncoderModel::new(joints, settings, 0, Duration::from_nanos(PERIOD_NS)).unwrap()
 }
 
 /// Position, velocity and effort readings of one resting joint.
@@ -28,10 +28,10 @@ fn readings(settings: &EncoderSettings, samples: u64) -> [Vec<f64>; 3] {
 
 fn noisy(seed: u64) -> EncoderSettings {
     EncoderSettings {
-        position_noise: PerJoint::Same(2e-3),
-        velocity_noise: PerJoint::Same(0.05),
-        effort_noise: PerJoint::Same(0.4),
-        seed,
+        position_noise: PerJoint::All(2e-3),
+        velocity_noise: PerJoint::All(0.05),
+        effort_noise: PerJoint::All(0.4),
+        seed: Some(seed),
         ..EncoderSettings::default()
     }
 }
@@ -98,7 +98,7 @@ fn the_same_seed_gives_the_same_readings_and_another_seed_others() {
 
 #[test]
 fn switching_one_noise_off_leaves_the_others_as_they_were() {
-    let quiet = EncoderSettings { velocity_noise: PerJoint::Same(0.0), ..noisy(5) };
+    let quiet = EncoderSettings { velocity_noise: PerJoint::All(0.0), ..noisy(5) };
     let ([position, _, effort], [same_position, velocity, same_effort]) =
         (readings(&noisy(5), 200), readings(&quiet, 200));
     assert_eq!((position, effort), (same_position, same_effort));
@@ -108,7 +108,7 @@ fn switching_one_noise_off_leaves_the_others_as_they_were() {
 #[test]
 fn a_position_is_the_nearest_whole_number_of_steps() {
     let step = TAU / 8192.0;
-    let settings = EncoderSettings { resolution: PerJoint::Same(step), ..EncoderSettings::default() };
+    let settings = EncoderSettings { resolution: PerJoint::All(step), ..EncoderSettings::default() };
     let mut encoder = encoder(1, &settings);
     for k in 0..20_000_u64 {
         let truth = -4.0 + 4e-4 * k as f64;
@@ -122,7 +122,7 @@ fn a_position_is_the_nearest_whole_number_of_steps() {
 
 #[test]
 fn noisy_positions_lie_on_the_steps_too() {
-    let settings = EncoderSettings { resolution: PerJoint::Same(1e-3), ..noisy(1) };
+    let settings = EncoderSettings { resolution: PerJoint::All(1e-3), ..noisy(1) };
     let [position, ..] = readings(&settings, 5000);
     assert!(position.iter().all(|q| (q / 1e-3 - (q / 1e-3).round()).abs() < 1e-9));
     let distinct: std::collections::BTreeSet<i64> =
@@ -147,7 +147,8 @@ fn every_joint_has_its_own_resolution_and_noise() {
 #[test]
 fn a_latency_of_whole_periods_delays_by_exactly_that_many_ticks() {
     for ticks in [0, 1, 3, 10] {
-        let settings = EncoderSettings { latency_ns: ticks * PERIOD_NS, ..EncoderSettings::default() };
+        let settings =
+            EncoderSettings { latency: TimeSpan { ns: ticks * PERIOD_NS }, ..EncoderSettings::default() };
         let mut encoder = encoder(1, &settings);
         for k in 0..100_u64 {
             encoder.sample(k * PERIOD_NS, &[k as f64], &[0.0], &[0.0]).unwrap();
@@ -162,7 +163,7 @@ fn a_latency_of_whole_periods_delays_by_exactly_that_many_ticks() {
 
 #[test]
 fn a_latency_of_half_a_period_shows_at_the_next_tick() {
-    let settings = EncoderSettings { latency_ns: PERIOD_NS / 2, ..EncoderSettings::default() };
+    let settings = EncoderSettings { latency: TimeSpan { ns: PERIOD_NS / 2 }, ..EncoderSettings::default() };
     let mut encoder = encoder(1, &settings);
     encoder.sample(0, &[1.0], &[0.0], &[0.0]).unwrap();
     assert!(encoder.reading(PERIOD_NS / 2 - 1).is_none());
@@ -191,7 +192,7 @@ fn a_differentiated_velocity_follows_a_ramp_like_a_first_order_low_pass() {
 #[test]
 fn a_differentiated_velocity_shows_the_steps_of_the_position() {
     let step = 1e-3;
-    let settings = EncoderSettings { resolution: PerJoint::Same(step), ..differentiated(1e6) };
+    let settings = EncoderSettings { resolution: PerJoint::All(step), ..differentiated(1e6) };
     let mut encoder = encoder(1, &settings);
     for k in 0..1000_u64 {
         encoder.sample(k * PERIOD_NS, &[0.3e-3 * k as f64], &[0.3], &[0.0]).unwrap();
@@ -226,25 +227,26 @@ fn a_joint_state_of_another_size_is_refused() {
 #[test]
 fn settings_that_describe_no_sensor_are_refused() {
     let refuse =
-        |settings: EncoderSettings| EncoderModel::new(2, &settings, Duration::from_millis(1)).unwrap_err();
+        |settings: EncoderSettings| EncoderModel::new(2, &settings, 0, Duration::from_millis(1)).unwrap_err();
     let settings = EncoderSettings { resolution: PerJoint::Each(vec![0.1]), ..EncoderSettings::default() };
     assert_eq!(refuse(settings), SettingsError::Count { name: "resolution", found: 1, expected: 2 });
-    let settings = EncoderSettings { position_noise: PerJoint::Same(-1.0), ..EncoderSettings::default() };
+    let settings = EncoderSettings { position_noise: PerJoint::All(-1.0), ..EncoderSettings::default() };
     assert_eq!(refuse(settings).to_string(), "position_noise = -1: expected a finite number of at least 0");
-    let settings = EncoderSettings { velocity_noise: PerJoint::Same(0.1), ..differentiated(50.0) };
+    let settings = EncoderSettings { velocity_noise: PerJoint::All(0.1), ..differentiated(50.0) };
     assert_eq!(refuse(settings), SettingsError::NeedlessVelocityNoise);
     assert!(refuse(differentiated(0.0)).to_string().starts_with("velocity.cutoff_hz = 0"));
-    let settings = EncoderSettings { latency_ns: u64::MAX, ..EncoderSettings::default() };
+    let settings = EncoderSettings { latency: TimeSpan { ns: u64::MAX }, ..EncoderSettings::default() };
     assert!(matches!(refuse(settings), SettingsError::Latency { .. }));
 }
 
 #[test]
 fn settings_are_read_from_a_file_with_one_number_or_a_list() {
-    let text = r#"{"resolution": [0.001, 0.0], "position_noise": 0.002, "latency_ns": 500000,
+    let text = r#"{"resolution": [0.001, 0.0], "position_noise": 0.002, "latency": "500 us",
                    "velocity": {"kind": "differentiated", "cutoff_hz": 80.0}}"#;
     let settings: EncoderSettings = serde_json::from_str(text).unwrap();
     assert_eq!(settings.resolution, PerJoint::Each(vec![0.001, 0.0]));
-    assert_eq!(settings.position_noise, PerJoint::Same(0.002));
+    assert_eq!(settings.position_noise, PerJoint::All(0.002));
+    assert_eq!(settings.latency.ns, 500_000);
     assert_eq!(settings.velocity, VelocitySource::Differentiated { cutoff_hz: 80.0 });
     let error = serde_json::from_str::<EncoderSettings>(r#"{"resolutoin": 1.0}"#).unwrap_err().to_string();
     assert!(error.contains("resolutoin"), "{error}");

@@ -2,19 +2,15 @@
 
 use std::path::Path;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::graph::{self, Machine};
-use motorium::launcher::{self, Exit, Hosting, Options, Report};
-use motorium::state::{JointCommand, JointState, PoseTarget};
-use motorium::transport::{Input, Output};
-use motorium::worker::{Kind, Registry, RobotSource};
+use motorium::launcher::{Exit, Report};
+use motorium::prelude::*;
+use motorium::testing::{Graph, Instance, Source};
 use motorium_control::QpController;
 use motorium_robots::{Dynamics, Kinematics, Model, load};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::Deserialize;
 
-/// A Panda with ideal drives, integrated implicitly; it knows the exact pose of its hand.
+/// A Panda with ideal drives, integrated implicitly; it reports the exact place of its hand and its centre of mass.
 struct Plant {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -28,6 +24,8 @@ struct Plant {
     broken_limits: u64,
     largest_lead: f64,
     commands: u64,
+    /// The last command.
+    held: JointCommand,
 }
 
 #[derive(Clone, Deserialize, schemars::JsonSchema)]
@@ -78,6 +76,7 @@ impl Component for Plant {
             broken_limits: 0,
             largest_lead: 0.0,
             commands: 0,
+            held: JointCommand::default(),
         })
     }
 
@@ -111,6 +110,7 @@ impl Component for Plant {
                 self.broken_limits += u64::from(!(lower..=upper).contains(&q) || fast);
             }
         }
+        self.held = held;
         // (M + dt Kd + dt^2 Kp) v' = M v + dt (Kp (q_d - q) + Kd v_d + tau - bias)
         let mut left = self.mass.clone();
         let mut right = &self.mass * &self.v - &self.bias * dt;
@@ -141,9 +141,18 @@ impl Component for Plant {
         let mut kinematics = Kinematics::new(&self.model);
         kinematics.update(&self.model, self.q.as_slice());
         let pose = kinematics.pose(&self.model, hand);
+        let mut moment = Vector3::zeros();
+        for (index, body) in self.model.bodies().iter().enumerate() {
+            let centre = kinematics.body_pose(index) * Point3::from(body.inertia.com);
+            moment += centre.coords * body.inertia.mass;
+        }
+        let mass: f64 = self.model.bodies().iter().map(|body| body.inertia.mass).sum();
         Some(serde_json::json!({
+            "centre_of_mass": (moment / mass).as_slice(),
             "hand": pose.translation.vector.as_slice(),
             "q": self.q.as_slice(),
+            "kp": self.held.kp(),
+            "kd": self.held.kd(),
             "broken_limits": self.broken_limits,
             "largest_lead": self.largest_lead,
             "commands": self.commands,
@@ -151,124 +160,104 @@ impl Component for Plant {
     }
 }
 
-/// Leads the hand along smooth legs to places beside its home pose, one after the other.
-struct Targets {
-    target: Output<PoseTarget>,
-    config: TargetsConfig,
-    home: PoseTarget,
-}
-
-#[derive(Clone, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct TargetsConfig {
-    /// Offsets from home, m.
-    offsets: Vec<[f64; 3]>,
-    /// Time of one leg, half of it at rest at its goal, s.
-    leg: f64,
+/// Targets that move along smooth segments to goals beside the start, one after the other.
+pub(crate) struct Targets {
+    /// Offsets of the goals from the start, m.
+    pub(crate) offsets: Vec<[f64; 3]>,
+    /// The start, m; the place of the hand at home if none is given.
+    pub(crate) start: Option<[f64; 3]>,
+    /// Time of one segment, half of it at rest at its goal, s.
+    pub(crate) segment: f64,
     /// Time from which nothing is published, s.
-    #[serde(default = "never")]
-    silent_from: f64,
+    pub(crate) silent_from: f64,
 }
 
-fn never() -> f64 {
-    f64::INFINITY
-}
-
-impl Component for Targets {
-    const KIND: &'static str = "test.targets";
-    const SUMMARY: &'static str = "targets along smooth legs";
-    type Config = TargetsConfig;
-
-    fn declare(_: &TargetsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.output::<PoseTarget>("target", "target");
-        Ok(())
+impl Default for Targets {
+    fn default() -> Self {
+        Self {
+            offsets: vec![[0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]],
+            start: None,
+            segment: 2.0,
+            silent_from: f64::INFINITY,
+        }
     }
+}
 
-    fn configure(config: TargetsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let robot = load("panda", Path::new(".")).map_err(ConfigureError::failed)?;
+impl From<Targets> for Source {
+    fn from(targets: Targets) -> Self {
+        let robot = load("panda", Path::new(".")).unwrap();
         let mut kinematics = Kinematics::new(&robot.model);
         kinematics.update(&robot.model, robot.profile.unwrap().home(&robot.model).unwrap().as_slice());
         let pose = kinematics.pose(&robot.model, robot.model.frame("panda_hand_tcp").unwrap());
         let home = PoseTarget {
-            position: pose.translation.vector.into(),
+            position: targets.start.unwrap_or(pose.translation.vector.into()),
             orientation: pose.rotation.coords.into(),
             ..Default::default()
         };
-        Ok(Self { target: setup.output("target")?, config, home })
+        Source::new("targets", "panda/target", move |tick| {
+            (tick.time() < targets.silent_from).then(|| targets.at(tick.time(), home))
+        })
     }
+}
 
-    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if tick.time() >= self.config.silent_from {
-            return Ok(());
-        }
-        let last = self.config.offsets.len() - 1;
-        let leg = ((tick.time() / self.config.leg) as usize).min(last);
-        let phase = 2.0 * (tick.time() / self.config.leg - leg as f64);
-        let from = if leg == 0 { [0.0; 3] } else { self.config.offsets[leg - 1] };
-        let to = self.config.offsets[leg];
+impl Targets {
+    fn at(&self, time: f64, home: PoseTarget) -> PoseTarget {
+        let segment = ((time / self.segment) as usize).min(self.offsets.len() - 1);
+        let phase = 2.0 * (time / self.segment - segment as f64);
+        let from = if segment == 0 { [0.0; 3] } else { self.offsets[segment - 1] };
+        let to = self.offsets[segment];
         let s = phase.min(1.0);
         // minimum jerk
-        let place = s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
-        let speed = 30.0 * s * s * (1.0 - s).powi(2) * 2.0 / self.config.leg;
-        let mut target = self.target.loan()?;
-        *target = self.home;
+        let share = s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
+        let speed = 30.0 * s * s * (1.0 - s).powi(2) * 2.0 / self.segment;
+        let mut target = home;
         for axis in 0..3 {
-            target.position[axis] += from[axis] + place * (to[axis] - from[axis]);
+            target.position[axis] += from[axis] + share * (to[axis] - from[axis]);
             target.linear_velocity[axis] = speed * (to[axis] - from[axis]);
         }
-        target.goal = leg as u64 + 1;
+        target.goal = segment as u64 + 1;
         target.at_goal = u64::from(phase >= 1.0);
-        target.publish()
+        target
     }
 }
 
-pub(crate) fn registry() -> Registry {
-    let check = |urdf: &str, base: &Path| {
-        load(urdf, base).map(|_| Vec::new()).map_err(|error| ConfigError::new(error.to_string()))
-    };
-    Registry::new(
-        RobotSource { check },
-        [Kind::of::<QpController>(), Kind::of::<Plant>(), Kind::of::<Targets>()],
-    )
+fn table(config: &str) -> toml::Value {
+    let table: toml::Table = format!("config = {config}").parse().unwrap();
+    table["config"].clone()
 }
 
-/// A graph of the three, with these `config` tables.
-pub(crate) fn graph(plant: &str, targets: &str, controller: &str) -> String {
-    format!(
-        r#"
-        name = "control-test"
-        clock = "lockstep"
-        duration = "4 s"
-        [robot.panda]
-        urdf = "panda"
-        [component.plant]
-        kind = "test.plant"
-        rate = "1 kHz"
-        publish = {{ joint_state = "panda/joint_state" }}
-        subscribe = {{ joint_command = "panda/joint_command" }}
-        config = {plant}
-        [component.targets]
-        kind = "test.targets"
-        rate = "1 kHz"
-        publish = {{ target = "panda/target" }}
-        config = {targets}
-        [component.controller]
-        kind = "control.qp"
-        robot = "panda"
-        trigger = "panda/joint_state"
-        subscribe = {{ joint_state = "panda/joint_state", target = "panda/target" }}
-        publish = {{ joint_command = "panda/joint_command" }}
-        config = {controller}
-        "#
-    )
+/// A controller with this `config` table, without a robot and without a target.
+pub(crate) fn bare_controller(config: &str) -> Instance {
+    Instance::of::<QpController>("controller")
+        .trigger("panda/joint_state")
+        .subscribe("joint_state", "panda/joint_state")
+        .publish("joint_command", "panda/joint_command")
+        .set("config", table(config))
 }
 
-pub(crate) fn run(text: String) -> Report {
-    let registry = registry();
-    let checked = graph::check(Path::new("control-test.toml"), text, &[], &registry, &Machine::detect())
-        .unwrap_or_else(|error| panic!("{}", error.render(false)));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    let report = launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap();
+/// A controller of the Panda with this `config` table, which follows the targets.
+pub(crate) fn controller(config: &str) -> Instance {
+    bare_controller(config).robot("panda").subscribe("target", "panda/target")
+}
+
+/// A simulated Panda with this `config` table, targets, and a controller.
+pub(crate) fn graph(plant: &str, targets: Targets, controller: Instance) -> Graph {
+    Graph::new("control-test")
+        .robot("panda", "panda")
+        .with(
+            Instance::of::<Plant>("plant")
+                .rate("1 kHz")
+                .subscribe("joint_command", "panda/joint_command")
+                .publish("joint_state", "panda/joint_state")
+                .set("config", table(plant)),
+        )
+        .with(Source::from(targets))
+        .with(controller)
+}
+
+/// A run of 4 s.
+pub(crate) fn run(graph: Graph) -> Report {
+    let report = graph.run("4 s").unwrap();
     assert_eq!(report.exit, Exit::Finished);
     report
 }

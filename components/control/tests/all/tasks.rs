@@ -1,16 +1,17 @@
 //! Errors, Jacobians and costs of tasks against finite differences and plain matrix products.
 
-mod robot;
-
+use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
 use motorium_control::{
-    RobotState, se3,
+    RobotState,
     solver::{Problem, Sides, Structure},
-    tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, Task},
+    tasks::{
+        CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings,
+        PostureTask, Task,
+    },
 };
-use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, parse_urdf};
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3, Vector6};
-use robot::{Panda, Random};
+use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, lie::se3, parse_urdf};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3, Vector6};
 
 fn update(task: &mut dyn Task, model: &Model, q: &[f64]) {
     let mut kinematics = Kinematics::new(model);
@@ -182,5 +183,73 @@ fn the_posture_cost_asks_each_joint_for_the_decay_of_its_error() {
         // the minimum of the joint's own cost is the decay of its error
         let decay = 3.0 * (panda.home[joint] - q[joint]);
         assert_abs_diff_eq!(gradient[joint], -curvature * decay, epsilon = 1e-12);
+    }
+}
+
+/// The centre of mass as the sum over all bodies.
+fn centre_of_mass(model: &Model, q: &[f64]) -> Vector3<f64> {
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, q);
+    let (mut mass, mut moment) = (0.0, Vector3::zeros());
+    for (index, body) in model.bodies().iter().enumerate() {
+        let centre = kinematics.body_pose(index) * Point3::from(body.inertia.com);
+        mass += body.inertia.mass;
+        moment += centre.coords * body.inertia.mass;
+    }
+    moment / mass
+}
+
+#[test]
+fn the_error_of_the_centre_of_mass_and_its_jacobian_are_those_of_the_sum_over_all_bodies() {
+    let panda = Panda::new();
+    let model = &panda.model;
+    let mut random = Random(13);
+    let h = 1e-6;
+    for _ in 0..20 {
+        let q = panda.near_home(1.0, &mut random);
+        let target = Vector3::new(random.within(1.0), random.within(1.0), random.within(1.0));
+        let mut task = CentreOfMassTask::new(model);
+        task.set_target(target);
+        update(&mut task, model, &q);
+        assert_abs_diff_eq!(*task.error(), target - centre_of_mass(model, &q), epsilon = 1e-12);
+        for joint in 0..model.nv() {
+            let (mut ahead, mut behind) = (q.clone(), q.clone());
+            ahead[joint] += h;
+            behind[joint] -= h;
+            let rate = (centre_of_mass(model, &ahead) - centre_of_mass(model, &behind)) / (2.0 * h);
+            assert_abs_diff_eq!(task.jacobian().column(joint).into_owned(), rate, epsilon = 1e-8);
+        }
+    }
+}
+
+#[test]
+fn the_cost_of_the_centre_of_mass_is_its_weighted_square() {
+    let panda = Panda::new();
+    let mut random = Random(17);
+    let q = panda.near_home(0.5, &mut random);
+    let velocity = Vector3::new(0.1, -0.2, 0.05);
+    for max_speed in [f64::INFINITY, 0.3] {
+        let settings = CentreOfMassSettings {
+            gain: 4.0,
+            weight: 2.0,
+            shares: [1.0, 0.5, 0.0],
+            max_speed,
+            damping: 0.01,
+        };
+        let mut task = CentreOfMassTask::new(&panda.model).with(settings);
+        task.set_moving_target(Vector3::new(0.3, 0.4, 0.2), velocity);
+        update(&mut task, &panda.model, &q);
+
+        let error = Vector3::new(0.3, 0.4, 0.2) - centre_of_mass(&panda.model, &q);
+        let correction = 4.0 * error * (max_speed / (4.0 * error.norm())).min(1.0);
+        assert_abs_diff_eq!(*task.desired(), correction + velocity, epsilon = 1e-12);
+        let w = DMatrix::from_diagonal(&DVector::from_column_slice(&[2.0, 1.0, 0.0]));
+        let a = &w * task.jacobian();
+        let b = &w * (correction + velocity);
+        let damping = 0.01 * (&w * &w * correction).norm();
+        let (hessian, gradient) = cost(&task, panda.model.nv());
+        let identity = DMatrix::identity(panda.model.nv(), panda.model.nv());
+        assert_abs_diff_eq!(hessian, a.tr_mul(&a) + identity * damping, epsilon = 1e-12);
+        assert_abs_diff_eq!(gradient, -a.tr_mul(&b), epsilon = 1e-12);
     }
 }

@@ -1,7 +1,6 @@
 //! Closed kinematic loops: the joints follow the setpoint exactly, and every tick checks the limits.
 
-mod robot;
-
+use crate::robot::{ClosedLoop, Panda, Random};
 use motorium_control::{
     IkError, RobotState,
     limits::{Limit, PositionLimit, VelocityLimit},
@@ -10,7 +9,6 @@ use motorium_control::{
 };
 use motorium_robots::{Kinematics, Twist};
 use nalgebra::{Isometry3, Vector3};
-use robot::{Panda, Random, Reach};
 
 const DT: f64 = 0.004;
 
@@ -20,7 +18,7 @@ fn the_hand_reaches_goals_from_home_within_ten_micrometres() {
     let mut random = Random(1);
     for goal in 0..20 {
         let target = panda.hand_at(&panda.near_home(0.35, &mut random));
-        let mut reach = Reach::new(&panda, panda.home.as_slice());
+        let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
         reach.task.set_target(target);
         reach.run(4.0, DT);
         let (position, orientation) = (reach.task.position_error(), reach.task.orientation_error());
@@ -32,7 +30,7 @@ fn the_hand_reaches_goals_from_home_within_ten_micrometres() {
 fn limits_hold_on_the_way_to_any_goal_in_reach_or_not() {
     let panda = Panda::new();
     let mut random = Random(2);
-    let mut reach = Reach::new(&panda, panda.home.as_slice());
+    let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     reach.velocity = VelocityLimit { fraction: 0.8 };
     for _ in 0..30 {
         let translation = Vector3::new(random.within(1.2), random.within(1.2), random.within(1.2));
@@ -46,7 +44,7 @@ fn limits_hold_on_the_way_to_any_goal_in_reach_or_not() {
 #[test]
 fn a_joint_slows_down_towards_its_limit_and_keeps_its_margin() {
     let panda = Panda::new();
-    let mut reach = Reach::new(&panda, panda.home.as_slice());
+    let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     reach.position = PositionLimit { rate: 10.0, margin: 0.05 };
     let mut target = panda.hand_at(panda.home.as_slice());
     target.translation.vector += Vector3::new(2.0, 0.0, 0.0);
@@ -69,7 +67,7 @@ fn targets_out_of_reach_leave_the_arm_calm() {
     let home = panda.hand_at(panda.home.as_slice());
     for far in [Vector3::new(2.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 3.0), Vector3::new(-1.5, 0.3, -1.0)] {
         for max_linear_speed in [0.5, f64::INFINITY] {
-            let mut reach = Reach::new(&panda, panda.home.as_slice());
+            let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
             reach.task.set_settings(CartesianSettings { max_linear_speed, ..Default::default() });
             let mut target = home;
             target.translation.vector += far;
@@ -91,7 +89,7 @@ fn a_stretched_arm_with_aligned_wrist_comes_out_of_its_singularity() {
     let panda = Panda::new();
     // elbow as straight as its limit allows, joints 5 and 7 almost parallel to their neighbours
     let start = [0.0, 0.0, 0.0, -0.0698, 0.0, 0.0, 0.0, 0.0];
-    let mut reach = Reach::new(&panda, &start);
+    let mut reach = ClosedLoop::new(&panda, &start);
     // with much more weight on orientation the elbow stays at its limit: a local minimum of this motion
     reach.task.set_settings(CartesianSettings { orientation_weight: 0.1, ..Default::default() });
     reach.task.set_target(panda.hand_at(panda.home.as_slice()));
@@ -103,7 +101,7 @@ fn a_stretched_arm_with_aligned_wrist_comes_out_of_its_singularity() {
 #[test]
 fn the_posture_moves_the_elbow_and_leaves_the_hand_in_place() {
     let panda = Panda::new();
-    let mut reach = Reach::new(&panda, panda.home.as_slice());
+    let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     let hand = panda.hand_at(panda.home.as_slice());
     reach.task.set_target(hand);
     let mut posture = panda.home.clone();
@@ -123,7 +121,7 @@ fn a_moving_target_is_followed_without_lag_when_its_velocity_is_known() {
     let (radius, rate) = (0.1, 2.0);
     let mut worst = [0.0_f64; 2];
     for (known, worst) in [false, true].into_iter().zip(&mut worst) {
-        let mut reach = Reach::new(&panda, panda.home.as_slice());
+        let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
         for tick in 0..2000 {
             let phase = rate * DT * f64::from(tick);
             let mut target = centre;
@@ -148,7 +146,7 @@ fn a_joint_outside_its_limits_comes_back_and_never_goes_farther() {
     let panda = Panda::new();
     let mut start = panda.home.clone();
     start[1] = panda.model.lower()[1] - 0.2;
-    let mut reach = Reach::new(&panda, start.as_slice());
+    let mut reach = ClosedLoop::new(&panda, start.as_slice());
     reach.task.set_target(panda.hand_at(panda.home.as_slice()));
     // `tick` asserts that it never goes farther
     reach.run(4.0, DT);
@@ -158,7 +156,7 @@ fn a_joint_outside_its_limits_comes_back_and_never_goes_farther() {
 #[test]
 fn joints_that_may_not_move_at_all_stand_still() {
     let panda = Panda::new();
-    let mut reach = Reach::new(&panda, panda.home.as_slice());
+    let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     reach.velocity = VelocityLimit { fraction: 0.0 };
     reach.task.set_target(Isometry3::translation(0.3, 0.2, 0.4));
     reach.run(0.1, DT);
@@ -168,10 +166,10 @@ fn joints_that_may_not_move_at_all_stand_still() {
 #[test]
 fn a_state_or_target_that_is_no_number_is_refused_and_the_robot_stands_still() {
     let panda = Panda::new();
-    let mut reach = Reach::new(&panda, panda.home.as_slice());
+    let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     let mut broken = panda.home.clone();
     broken[3] = f64::NAN;
-    let refused = |reach: &mut Reach<'_>, q: &[f64]| {
+    let refused = |reach: &mut ClosedLoop<'_>, q: &[f64]| {
         let mut kinematics = Kinematics::new(&panda.model);
         kinematics.update(&panda.model, q);
         let state = RobotState { model: &panda.model, kinematics: &kinematics, q };
@@ -198,8 +196,8 @@ fn bounds_are_the_narrowest_of_all_limits_and_admit_standing_still() {
     kinematics.update(&panda.model, q.as_slice());
     let state = RobotState { model: &panda.model, kinematics: &kinematics, q: q.as_slice() };
     let mut problem = Problem::new(&motorium_control::DifferentialIk::structure(&panda.model));
-    PositionLimit { rate: 20.0, margin: 0.0 }.tighten(&state, 0.001, &mut problem);
-    VelocityLimit { fraction: 0.5 }.tighten(&state, 0.001, &mut problem);
+    PositionLimit { rate: 20.0, margin: 0.0 }.intersect(&state, 0.001, &mut problem);
+    VelocityLimit { fraction: 0.5 }.intersect(&state, 0.001, &mut problem);
     let half = 0.5 * panda.model.velocity_limit()[0];
     approx::assert_abs_diff_eq!(problem.upper[0], 0.2, epsilon = 1e-12);
     assert_eq!((problem.lower[0], problem.lower[1], problem.upper[1]), (-half, -half, 0.0));
@@ -207,6 +205,6 @@ fn bounds_are_the_narrowest_of_all_limits_and_admit_standing_still() {
 
     // a rate faster than the tick would jump over the limit
     let mut problem = Problem::new(&motorium_control::DifferentialIk::structure(&panda.model));
-    PositionLimit { rate: 1e6, margin: 0.0 }.tighten(&state, 0.001, &mut problem);
+    PositionLimit { rate: 1e6, margin: 0.0 }.intersect(&state, 0.001, &mut problem);
     approx::assert_abs_diff_eq!(problem.upper[0], 10.0, epsilon = 1e-9);
 }

@@ -1,0 +1,40 @@
+//! Checks of values of the `config` table.
+
+use core::ops::RangeInclusive;
+
+use motorium::prelude::*;
+use motorium_robots::Model;
+use nalgebra::DVector;
+
+/// The value, if it is within `range`. An end of `f64::MIN` or `f64::MAX` stands for no limit.
+pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
+    if range.contains(&value) {
+        return Ok(value);
+    }
+    let expected = match (*range.start(), *range.end()) {
+        (f64::MIN, f64::MAX) => "a finite number".to_owned(),
+        (low, f64::MAX) => format!("at least {low}"),
+        (low, high) => format!("from {low} to {high}"),
+    };
+    Err(ConfigError::key(key, format!("{value}, expected {expected}")))
+}
+
+/// A list with one finite number for each independent joint of `model`.
+pub(super) fn per_joint(key: &str, values: &[f64], model: &Model) -> Result<DVector<f64>, ConfigError> {
+    if values.len() != model.nv() {
+        let message = format!("{} numbers, expected {}: one per joint", values.len(), model.nv());
+        return Err(ConfigError::key(key, message)
+            .advise(format!("in this order: {}", model.joint_names().join(", "))));
+    }
+    for value in values {
+        in_range(key, *value, f64::MIN..=f64::MAX)?;
+    }
+    Ok(DVector::from_column_slice(values))
+}
+
+/// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits and
+/// underscores.
+pub(super) fn is_name(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}

@@ -1,0 +1,134 @@
+//! The checked parts of a controller that need no topic. Every mistake is named by its key.
+
+use motorium::prelude::*;
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, load};
+use nalgebra::{DVector, Vector3};
+
+use super::checks::{in_range, is_name, per_joint};
+use super::config::QpControllerConfig;
+use super::tasks::{CartesianConfig, PostureConfig, TaskConfig, TaskKind, TaskPlace};
+use crate::{FeedForward, check_gains};
+
+/// Time constant of the acceleration that is fed forward, s.
+const ACCELERATION_SMOOTHING: f64 = 0.004;
+
+/// A robot, the tasks it is given, and the gains and efforts of its drives.
+pub(super) struct ControllerSetup {
+    pub(super) model: Model,
+    profile: Option<Profile>,
+    tasks: Vec<TaskConfig>,
+    pub(super) gains: Gains,
+    pub(super) feed_forward: FeedForward,
+}
+
+impl ControllerSetup {
+    /// Loads the robot and checks everything but the tasks' own tables.
+    pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+        let Loaded { model, profile, .. } =
+            load(&robot.urdf, &robot.base).map_err(|error| ConfigError::key("robot", error.to_string()))?;
+        if model.base().floating {
+            let message = format!(
+                "robot `{}` has a floating base, and this controller moves robots whose base is fixed",
+                robot.name
+            );
+            let advice =
+                "drive its joints with a policy such as policy.cpg, or fix the base in its URDF or profile";
+            return Err(ConfigError::key("robot", message).advise(advice));
+        }
+        if model.nv() > MAX_JOINTS {
+            let joints = model.nv();
+            return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
+        }
+        check_numbers(config)?;
+        let gains = gains(config, &model, profile.as_ref())?;
+        let gravity = config.gravity_compensation.then(|| Vector3::from(config.gravity));
+        let feed_forward = FeedForward::new(&model, gravity);
+        let feed_forward = match config.inertia_compensation {
+            true => feed_forward.with_inertia(ACCELERATION_SMOOTHING),
+            false => feed_forward,
+        };
+        let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
+        let setup = Self { model, profile, tasks, gains, feed_forward };
+        setup.check_names()?;
+        Ok(setup)
+    }
+
+    /// The tasks with their places, for a controller that steps every `period` seconds.
+    pub(super) fn tasks(&self, period: f64) -> impl Iterator<Item = (TaskPlace<'_>, &dyn TaskKind)> {
+        self.tasks.iter().enumerate().map(move |(index, task)| {
+            let (key, kind) = task.kind();
+            let (model, profile) = (&self.model, self.profile.as_ref());
+            (TaskPlace { model, profile, period, path: format!("tasks[{index}].{key}") }, kind)
+        })
+    }
+
+    fn check_names(&self) -> Result<(), ConfigError> {
+        let (mut names, mut targets) = (Vec::new(), vec!["joint_state"]);
+        for (place, kind) in self.tasks(0.0) {
+            let name = kind.name();
+            if !is_name(name) || names.contains(&name) {
+                let message = format!("task name `{name}` is used twice or is no name");
+                return Err(ConfigError::key("tasks", message)
+                    .advise("give each task its own `name`: lower-case letters, digits and underscores"));
+            }
+            names.push(name);
+            let Some(target) = kind.target() else { continue };
+            if targets[1..].contains(&target) {
+                let message = format!("two tasks take their target from `{target}`");
+                return Err(ConfigError::key(place.key("target"), message)
+                    .advise("give each its own input, such as `target = \"left_target\"`"));
+            }
+            if target == targets[0] || !is_name(target) {
+                let message = format!("`{target}` cannot be the name of an input");
+                return Err(ConfigError::key(place.key("target"), message)
+                    .advise("use lower-case letters, digits and underscores, such as `target`"));
+            }
+            targets.push(target);
+        }
+        Ok(())
+    }
+}
+
+fn default_tasks() -> Vec<TaskConfig> {
+    vec![TaskConfig::Cartesian(CartesianConfig::default()), TaskConfig::Posture(PostureConfig::default())]
+}
+
+fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
+    let limits = &config.limits;
+    in_range("max_lead", config.max_lead, 1e-6..=f64::MAX)?;
+    in_range("damping", config.damping, 1e-12..=1.0)?;
+    in_range("limits.position.rate", limits.position.rate, 1e-3..=f64::MAX)?;
+    in_range("limits.position.margin", limits.position.margin, 0.0..=f64::MAX)?;
+    in_range("limits.velocity.fraction", limits.velocity.fraction, 1e-6..=1.0)?;
+    for component in config.gravity {
+        in_range("gravity", component, -1000.0..=1000.0)?;
+    }
+    Ok(())
+}
+
+/// The gains of the configuration, or else those of the profile.
+fn gains(
+    config: &QpControllerConfig,
+    model: &Model,
+    profile: Option<&Profile>,
+) -> Result<Gains, ConfigError> {
+    let of_profile = profile.map(|profile| profile.gains(model));
+    let gain = |name: &str, given: &Option<PerJoint>, pick: fn(&Gains) -> &DVector<f64>| match (
+        given,
+        &of_profile,
+    ) {
+        (Some(PerJoint::All(gain)), _) => Ok(DVector::repeat(model.nv(), *gain)),
+        (Some(PerJoint::Each(gains)), _) => per_joint(name, gains, model),
+        (None, Some(Ok(gains))) => Ok(pick(gains).clone()),
+        (None, Some(Err(error))) => Err(ConfigError::new(format!("no `{name}` is given, and {error}"))),
+        (None, None) => {
+            let message = format!("no `{name}` is given, and robot `{}` has no profile", model.name());
+            Err(ConfigError::new(message).advise(format!("add `{name}`: one number, or one per joint")))
+        }
+    };
+    let kp = gain("kp", &config.kp, |gains| &gains.kp)?;
+    let kd = gain("kd", &config.kd, |gains| &gains.kd)?;
+    let gains = Gains { kp, kd };
+    check_gains(model, &gains).map_err(|error| ConfigError::key(error.gain(), error.to_string()))?;
+    Ok(gains)
+}

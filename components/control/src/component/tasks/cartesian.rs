@@ -1,0 +1,196 @@
+//! The Cartesian task of `control.qp`.
+
+use motorium::prelude::*;
+use motorium_robots::{EndEffectorError, Twist};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::tasks::{CartesianSettings, CartesianTask, Task};
+use crate::{GoalError, GoalRecord, RobotState};
+
+/// A Cartesian task: a frame follows a pose target.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CartesianConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "cartesian".
+    pub name: String,
+    /// Link whose frame follows the target. Default: that of the robot's only end effector.
+    pub frame: Option<String>,
+    /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default
+    /// "target".
+    pub target: String,
+    /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+    pub gain: f64,
+    /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
+    pub position_weight: f64,
+    /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
+    pub orientation_weight: f64,
+    /// Largest speed at which an error is corrected, m/s. Default: no limit.
+    pub max_linear_speed: Option<f64>,
+    /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
+    pub max_angular_speed: Option<f64>,
+    /// Levenberg-Marquardt damping, s m/rad^2: keeps the robot calm where the target is out of reach. Default: 5e-3, or
+    /// two ticks times one metre where that is more.
+    pub damping: Option<f64>,
+}
+
+impl Default for CartesianConfig {
+    fn default() -> Self {
+        let settings = CartesianSettings::default();
+        Self {
+            name: "cartesian".to_owned(),
+            frame: None,
+            target: "target".to_owned(),
+            gain: settings.gain,
+            position_weight: settings.position_weight,
+            orientation_weight: settings.orientation_weight,
+            max_linear_speed: None,
+            max_angular_speed: None,
+            damping: None,
+        }
+    }
+}
+
+impl CartesianConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
+        let model = place.model;
+        let frame = model.end_effector(place.profile, self.frame.as_deref()).map_err(|error| match error {
+            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(place.key("frame"), unknown.to_string()),
+            error => ConfigError::new(error.to_string()).advise(format!(
+                "name the link to control: tasks = [{{ cartesian = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
+                error.example().unwrap_or_default()
+            )),
+        })?;
+        let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
+        let settings = CartesianSettings {
+            gain: place.in_range("gain", self.gain, GAINS)?,
+            position_weight: weight("position_weight", self.position_weight)?,
+            orientation_weight: weight("orientation_weight", self.orientation_weight)?,
+            max_linear_speed: place.max_speed("max_linear_speed", self.max_linear_speed)?,
+            max_angular_speed: place.max_speed("max_angular_speed", self.max_angular_speed)?,
+            damping: place.damping(self.damping, CartesianSettings::default().damping)?,
+        };
+        Ok(CartesianTask::new(model, frame).with(settings))
+    }
+}
+
+impl TaskKind for CartesianConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn target(&self) -> Option<&str> {
+        Some(&self.target)
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
+        let (weight, doc) = (self.position_weight, "cost of a velocity error");
+        declare.float(&name("position_weight"), weight, WEIGHTS, "1/(m/s)", doc);
+        let (weight, doc) = (self.orientation_weight, "cost of an angular velocity error");
+        declare.float(&name("orientation_weight"), weight, WEIGHTS, "1/(rad/s)", doc);
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let task = self.build(place)?;
+        let input = setup.input(&self.target)?;
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        Ok(Box::new(Cartesian {
+            task,
+            input,
+            gain: parameter("gain")?,
+            position_weight: parameter("position_weight")?,
+            orientation_weight: parameter("orientation_weight")?,
+            goals: GoalRecord::default(),
+            current: None,
+            refused: 0,
+        }))
+    }
+}
+
+/// A frame that follows the poses of one input.
+struct Cartesian {
+    task: CartesianTask,
+    input: Input<PoseTarget>,
+    gain: Parameter<f64>,
+    position_weight: Parameter<f64>,
+    orientation_weight: Parameter<f64>,
+    goals: GoalRecord,
+    /// The newest target with a usable orientation.
+    current: Option<PoseTarget>,
+    /// Targets whose orientation is no unit quaternion.
+    refused: u64,
+}
+
+impl HeldTask for Cartesian {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if self.current.is_none() {
+            self.task.set_target(start.kinematics.pose(start.model, self.task.frame()));
+        }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.task.set_settings(CartesianSettings {
+            gain: self.gain.get().min(bounds.max_gain),
+            position_weight: self.position_weight.get(),
+            orientation_weight: self.orientation_weight.get(),
+            ..*self.task.settings()
+        });
+        let Some(reading) = self.input.latest() else { return };
+        let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
+        let [x, y, z, w] = target.orientation;
+        // half the length of a unit quaternion is no rounding error: such a target is refused
+        let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5) else {
+            self.refused += 1;
+            return;
+        };
+        let velocity = Twist {
+            linear: Vector3::from(target.linear_velocity),
+            angular: Vector3::from(target.angular_velocity),
+        };
+        let pose = Isometry3::from_parts(Translation3::from(target.position), rotation);
+        self.task.set_moving_target(pose, if fresh { velocity } else { Twist::zero() });
+        self.current = Some(target);
+    }
+
+    fn task(&mut self) -> &mut dyn Task {
+        &mut self.task
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        let Some(target) = &self.current else { return };
+        let pose = measured.kinematics.pose(measured.model, self.task.frame());
+        let error = GoalError {
+            position: (self.task.target().translation.vector - pose.translation.vector).norm(),
+            orientation: Some(pose.rotation.angle_to(&self.task.target().rotation)),
+        };
+        self.goals.observe(target.goal, target.at_goal != 0, error, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        Some(&self.goals)
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let summary = self.goals.summary();
+        let latest = self.goals.latest();
+        Some(serde_json::json!({
+            "goals_reached": summary.reached,
+            "position_error_m": summary.worst.map(|error| error.position),
+            "orientation_error_rad": summary.worst.and_then(|error| error.orientation),
+            "last_position_error_m": latest.map(|error| error.position),
+            "last_orientation_error_rad": latest.and_then(|error| error.orientation),
+            "targets_refused": self.refused,
+        }))
+    }
+}

@@ -1,0 +1,146 @@
+//! The tasks of `control.qp`: one file and one variant of [`TaskConfig`] for each kind of task.
+//!
+//! A file holds the configuration of its kind, which implements [`TaskKind`], and the running task, which implements
+//! [`HeldTask`]. The controller knows only these two traits.
+
+mod cartesian;
+mod centre_of_mass;
+mod posture;
+
+pub use cartesian::CartesianConfig;
+pub use centre_of_mass::CentreOfMassConfig;
+pub use posture::PostureConfig;
+
+use core::ops::RangeInclusive;
+
+use motorium::prelude::*;
+use motorium_robots::{Model, Profile};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::checks;
+use crate::{GoalRecord, RobotState, tasks::Task};
+
+/// Range of every gain, 1/s.
+const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
+/// Range of every weight.
+const WEIGHTS: RangeInclusive<f64> = 0.0..=1000.0;
+
+/// Defines [`TaskConfig`]: a key of the configuration, a variant and the type of its table for each kind of task.
+macro_rules! task_kinds {
+    ($( $(#[$doc:meta])* $key:literal => $variant:ident($config:ty), )*) => {
+        /// One task of `control.qp`.
+        #[derive(Debug, Clone, Deserialize, JsonSchema)]
+        pub enum TaskConfig {
+            $( $(#[$doc])* #[serde(rename = $key)] $variant($config), )*
+        }
+
+        impl TaskConfig {
+            /// The key of the task and its table.
+            pub(super) fn kind(&self) -> (&'static str, &dyn TaskKind) {
+                match self {
+                    $( Self::$variant(config) => ($key, config), )*
+                }
+            }
+        }
+    };
+}
+
+task_kinds! {
+    /// A frame follows a pose target.
+    "cartesian" => Cartesian(CartesianConfig),
+    /// The centre of mass follows a point.
+    "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
+    /// The joints keep a posture.
+    "posture" => Posture(PostureConfig),
+}
+
+/// The configuration of one kind of task.
+pub(super) trait TaskKind {
+    /// Name of the task, with which the names of its parameters begin.
+    fn name(&self) -> &str;
+
+    /// Name of the input of its target, if it has one.
+    fn target(&self) -> Option<&str> {
+        None
+    }
+
+    /// Checks the configuration, and declares input and parameters.
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError>;
+
+    /// Builds the task, and opens input and parameters. All memory of the task is allocated here.
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError>;
+}
+
+/// The robot a task is for, and the place of the task in the configuration.
+pub(super) struct TaskPlace<'a> {
+    pub(super) model: &'a Model,
+    pub(super) profile: Option<&'a Profile>,
+    /// Time between two steps, s; 0 while a graph is checked.
+    pub(super) period: f64,
+    /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
+    pub(super) path: String,
+}
+
+impl TaskPlace<'_> {
+    /// Path of the key `name` of the task.
+    pub(super) fn key(&self, name: &str) -> String {
+        format!("{}.{name}", self.path)
+    }
+
+    /// The value of the key `name`, if it is within `range`.
+    fn in_range(&self, name: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
+        checks::in_range(&self.key(name), value, range)
+    }
+
+    /// The largest speed of a correction: infinite if none is given.
+    fn max_speed(&self, name: &str, speed: Option<f64>) -> Result<f64, ConfigError> {
+        speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
+    }
+
+    /// Levenberg-Marquardt damping, s m/rad^2: `usual`, or two steps times one metre where that is more, unless it is
+    /// given.
+    fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {
+        given.map_or(Ok(usual.max(2.0 * self.period)), |damping| {
+            self.in_range("damping", damping, 0.0..=f64::MAX)
+        })
+    }
+}
+
+/// A task of a running controller, with its input and its parameters.
+pub(super) trait HeldTask {
+    /// Begins at the measured state `start`: a task without a target takes its target from there.
+    fn begin(&mut self, start: &RobotState<'_>);
+
+    /// Takes over the parameters and the newest target, once per step.
+    fn prepare(&mut self, bounds: &TaskBounds);
+
+    /// The cost of the task.
+    fn task(&mut self) -> &mut dyn Task;
+
+    /// Records the error of the measured robot after a step of `dt` seconds.
+    fn record(&mut self, _measured: &RobotState<'_>, _dt: f64) {}
+
+    /// The goals of the target, if it has any.
+    fn goals(&self) -> Option<&GoalRecord> {
+        None
+    }
+
+    /// The entry of the task under `tasks` in the result of the run.
+    fn result(&self) -> Option<serde_json::Value> {
+        None
+    }
+}
+
+/// Bounds that a controller sets to its tasks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TaskBounds {
+    /// The largest gain: half the tick rate, 1/s.
+    pub(super) max_gain: f64,
+    /// Age from which a target counts as standing still, ns.
+    pub(super) target_timeout_ns: u64,
+}

@@ -1,0 +1,114 @@
+//! The posture task of `control.qp`.
+
+use motorium::prelude::*;
+use nalgebra::DVector;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::RobotState;
+use crate::component::checks::per_joint;
+use crate::tasks::{PostureSettings, PostureTask, Task};
+
+/// A posture task: the joints keep a posture.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PostureConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "posture".
+    pub name: String,
+    /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no profile.
+    pub pose: Option<String>,
+    /// The posture itself, rad or m, one number per joint. This or `pose`.
+    pub positions: Option<Vec<f64>>,
+    /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
+    pub gain: f64,
+    /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
+    pub weight: f64,
+}
+
+impl Default for PostureConfig {
+    fn default() -> Self {
+        let PostureSettings { gain, weight } = PostureSettings::default();
+        Self { name: "posture".to_owned(), pose: None, positions: None, gain, weight }
+    }
+}
+
+impl PostureConfig {
+    /// The task, and true if its posture is to be taken from the first joint state.
+    fn build(&self, place: &TaskPlace<'_>) -> Result<(PostureTask, bool), ConfigError> {
+        let TaskPlace { model, profile, .. } = *place;
+        let refused =
+            |error: motorium_robots::ProfileError| ConfigError::key(place.key("pose"), error.to_string());
+        let (target, from_start) = match (&self.pose, &self.positions, profile) {
+            (Some(_), Some(_), _) => {
+                let message = "both `pose` and `positions` are given";
+                return Err(ConfigError::key(place.key("positions"), message).advise("keep one of them"));
+            }
+            (Some(_), None, None) => {
+                let message = format!("robot `{}` has no profile, so its poses have no names", model.name());
+                return Err(ConfigError::key(place.key("pose"), message)
+                    .advise("give `positions`, or put a profile beside the URDF"));
+            }
+            (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
+            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
+            (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
+            (None, None, None) => (DVector::zeros(model.nv()), true),
+        };
+        let settings = PostureSettings {
+            gain: place.in_range("gain", self.gain, GAINS)?,
+            weight: place.in_range("weight", self.weight, WEIGHTS)?,
+        };
+        Ok((PostureTask::new(model, target.as_slice()).with(settings), from_start))
+    }
+}
+
+impl TaskKind for PostureConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
+        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let (task, from_start) = self.build(place)?;
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        Ok(Box::new(Posture { task, from_start, gain: parameter("gain")?, weight: parameter("weight")? }))
+    }
+}
+
+/// A posture that the joints keep.
+struct Posture {
+    task: PostureTask,
+    /// True until the posture is taken from the first joint state.
+    from_start: bool,
+    gain: Parameter<f64>,
+    weight: Parameter<f64>,
+}
+
+impl HeldTask for Posture {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if self.from_start {
+            self.task.set_target(start.q);
+            self.from_start = false;
+        }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let gain = self.gain.get().min(bounds.max_gain);
+        self.task.set_settings(PostureSettings { gain, weight: self.weight.get() });
+    }
+
+    fn task(&mut self) -> &mut dyn Task {
+        &mut self.task
+    }
+}

@@ -1,0 +1,103 @@
+//! Feed-forward efforts: gravity, inertia, centrifugal and Coriolis forces.
+
+use motorium_robots::{Dynamics, Model};
+use nalgebra::{DVector, Vector3};
+
+use crate::JointSetpoint;
+
+/// A feed-forward effort for every independent joint, computed from the model of the robot.
+///
+/// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without gravity and
+/// without inertia the effort is zero. `new` allocates; nothing else does.
+///
+/// ```
+/// use motorium_control::{FeedForward, JointSetpoint};
+/// use nalgebra::Vector3;
+///
+/// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
+/// let (model, q) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+/// let setpoint = JointSetpoint::new(model, q.as_slice());
+/// let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81)));
+/// let effort = feed_forward.effort(model, q.as_slice(), &setpoint);
+/// assert!(effort[1].abs() > 1.0, "the shoulder carries the arm");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct FeedForward {
+    gravity: Option<Vector3<f64>>,
+    inertia: Option<Inertia>,
+    dynamics: Dynamics,
+    effort: DVector<f64>,
+}
+
+/// The motion of the setpoint, for the compensation of inertia.
+#[derive(Clone, Debug)]
+struct Inertia {
+    /// Time constant of the acceleration, s.
+    smoothing: f64,
+    /// Velocity setpoint of the tick before; meaningful if `known`.
+    velocity: DVector<f64>,
+    known: bool,
+    /// Smoothed acceleration of the setpoint.
+    acceleration: DVector<f64>,
+}
+
+impl FeedForward {
+    /// For `model`; `gravity` \[m/s^2, world axes\] is compensated if it is given.
+    pub fn new(model: &Model, gravity: Option<Vector3<f64>>) -> Self {
+        Self { gravity, inertia: None, dynamics: Dynamics::new(model), effort: DVector::zeros(model.nv()) }
+    }
+
+    /// Adds the effort that accelerates the robot as the setpoint does and balances centrifugal and Coriolis forces:
+    /// `effort = M(q) a + C(q, v) v + g(q)`, with `v` the velocity setpoint and `a` its rate, smoothed over the time
+    /// constant `smoothing` \[s\] so that the noise of a setpoint found from measurements is not amplified.
+    #[must_use]
+    pub fn with_inertia(mut self, smoothing: f64) -> Self {
+        let zeros = self.effort.map(|_| 0.0);
+        self.inertia =
+            Some(Inertia { smoothing, velocity: zeros.clone(), known: false, acceleration: zeros });
+        self
+    }
+
+    /// Updates the acceleration of the setpoint, once per tick of `dt` \[s\] and before [`effort`](Self::effort).
+    /// Without [`with_inertia`](Self::with_inertia) it does nothing.
+    pub fn update(&mut self, setpoint: &JointSetpoint, dt: f64) {
+        let Some(inertia) = &mut self.inertia else { return };
+        let share = if inertia.known { dt / (dt + inertia.smoothing) } else { 0.0 };
+        let velocities = inertia.velocity.iter_mut().zip(setpoint.velocity());
+        for (acceleration, (before, now)) in inertia.acceleration.iter_mut().zip(velocities) {
+            *acceleration += share * ((now - *before) / dt - *acceleration);
+            *before = *now;
+        }
+        inertia.known = true;
+    }
+
+    /// Forgets the motion of the setpoint: its acceleration is zero until the second [`update`](Self::update).
+    pub fn reset(&mut self) {
+        if let Some(inertia) = &mut self.inertia {
+            inertia.known = false;
+            inertia.acceleration.fill(0.0);
+        }
+    }
+
+    /// Efforts \[Nm or N\], one per independent joint, at the measured joint positions `q` \[rad or m, one per
+    /// independent joint\], within the effort limits of the model.
+    ///
+    /// # Panics
+    /// If `q` has another length.
+    pub fn effort(&mut self, model: &Model, q: &[f64], setpoint: &JointSetpoint) -> &[f64] {
+        let effort = self.effort.as_mut_slice();
+        match (&self.inertia, self.gravity) {
+            (Some(inertia), gravity) => {
+                let (v, a) = (setpoint.velocity(), inertia.acceleration.as_slice());
+                self.dynamics.rnea(model, q, v, a, gravity.unwrap_or_default(), effort);
+            }
+            (None, Some(gravity)) => self.dynamics.gravity(model, q, gravity, effort),
+            (None, None) => return self.effort.as_slice(),
+        }
+        for (effort, limit) in self.effort.iter_mut().zip(model.effort_limit()) {
+            *effort = effort.max(-limit).min(*limit);
+        }
+        self.effort.as_slice()
+    }
+}

@@ -1,0 +1,55 @@
+//! Checks of the gains of joint drives.
+
+use motorium_robots::{Gains, Model};
+
+/// Gains that no joint drive of the model can use.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GainsError {
+    /// A list of another length than the robot has joints.
+    #[error("{gain} has {found} entries, expected {expected}: one per independent joint")]
+    Length {
+        /// `kp` or `kd`.
+        gain: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries expected.
+        expected: usize,
+    },
+    /// A gain that is negative or not a number.
+    #[error("{gain} of joint \"{joint}\" is {value}, expected a finite number >= 0")]
+    Value {
+        /// `kp` or `kd`.
+        gain: &'static str,
+        /// The joint.
+        joint: String,
+        /// The gain found.
+        value: f64,
+    },
+}
+
+impl GainsError {
+    /// The gain at fault: `kp` or `kd`.
+    pub fn gain(&self) -> &'static str {
+        match self {
+            Self::Length { gain, .. } | Self::Value { gain, .. } => gain,
+        }
+    }
+}
+
+/// Checks that `gains` has one finite number of at least 0 for each independent joint of `model`.
+///
+/// # Errors
+/// [`GainsError`] names the first gain that fails.
+pub fn check_gains(model: &Model, gains: &Gains) -> Result<(), GainsError> {
+    for (gain, values) in [("kp", &gains.kp), ("kd", &gains.kd)] {
+        let (found, expected) = (values.len(), model.nv());
+        if found != expected {
+            return Err(GainsError::Length { gain, found, expected });
+        }
+        if let Some(index) = values.iter().position(|value| !value.is_finite() || *value < 0.0) {
+            let joint = model.joint_names()[index].clone();
+            return Err(GainsError::Value { gain, joint, value: values[index] });
+        }
+    }
+    Ok(())
+}

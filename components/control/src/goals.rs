@@ -1,0 +1,149 @@
+//! The error of a controlled frame or point at the goals of its target.
+
+/// Time for which the target must have rested at a goal that is still held when the run ends, s: a shorter rest says
+/// nothing about the controller.
+const SETTLE: f64 = 0.2;
+
+/// Distance and angle between a controlled frame and its target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GoalError {
+    /// Distance \[m\].
+    pub position: f64,
+    /// Angle \[rad\]; `None` where a point without an orientation is controlled.
+    pub orientation: Option<f64>,
+}
+
+impl GoalError {
+    /// The larger distance and the larger angle of the two.
+    #[must_use]
+    pub fn worse(self, other: Self) -> Self {
+        let orientation = match (self.orientation, other.orientation) {
+            (Some(one), Some(other)) => Some(one.max(other)),
+            (one, other) => one.or(other),
+        };
+        Self { position: self.position.max(other.position), orientation }
+    }
+}
+
+/// Goals of a run, and the worst error at any of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GoalSummary {
+    /// Goals at which the target rested.
+    pub reached: u64,
+    /// The worst error at any of these goals; `None` without a goal.
+    pub worst: Option<GoalError>,
+}
+
+impl GoalSummary {
+    /// The goals of both, and the worst error at any of them.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        let worst = match (self.worst, other.worst) {
+            (Some(one), Some(other)) => Some(one.worse(other)),
+            (one, other) => one.or(other),
+        };
+        Self { reached: self.reached + other.reached, worst }
+    }
+}
+
+/// A record of the error at each goal: at the last tick before the target left it, or before the run ended.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GoalRecord {
+    goal: Option<u64>,
+    /// The error while the target rests at the current goal.
+    resting: Option<GoalError>,
+    /// Time for which the target has rested at the current goal, s.
+    rested: f64,
+    past: GoalSummary,
+    latest: Option<GoalError>,
+}
+
+impl GoalRecord {
+    /// Records the error of one tick of `dt` seconds. `goal` numbers the goal the target moves to, `at_goal` says that
+    /// the target rests there.
+    pub fn observe(&mut self, goal: u64, at_goal: bool, error: GoalError, dt: f64) {
+        if self.goal != Some(goal) {
+            self.past = self.past.merge(self.current());
+            (self.resting, self.rested) = (None, 0.0);
+            self.goal = Some(goal);
+        }
+        self.latest = Some(error);
+        if at_goal {
+            self.resting = Some(error);
+            self.rested += dt;
+        }
+    }
+
+    /// The current goal as if the target left it now.
+    fn current(&self) -> GoalSummary {
+        GoalSummary { reached: u64::from(self.resting.is_some()), worst: self.resting }
+    }
+
+    /// The goals so far, as if the run ended now.
+    pub fn summary(&self) -> GoalSummary {
+        if self.rested + 1e-9 >= SETTLE { self.past.merge(self.current()) } else { self.past }
+    }
+
+    /// The error at the last tick.
+    pub fn latest(&self) -> Option<GoalError> {
+        self.latest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(position: f64) -> GoalError {
+        GoalError { position, orientation: Some(2.0 * position) }
+    }
+
+    fn observe(record: &mut GoalRecord, goal: u64, at_goal: bool, errors: &[f64]) {
+        for error in errors {
+            record.observe(goal, at_goal, pose(*error), 0.05);
+        }
+    }
+
+    fn summary(reached: u64, worst: Option<GoalError>) -> GoalSummary {
+        GoalSummary { reached, worst }
+    }
+
+    #[test]
+    fn the_error_at_a_goal_is_the_last_one_before_the_target_leaves_it() {
+        let mut record = GoalRecord::default();
+        observe(&mut record, 1, false, &[0.5, 0.4]);
+        observe(&mut record, 1, true, &[0.3, 0.1, 0.01]);
+        assert_eq!(record.summary(), summary(0, None), "it has hardly arrived");
+        observe(&mut record, 2, false, &[0.5, 0.6]);
+        assert_eq!(record.summary(), summary(1, Some(pose(0.01))));
+        assert_eq!(record.latest(), Some(pose(0.6)));
+    }
+
+    #[test]
+    fn the_last_goal_counts_once_the_target_has_rested_there() {
+        let mut record = GoalRecord::default();
+        observe(&mut record, 1, true, &[0.2, 0.1, 0.05]);
+        assert_eq!(record.summary(), summary(0, None));
+        observe(&mut record, 1, true, &[0.002]);
+        assert_eq!(record.summary(), summary(1, Some(pose(0.002))));
+    }
+
+    #[test]
+    fn the_worst_goal_is_reported_and_a_goal_at_which_the_target_never_rested_does_not_count() {
+        let mut record = GoalRecord::default();
+        observe(&mut record, 1, true, &[0.01]);
+        observe(&mut record, 2, false, &[0.9]);
+        observe(&mut record, 3, true, &[0.03]);
+        observe(&mut record, 4, true, &[0.02]);
+        observe(&mut record, 5, false, &[0.9]);
+        assert_eq!(record.summary(), summary(3, Some(pose(0.03))));
+    }
+
+    #[test]
+    fn a_point_without_an_orientation_leaves_the_worst_angle_to_the_frames() {
+        let point = GoalSummary { reached: 2, worst: Some(GoalError { position: 0.5, orientation: None }) };
+        assert_eq!(point.merge(GoalSummary::default()), point);
+        let both = point.merge(summary(1, Some(pose(0.1))));
+        assert_eq!(both, summary(3, Some(GoalError { position: 0.5, orientation: Some(0.2) })));
+    }
+}

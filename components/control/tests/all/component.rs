@@ -1,0 +1,239 @@
+//! `control.qp` in a graph: a simulated Panda, targets, and the controller between them, in lockstep.
+
+use std::path::Path;
+
+use motorium::launcher::Report;
+use motorium::testing::Graph;
+
+use crate::graph::{Targets, bare_controller, controller, graph, run};
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn the_hand_comes_to_its_goals_within_limits() {
+    let report = run(graph("{}", Targets::default(), controller("{}")));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2);
+    assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
+    assert!(number(&result["orientation_error_rad"]) < 1e-4, "{result}");
+    assert_eq!(result["steps_without_solution"], 0);
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    // an independent look at where the hand is
+    let hand = &report.results["plant"]["hand"];
+    let home = number(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"][1]);
+    assert!((number(&hand[1]) - home + 0.2).abs() < 1e-5, "{hand}");
+}
+
+#[test]
+fn a_step_allocates_nothing_but_clarabels_one() {
+    let report = run(graph("{}", Targets::default(), controller("{}")));
+    let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!(controller.allocations, Some(0));
+    // the first hundred steps are not counted
+    assert_eq!(controller.allocations_apart, Some(controller.steps - 100));
+}
+
+#[test]
+fn parameters_change_what_the_configuration_says() {
+    let configured = "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = { weight = 0.01 } }] }";
+    let configured = run(graph("{}", Targets::default(), controller(configured)));
+    let set = controller("{}").parameter("cartesian_gain", 5.0).parameter("posture_weight", 0.01);
+    let set = run(graph("{}", Targets::default(), set));
+    assert_eq!(configured.state_hash, set.state_hash);
+    let softer = controller("{}").parameter("kp_scale", 0.5);
+    let softer = graph("{ gravity = -10.5 }", Targets::default(), softer);
+    let stiff = run(graph("{ gravity = -10.5 }", Targets::default(), controller("{}")));
+    assert_ne!(run(softer).state_hash, stiff.state_hash);
+}
+
+#[test]
+fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
+    // gravity is stronger than the controller believes
+    let plant = "{ gravity = -10.5 }";
+    let measured = run(graph(plant, Targets::default(), controller("{ feedback = \"measured\" }")));
+    let setpoint = run(graph(plant, Targets::default(), controller("{ feedback = \"setpoint\" }")));
+    let error = |report: &Report| number(&report.results["controller"]["position_error_m"]);
+    assert!(error(&measured) < 1e-4, "{}", error(&measured));
+    assert!(error(&setpoint) > 1e-3, "{}", error(&setpoint));
+}
+
+#[test]
+fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
+    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller("{}")));
+    let result = &report.results["controller"];
+    // the controller is triggered by the state: it does not even step
+    let steps = report.components.iter().find(|component| component.name == "controller").unwrap().steps;
+    assert!((3_690..=3_702).contains(&steps), "{steps} steps");
+    let commands = report.results["plant"]["commands"].as_u64().unwrap();
+    assert!((3_690..=3_715).contains(&commands), "{commands} fresh commands");
+    assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
+    // the arm was let go and fell: it is led back from where it was found, without a jump
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    assert!(number(&report.results["plant"]["largest_lead"]) < 0.05, "{}", report.results["plant"]);
+}
+
+#[test]
+fn a_controller_with_a_rate_of_its_own_does_not_act_on_a_stale_state() {
+    let controller = controller("{}").rate("1 kHz");
+    let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller));
+    let result = &report.results["controller"];
+    let stale = result["steps_without_fresh_state"].as_u64().unwrap();
+    assert!((285..=295).contains(&stale), "{stale} steps");
+    assert!(number(&result["position_error_m"]) < 1e-4, "{result}");
+}
+
+#[test]
+fn a_target_that_falls_silent_stands_still_where_it_was() {
+    let targets = Targets { offsets: vec![[0.0, 0.3, 0.0]], silent_from: 0.5, ..Targets::default() };
+    let report = run(graph("{}", targets, controller("{}")));
+    // half way, at 0.56 m/s: a velocity that were believed for ever would leave an error of 56 mm
+    let last = number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"]);
+    assert!(last < 1e-4, "{last}");
+    assert!(report.results["controller"]["position_error_m"].is_null(), "it was never at a goal");
+}
+
+#[test]
+fn a_blocked_joint_is_pushed_with_no_more_than_the_lead_allows() {
+    let report = run(graph("{ blocked = 3 }", Targets::default(), controller("{ max_lead = 0.03 }")));
+    assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+    let plant = &report.results["plant"];
+    assert_eq!(plant["broken_limits"], 0);
+    let lead = number(&plant["largest_lead"]);
+    assert!((0.029..0.032).contains(&lead), "{lead}");
+}
+
+#[test]
+fn the_same_graph_publishes_the_same_to_the_last_bit() {
+    let once = run(graph("{}", Targets::default(), controller("{}")));
+    let twice = run(graph("{}", Targets::default(), controller("{}")));
+    assert!(once.state_hash.is_some());
+    assert_eq!(once.state_hash, twice.state_hash);
+    let weaker = controller("{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = {} }] }");
+    let weaker = run(graph("{}", Targets::default(), weaker));
+    assert_ne!(once.state_hash, weaker.state_hash);
+}
+
+/// A target that stays at its start.
+fn resting() -> Targets {
+    Targets { offsets: vec![[0.0; 3]], ..Targets::default() }
+}
+
+fn place(value: &serde_json::Value) -> [f64; 3] {
+    std::array::from_fn(|axis| number(&value[axis]))
+}
+
+/// Where the centre of mass stays if nothing moves the arm.
+fn resting_centre_of_mass() -> [f64; 3] {
+    place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["centre_of_mass"])
+}
+
+#[test]
+fn the_centre_of_mass_comes_to_its_goals_within_limits() {
+    let start = resting_centre_of_mass();
+    let offsets = vec![[0.02, 0.05, 0.0], [-0.03, 0.04, 0.03]];
+    let targets = Targets { offsets, start: Some(start), ..Targets::default() };
+    let tasks = "{ tasks = [{ centre_of_mass = { target = \"target\" } }, { posture = {} }] }";
+    let report = run(graph("{}", targets, controller(tasks)));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2, "{result}");
+    assert!(number(&result["position_error_m"]) < 1e-5, "{result}");
+    assert!(result["orientation_error_rad"].is_null(), "a point has no orientation: {result}");
+    assert_eq!(result["tasks"]["centre_of_mass"]["goals_reached"], 2);
+    assert_eq!(result["steps_without_solution"], 0);
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!(controller.allocations, Some(0));
+    let end = place(&report.results["plant"]["centre_of_mass"]);
+    for (axis, offset) in [-0.03, 0.04, 0.03].into_iter().enumerate() {
+        assert!((end[axis] - start[axis] - offset).abs() < 1e-5, "axis {axis}: {end:?} from {start:?}");
+    }
+}
+
+#[test]
+fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
+    // the posture moves the elbow and cannot move the centre of mass
+    let posture = "{ posture = { positions = [0.3, -0.6, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.01 } }";
+    let unwired = |tasks: &str| {
+        let controller = bare_controller(&format!("{{ tasks = [{tasks}] }}")).robot("panda");
+        run(graph("{}", resting(), controller))
+    };
+    let start = resting_centre_of_mass();
+    let moved = |report: &Report| {
+        let end = place(&report.results["plant"]["centre_of_mass"]);
+        (0..3).map(|axis| (end[axis] - start[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let held = unwired(&format!("{{ centre_of_mass = {{}} }}, {posture}"));
+    let free = unwired(posture);
+    assert!(moved(&held) < 1e-4, "{} m", moved(&held));
+    assert!(moved(&free) > 0.01, "{} m", moved(&free));
+    let elbow = |report: &Report| number(&report.results["plant"]["q"][2]);
+    assert!(elbow(&held).abs() > 0.05, "the posture moves the elbow: {}", elbow(&held));
+}
+
+#[test]
+fn commands_carry_the_gains_of_the_profile_or_those_configured() {
+    let profile = run(graph("{}", Targets::default(), controller("{}")));
+    let gains = motorium_robots::load("panda", Path::new(".")).unwrap();
+    let gains = gains.profile.unwrap().gains(&gains.model).unwrap();
+    let published = &profile.results["plant"];
+    assert_eq!(published["kp"], serde_json::json!(gains.kp.as_slice()));
+    assert_eq!(published["kd"], serde_json::json!(gains.kd.as_slice()));
+    let given = run(graph(
+        "{}",
+        Targets::default(),
+        controller("{ kp = 700, kd = [50, 51, 52, 53, 54, 55, 56, 57] }"),
+    ));
+    assert_eq!(given.results["plant"]["kp"], serde_json::json!(vec![700.0; 8]));
+    assert_eq!(given.results["plant"]["kd"][7], 57.0);
+}
+
+/// The message of a graph that is refused.
+#[track_caller]
+fn refused(graph: Graph) -> String {
+    graph.check().expect_err("it must be refused").render(false)
+}
+
+#[track_caller]
+fn assert_refused(config: &str, words: &[&str]) {
+    let error = refused(graph("{}", Targets::default(), controller(config)));
+    for words in words {
+        assert!(error.contains(words), "no `{words}` in\n{error}");
+    }
+}
+
+#[test]
+fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
+    assert_refused(
+        "{ tasks = [{ cartesian = { frame = \"panda_hand_tpc\" } }] }",
+        &["tasks[0].cartesian.frame", "panda_hand_tcp"],
+    );
+    assert_refused("{ tasks = [{ cartesian = { gain = -1.0 } }] }", &["tasks[0].cartesian.gain", "-1"]);
+    assert_refused(
+        "{ tasks = [{ centre_of_mass = { shares = [1.0, 0.0, 2.0] } }] }",
+        &["tasks[0].centre_of_mass.shares", "2, expected from 0 to 1"],
+    );
+    assert_refused("{ tasks = [{ cartesian = { gian = 1.0 } }] }", &["gian", "gain"]);
+    assert_refused("{ tasks = [{ posture = { pose = \"raedy\" } }] }", &["tasks[0].posture.pose", "ready"]);
+    assert_refused(
+        "{ tasks = [{ posture = { positions = [0.0, 1.0] } }] }",
+        &["tasks[0].posture.positions", "2 numbers, expected 8", "panda_joint1"],
+    );
+    assert_refused(
+        "{ tasks = [{ cartesian = {} }, { cartesian = { name = \"other\" } }] }",
+        &["two tasks take their target from `target`"],
+    );
+    assert_refused("{ tasks = [{ posture = {} }, { posture = {} }] }", &["task name `posture`"]);
+    assert_refused("{ kd = [1.0] }", &["kd", "1 numbers, expected 8"]);
+    assert_refused("{ kp = -5 }", &["kp of joint \"panda_joint1\" is -5"]);
+    assert_refused("{ limits = { velocity = { fraction = 1.5 } } }", &["limits.velocity.fraction", "1.5"]);
+    assert_refused("{ state_timeout = \"10\" }", &["state_timeout", "unit"]);
+    assert_refused("{ max_lead = 0.0 }", &["max_lead"]);
+}
+
+#[test]
+fn a_controller_without_a_robot_is_refused() {
+    let error = refused(graph("{}", Targets::default(), bare_controller("{}")));
+    assert!(error.contains("add `robot = \"NAME\"`"), "{error}");
+}

@@ -1,0 +1,14 @@
+//! Tests of the control crate: tasks, solver, inverse kinematics, and `control.qp` in a graph.
+
+mod allocations;
+mod component;
+mod feed_forward;
+mod graph;
+mod inverse_kinematics;
+mod known_problems;
+mod recorded_problems;
+mod robot;
+mod setpoint;
+mod tasks;
+
+motorium::count_allocations!();

@@ -1,0 +1,45 @@
+//! The joint setpoint stays within limits and near the measured joints.
+
+use approx::assert_abs_diff_eq;
+use motorium_control::JointSetpoint;
+
+use crate::robot::Panda;
+
+#[test]
+fn a_setpoint_stops_at_the_limit_and_says_how_fast_it_really_moved() {
+    let panda = Panda::new();
+    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let upper = panda.model.upper()[0];
+    let mut v = vec![0.0; panda.model.nv()];
+    v[0] = (upper - panda.home[0]) / 0.1;
+    setpoint.integrate(&v, 0.08);
+    assert_eq!(setpoint.velocity()[0], v[0]);
+    setpoint.integrate(&v, 0.08);
+    assert_eq!(setpoint.position()[0], upper);
+    assert_abs_diff_eq!(setpoint.velocity()[0], 0.25 * v[0], epsilon = 1e-9);
+    setpoint.integrate(&v, 0.08);
+    assert_eq!((setpoint.position()[0], setpoint.velocity()[0]), (upper, 0.0));
+}
+
+#[test]
+fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
+    let panda = Panda::new();
+    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let v = vec![-0.5; panda.model.nv()];
+    for _ in 0..100 {
+        setpoint.integrate(&v, 0.01);
+        setpoint.limit_tracking_error(panda.home.as_slice(), 0.05);
+    }
+    assert_abs_diff_eq!(setpoint.position()[0], panda.home[0] - 0.05, epsilon = 1e-12);
+    assert_eq!(setpoint.velocity()[0], 0.0, "it would go on pushing");
+}
+
+#[test]
+fn a_velocity_that_is_no_number_moves_no_joint() {
+    let panda = Panda::new();
+    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    setpoint.integrate(&vec![f64::NAN; panda.model.nv()], 0.01);
+    setpoint.limit_tracking_error(&vec![f64::NAN; panda.model.nv()], 0.05);
+    assert_eq!(setpoint.position(), panda.home.as_slice());
+    assert!(setpoint.velocity().iter().all(|v| *v == 0.0));
+}

@@ -1,0 +1,33 @@
+//! Only construction allocates.
+
+use std::time::Duration;
+
+use motorium::testing::allocations;
+use motorium::units::TimeSpan;
+use motorium_robots::PerJoint;
+use motorium_sensors::encoder::{EncoderModel, EncoderSettings, VelocitySource};
+
+#[test]
+fn sampling_and_reading_allocate_nothing() {
+    for velocity in [VelocitySource::Measured, VelocitySource::Differentiated { cutoff_hz: 100.0 }] {
+        let settings = EncoderSettings {
+            resolution: PerJoint::All(1e-4),
+            position_noise: PerJoint::All(1e-4),
+            effort_noise: PerJoint::All(0.1),
+            latency: TimeSpan { ns: 3_500_000 },
+            velocity,
+            ..EncoderSettings::default()
+        };
+        let mut encoder = EncoderModel::new(8, &settings, 0, Duration::from_millis(1)).unwrap();
+        let count = allocations(|| {
+            for k in 0..2000_u64 {
+                // every tenth sample comes twice, and the clock begins anew once
+                let time = (k - k % 10 / 9) % 1500 * 1_000_000;
+                encoder.sample(time, &[0.5; 8], &[0.1; 8], &[2.0; 8]).unwrap();
+                std::hint::black_box(encoder.reading(time));
+                assert!(encoder.sample(time, &[0.0; 3], &[], &[]).is_err());
+            }
+        });
+        assert_eq!(count, 0, "{velocity:?}");
+    }
+}

@@ -1,0 +1,63 @@
+//! Numbers of a configuration for the joints of a robot.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// One number for all joints of a robot, or a list with one number for each joint, in the order of the model's joints.
+///
+/// ```
+/// use motorium_robots::PerJoint;
+///
+/// let all: PerJoint = serde_json::from_str("400.0")?;
+/// assert_eq!(all.resolve(3)?, [400.0; 3]);
+/// let each: PerJoint = serde_json::from_str("[400.0, 300.0]")?;
+/// assert_eq!(each.resolve(3).unwrap_err().to_string(), "2 numbers, expected 3: one per joint");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum PerJoint {
+    /// The same for all joints.
+    All(f64),
+    /// One for each joint.
+    Each(Vec<f64>),
+}
+
+/// A list of another length than the robot has joints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{found} numbers, expected {expected}: one per joint")]
+pub struct PerJointError {
+    /// Length of the list.
+    pub found: usize,
+    /// Joints of the robot.
+    pub expected: usize,
+}
+
+impl Default for PerJoint {
+    /// 0 for all joints.
+    fn default() -> Self {
+        Self::All(0.0)
+    }
+}
+
+impl PerJoint {
+    /// A list with one number for each of `joints` joints.
+    ///
+    /// # Errors
+    /// [`PerJointError`] if it is a list of another length.
+    pub fn resolve(&self, joints: usize) -> Result<Vec<f64>, PerJointError> {
+        match self {
+            Self::All(value) => Ok(vec![*value; joints]),
+            Self::Each(values) if values.len() == joints => Ok(values.clone()),
+            Self::Each(values) => Err(PerJointError { found: values.len(), expected: joints }),
+        }
+    }
+
+    /// The numbers as they are written: one, or one for each joint.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Self::All(value) => core::slice::from_ref(value),
+            Self::Each(values) => values,
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! States: pinned slots, taps, triggers.
+
+use super::*;
+
+#[test]
+fn a_state_topic_gives_the_newest_value_and_a_second_look_gives_it_again() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    assert!(input.latest().is_none());
+    for x in [1.0, 2.0, 3.0] {
+        output.send(&wrench(x)).unwrap();
+    }
+    for _ in 0..2 {
+        let reading = input.latest().unwrap();
+        assert_eq!(reading.force[0], 3.0);
+        assert_eq!(reading.stamp().sequence, 3);
+        assert!(reading.stamp().publish_time > 0);
+    }
+}
+
+#[test]
+fn a_reader_that_keeps_its_sample_never_holds_up_the_writer() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    output.send(&wrench(1.0)).unwrap();
+    let kept = input.latest().unwrap();
+    for x in 0..1_000 {
+        output.send(&wrench(f64::from(x))).unwrap();
+    }
+    assert_eq!(kept.force[0], 1.0);
+}
+
+#[test]
+fn a_state_is_read_where_the_writer_left_it() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    output.send(&wrench(1.0)).unwrap();
+    let first = core::ptr::from_ref::<Wrench>(&input.latest().unwrap());
+    assert_eq!(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()), first, "no copy is made");
+    // Three slots are enough for a writer and a reader that keeps up.
+    let mut places = std::collections::HashSet::new();
+    for x in 0..100 {
+        output.send(&wrench(f64::from(x))).unwrap();
+        places.insert(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()));
+    }
+    assert!(places.len() <= 3, "{} places", places.len());
+}
+
+#[test]
+fn a_killed_reader_costs_one_slot_until_its_successor_takes_the_pin_over() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut output = bench.output::<Wrench>();
+    output.send(&wrench(1.0)).unwrap();
+    let mut killed = bench.input::<Wrench>();
+    assert!(killed.latest().is_some());
+    std::mem::forget(killed);
+    (0..1_000).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
+    let mut successor = bench.input::<Wrench>();
+    assert_eq!(successor.latest().unwrap().force[0], 999.0);
+}
+
+#[test]
+fn a_writer_killed_while_it_fills_a_value_leaves_the_one_before_and_its_successor_counts_on() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut killed, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    killed.send(&wrench(1.0)).unwrap();
+    killed.loan().unwrap().force[0] = f64::NAN;
+    std::mem::forget(killed);
+    assert_eq!(input.latest().unwrap().force[0], 1.0);
+    let mut successor = bench.output::<Wrench>();
+    successor.send(&wrench(2.0)).unwrap();
+    let reading = input.latest().unwrap();
+    assert_eq!((reading.force[0], reading.stamp().sequence), (2.0, 2));
+}
+
+#[test]
+fn news_show_without_reading_and_end_with_it() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    assert!(!input.has_news() && input.next_unread().is_none());
+    output.send(&wrench(1.0)).unwrap();
+    assert!(input.has_news());
+    assert_eq!(input.next_unread().unwrap().force[0], 1.0);
+    assert!(!input.has_news() && input.next_unread().is_none());
+    assert_eq!(input.current().unwrap().force[0], 1.0);
+}
+
+#[test]
+fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut output = bench.output::<Wrench>();
+    output.send(&wrench(1.0)).unwrap();
+    let trigger = open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap();
+    assert_eq!(trigger.first_seen(), 0);
+    trigger.wait();
+    assert_eq!(trigger.newest().0, 1);
+    assert!(!trigger.is_due());
+    // One that was restarted begins with what comes.
+    bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
+    assert_eq!(open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap().first_seen(), 1);
+}
+
+#[test]
+fn no_publication_is_lost_however_waiting_and_publishing_fall_together() {
+    const ROUNDS: u64 = 20_000;
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (folder, topic) = (&bench.folder, bench.topic());
+    let open = || TopicMemory::open(&folder.domain().unwrap().node().unwrap(), topic).unwrap();
+    let (there, back) = (std::sync::atomic::AtomicU64::new(0), std::sync::atomic::AtomicU64::new(0));
+    let ready = std::sync::Barrier::new(2);
+    let play = |begins: bool, mine: &std::sync::atomic::AtomicU64, theirs: &std::sync::atomic::AtomicU64| {
+        use std::sync::atomic::Ordering::SeqCst;
+        let memory = Rc::new(open());
+        let trigger = Trigger::new(memory.clone(), 0);
+        ready.wait();
+        for round in 0..ROUNDS {
+            if begins {
+                mine.store(round + 1, SeqCst);
+                memory.count(0);
+                memory.notify();
+            }
+            while theirs.load(SeqCst) <= round {
+                trigger.wait();
+            }
+            // Sometimes the other side has time to fall asleep, sometimes not.
+            (0..round % 97 * 10).for_each(|_| core::hint::spin_loop());
+            if !begins {
+                mine.store(round + 1, SeqCst);
+                memory.count(0);
+                memory.notify();
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| play(false, &back, &there));
+        play(true, &there, &back);
+    });
+}
+
+#[test]
+fn a_tap_reads_every_value_of_a_topic_with_a_history_and_counts_what_it_missed() {
+    let mut bench = Bench::with_history(32);
+    bench.plan.name = "tapped".to_string();
+    let domain = bench.folder.domain().unwrap();
+    let mut output = bench.output::<Wrench>();
+    output.send(&wrench(0.0)).unwrap();
+    let mut tap = Tap::open(&domain, bench.topic()).unwrap();
+    for round in 0..10 {
+        (1..=30).for_each(|x| output.send(&wrench(f64::from(30 * round + x))).unwrap());
+        while let Some(sample) = tap.next_unread() {
+            let x = f64::from_le_bytes(sample.bytes[..8].try_into().unwrap());
+            assert_eq!(sample.stamp.sequence as f64, x + 1.0);
+        }
+        assert_eq!(tap.missed(), 0, "round {round}");
+    }
+    (0..100).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
+    let mut read = 0;
+    while tap.next_unread().is_some() {
+        read += 1;
+    }
+    assert!(read >= 32 && tap.missed() + read == 100, "{read} read, {} missed", tap.missed());
+}
+
+#[test]
+fn four_taps_find_a_place_and_that_of_a_closed_one_is_free_again() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let domain = bench.folder.domain().unwrap();
+    let mut taps: Vec<_> = (0..4).map(|_| Tap::open(&domain, bench.topic()).unwrap()).collect();
+    let error = Tap::open(&domain, bench.topic()).unwrap_err().to_string();
+    assert!(error.contains("four places"), "{error}");
+    taps.pop();
+    assert!(Tap::open(&domain, bench.topic()).is_ok());
+}

@@ -1,0 +1,234 @@
+//! Topics and parameters across their real mechanisms, within one process.
+
+mod latest;
+mod streams;
+
+use std::rc::Rc;
+
+use super::*;
+use crate::declare::{Declare, ParameterValue, TopicPattern};
+use crate::plan::*;
+use crate::region::Region;
+use crate::run_folder::RunFolder;
+use crate::state::{Defect, JointState, StateBuffer, TypeLayout, Wrench};
+
+fn component(name: &str) -> ComponentPlan {
+    let mut declare = Declare::new(None);
+    declare.float("gain", 1.0, 0.0..=10.0, "", "a factor");
+    let declaration = declare.into_declaration();
+    ComponentPlan {
+        name: name.to_string(),
+        program: Program::Builtin { kind: "test.none".to_string() },
+        activation: Activation::Periodic { period_ns: 1_000_000, phase_ns: 0 },
+        budget_ns: None,
+        core: None,
+        spin: Spin::Fixed { ns: 0 },
+        rise: 0,
+        class: SchedulingClass::Normal,
+        inputs: Vec::new(),
+        outputs: Vec::new(),
+        cause: None,
+        parameters: declaration
+            .parameters
+            .into_iter()
+            .map(|declaration| ParameterPlan { initial: declaration.default, declaration })
+            .collect(),
+        config: serde_json::Value::Null,
+        robot: None,
+        actuator: false,
+        seed: 0,
+        on_overrun: OnOverrun::Skip,
+        overruns_tolerated: None,
+        on_error: OnError::Fail,
+        on_failure: OnFailure::SafeStop,
+        restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
+        order: 0,
+    }
+}
+
+/// A domain with one topic, a writer (component 0) and a reader (component 1).
+struct Bench {
+    folder: RunFolder,
+    plan: Plan,
+    region: Rc<Region>,
+    node: iceoryx2::node::Node<Shared>,
+    _service: TopicService,
+    _parameters: Option<ParameterService>,
+}
+
+impl Bench {
+    fn new(layout: TypeLayout, pattern: TopicPattern) -> Self {
+        Self::make(layout, pattern, 0)
+    }
+
+    fn with_history(history: usize) -> Self {
+        Self::make(Wrench::layout(), TopicPattern::State, history)
+    }
+
+    fn make(layout: TypeLayout, pattern: TopicPattern, history: usize) -> Self {
+        quieten();
+        let topic = TopicPlan {
+            name: "test/topic".to_string(),
+            pattern,
+            layout,
+            writer: 0,
+            readers: vec![1],
+            triggers: Vec::new(),
+            history,
+        };
+        let plan = Plan {
+            name: "transport".to_string(),
+            file: "transport.toml".into(),
+            clock: ClockKind::Realtime,
+            duration_ns: None,
+            seed: 0,
+            components: vec![component("writer"), component("reader")],
+            topics: vec![topic],
+            latencies: Vec::new(),
+            scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
+            safety: SafetyPlan { stale_after_ns: 1, safe_state: SafeState::Hold, settle_ns: 1 },
+        };
+        let (folder, region) = RunFolder::create(&plan).unwrap();
+        let node = folder.domain().unwrap().node().unwrap();
+        let service = TopicService::create(&node, &plan.topics[0]).unwrap();
+        let parameters = ParameterService::create(&node, &plan.components[1]).unwrap();
+        Self { folder, plan, region: Rc::new(region), node, _service: service, _parameters: parameters }
+    }
+
+    fn topic(&self) -> &TopicPlan {
+        &self.plan.topics[0]
+    }
+
+    fn context(&self, index: usize) -> Rc<Context> {
+        Rc::new(Context::new(&self.plan, index, self.region.clone()))
+    }
+
+    fn input<T: StateBuffer>(&self) -> Input<T> {
+        self.try_input().unwrap()
+    }
+
+    fn try_input<T: StateBuffer>(&self) -> Result<Input<T>, PortError> {
+        let topic = self.topic();
+        let place = InputPlace { index: 0, topic, port: "input", pin: 0, is_cause: false, edge: Some(0) };
+        Input::open(&self.node, place, self.context(1))
+    }
+
+    fn output<T: StateBuffer>(&self) -> Output<T> {
+        Output::open(&self.node, (0, self.topic()), "output", Vec::new(), self.context(0)).unwrap()
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.folder.remove();
+    }
+}
+
+fn wrench(x: f64) -> Wrench {
+    Wrench { force: [x, 0.0, 0.0], torque: [0.0; 3] }
+}
+
+#[test]
+fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_no_other_policy() {
+    for policy in
+        [OnOverrun::Hold, OnOverrun::Skip, OnOverrun::CatchUp, OnOverrun::Rephase, OnOverrun::SafeStop]
+    {
+        let mut bench = Bench::new(Wrench::layout(), TopicPattern::State);
+        bench.plan.components[0].on_overrun = policy;
+        let context = bench.context(0);
+        let mut input = bench.input::<Wrench>();
+        let mut output =
+            Output::open(&bench.node, (0, bench.topic()), "output", Vec::new(), context.clone()).unwrap();
+        let holds = policy == OnOverrun::Hold;
+        context.enter_step(1_000, 1_000, 2_000);
+        assert_eq!([1_999, 2_000, 2_001].map(|now| context.withholds(now)), [false, false, holds]);
+        // the deadline lies ahead, then long ago
+        for (deadline_ns, x) in [(u64::MAX, 1.0), (2_000, 2.0)] {
+            context.enter_step(1_000, 1_000, deadline_ns);
+            output.send(&wrench(x)).unwrap();
+        }
+        let newest = input.latest().unwrap().force[0];
+        assert_eq!(newest, if holds { 1.0 } else { 2.0 }, "{policy:?}");
+        let refused = context.block().refused.load(std::sync::atomic::Ordering::Relaxed);
+        assert_eq!(refused, u64::from(holds), "{policy:?}");
+    }
+}
+
+#[test]
+fn a_value_that_is_not_finite_is_not_published() {
+    let bench = Bench::new(JointState::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<JointState>(), bench.input::<JointState>());
+    let mut loan = output.loan().unwrap();
+    loan.set_count(3);
+    loan.velocity_mut()[2] = f64::NAN;
+    let error = loan.publish().unwrap_err();
+    let crate::declare::StepError::InvalidOutput { port: "output", defect } = error else {
+        panic!("{error}")
+    };
+    assert!(matches!(defect, Defect::NotFinite { field: "velocity", index: 2, .. }));
+    assert!(input.latest().is_none());
+}
+
+#[test]
+fn what_lies_beyond_the_count_is_neither_checked_nor_shown() {
+    let bench = Bench::new(JointState::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<JointState>(), bench.input::<JointState>());
+    let mut loan = output.loan().unwrap();
+    loan.set_count(3);
+    loan.velocity_mut().fill(f64::NAN);
+    loan.set_count(0);
+    loan.publish().unwrap();
+    assert_eq!(input.latest().unwrap().velocity(), &[] as &[f64]);
+}
+
+mod swapped {
+    crate::state_buffer! {
+        /// A wrench whose fields are in the other order: same name, same size.
+        pub(super) struct Wrench as "motorium.Wrench" {
+            /// Torque, N m.
+            pub(super) torque: [f64; 3],
+            /// Force, N.
+            pub(super) force: [f64; 3],
+        }
+    }
+}
+
+#[test]
+fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let opened = bench.try_input::<swapped::Wrench>();
+    let text = opened.unwrap_err().to_string();
+    assert!(text.contains("0  torque: [f64; 3]") && text.contains("0  force: [f64; 3]"), "{text}");
+    assert!(text.contains("this program") && text.contains("the topic"), "{text}");
+}
+
+#[test]
+fn a_parameter_set_from_outside_takes_effect_at_the_next_tick_boundary() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
+    let gain = Parameter::<f64>::new(reader.parameter("gain").unwrap().clone());
+    let mut plan = bench.plan.clone();
+    plan.components.remove(0);
+    let table = ParameterTable::open(&bench.folder.domain().unwrap(), plan).unwrap();
+    assert_eq!(table.set("reader.gain", ParameterValue::Integer(4)).unwrap(), ParameterValue::Float(4.0));
+    assert_eq!(gain.get(), 1.0);
+    reader.refresh();
+    assert_eq!(gain.get(), 4.0);
+    assert_eq!(table.list().unwrap()[0].2, ParameterValue::Float(4.0));
+}
+
+#[test]
+fn a_parameter_out_of_range_or_of_another_type_is_refused_with_what_is_allowed() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut plan = bench.plan.clone();
+    plan.components.remove(0);
+    let table = ParameterTable::open(&bench.folder.domain().unwrap(), plan).unwrap();
+    let refused = |path: &str, value| table.set(path, value).unwrap_err().to_string();
+    assert_eq!(
+        refused("reader.gain", ParameterValue::Float(11.0)),
+        "parameter `gain` is 11, expected from 0 to 10"
+    );
+    assert!(refused("reader.gain", ParameterValue::Boolean(true)).contains("expected a number"));
+    assert!(refused("reader.gian", ParameterValue::Float(1.0)).contains("it has: gain"));
+    assert!(refused("gain", ParameterValue::Float(1.0)).contains("component.parameter"));
+}
