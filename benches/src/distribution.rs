@@ -1,4 +1,4 @@
-//! What was measured: all of it, nothing trimmed.
+//! Distribution of measured durations, nothing trimmed.
 
 use std::collections::BTreeMap;
 
@@ -109,7 +109,7 @@ impl Distribution {
     }
 }
 
-/// Which of so many sorted samples, counted from 1, is the first that at least this share of them does not exceed.
+/// Rank, counted from 1, of a percentile among `count` sorted samples: at least this share of them does not exceed it.
 fn rank(share: f64, count: u64) -> u64 {
     ((share * count as f64).ceil() as u64).max(1)
 }

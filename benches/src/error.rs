@@ -1,4 +1,4 @@
-//! What can go wrong with a measurement.
+//! Errors of a measurement.
 
 use motorium::launcher::LaunchError;
 use motorium::testing::TopicSetError;
@@ -9,9 +9,9 @@ pub enum MeasureError {
     /// The system refused something.
     #[error("{what} failed: {reason}")]
     System {
-        /// What was tried.
+        /// The attempted operation.
         what: &'static str,
-        /// What the system said.
+        /// Answer of the system.
         reason: String,
     },
     /// The graph of a measurement cannot run here.

@@ -7,7 +7,7 @@ use crate::host::run_load;
 use crate::pair::{PART, run_part};
 use crate::raw_chain::{LINK, run_link};
 
-/// What a process was started for, if a measurement started it.
+/// The role that a measurement started a process for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Part {
     /// One of two that throw something to and fro.

@@ -53,7 +53,7 @@ macro_rules! payloads {
         /// The sizes there are, bytes.
         pub const SIZES: &[usize] = &[$($bytes),*];
 
-        /// Calls something for the payload of a size; `None` if there is no such size.
+        /// Calls something for the payload of a size; `None` for another size.
         pub fn with_payload<V: PayloadVisitor>(bytes: usize, visitor: V) -> Option<V::Output> {
             match bytes {
                 $($bytes => Some(visitor.visit::<$name>()),)*
@@ -73,7 +73,7 @@ payloads! {
 
 /// Something that works for a payload of any size.
 pub trait PayloadVisitor {
-    /// What comes of it.
+    /// Result of the check.
     type Output;
 
     /// Does it for one type.

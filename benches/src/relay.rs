@@ -41,7 +41,7 @@ trait Ports {
     /// Publishes, if there is anybody to publish for.
     fn write(&mut self) -> Result<(), StepError>;
 
-    /// Whether it publishes.
+    /// True if it publishes.
     fn passes_on(&self) -> bool;
 }
 

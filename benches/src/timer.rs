@@ -1,4 +1,4 @@
-//! How late the machine wakes a sleeper: what `cyclictest` measures.
+//! Lateness of wake-ups, measured as `cyclictest` does.
 
 use motorium::os::{Request, apply, monotonic_ns, prefault_stack, sleep_until};
 use motorium::plan::SchedulingClass;
@@ -45,7 +45,7 @@ fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> WakeUps {
     WakeUps { late_ns, fifo: applied.fifo_priority, pinned: applied.cores == [core] }
 }
 
-/// What one look at the clock costs, ns: part of every sample of a hop.
+/// Cost of one reading of the clock, ns: part of every sample of a hop.
 pub fn clock() -> Vec<u64> {
     const LOOKS: u64 = 100;
     let mean = |_| {
@@ -61,7 +61,7 @@ pub fn clock() -> Vec<u64> {
 /// The places of the measurements: the core of real-time work, and another one if there is any.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Places {
-    /// Where graphs run their real-time components: the last core.
+    /// Core of the real-time components of graphs: the last one.
     pub realtime: usize,
     /// The core across which is measured.
     pub other: Option<usize>,

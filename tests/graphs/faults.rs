@@ -1,4 +1,4 @@
-//! What becomes of a robot when something dies or goes wrong: real processes, real signals.
+//! Reactions of a graph to death and faults: real processes, real signals.
 
 use std::io::Read as _;
 use std::path::PathBuf;

@@ -49,7 +49,7 @@ fn in_steady_state_no_built_in_component_allocates_or_faults() {
     assert!(per_step <= 1.01, "{per_step} allocations of Clarabel per step");
 }
 
-/// What a worker calls the system for.
+/// Purpose of a system call of a worker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Call {
     Wait,

@@ -1,5 +1,5 @@
-//! Standard output and standard error, whose readers may have had enough: `motorium library evaluate | head` ends quietly
-//! with the exit code that it would have had, and `motorium run 2>&1 | head` goes on running its robot.
+//! Standard output and standard error, written so that a closed pipe is not an error: `motorium library evaluate | head`
+//! ends quietly with the exit code that it would have had, and `motorium run 2>&1 | head` goes on running its robot.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write as _};
@@ -17,19 +17,19 @@ macro_rules! out {
 
 /// Prints a line to standard error.
 macro_rules! errln {
-    () => { $crate::out::tell(format_args!("\n")) };
-    ($($text:tt)*) => { $crate::out::tell(format_args!("{}\n", format_args!($($text)*))) };
+    () => { $crate::out::print_error(format_args!("\n")) };
+    ($($text:tt)*) => { $crate::out::print_error(format_args!("{}\n", format_args!($($text)*))) };
 }
 
 /// Prints to standard error.
 macro_rules! err {
-    ($($text:tt)*) => { $crate::out::tell(format_args!($($text)*)) };
+    ($($text:tt)*) => { $crate::out::print_error(format_args!($($text)*)) };
 }
 
 pub(crate) use {err, errln, out, outln};
 
-/// To standard output, without colours where it is no terminal. What nobody reads is dropped; any other failure ends the
-/// program, for what was asked for is not there.
+/// Prints to standard output, without colours where it is not a terminal. A closed pipe is ignored; any other failure ends
+/// the program with exit code 1.
 pub(crate) fn print(text: Arguments<'_>) {
     if let Err(error) = written(anstream::stdout().lock().write_fmt(text)) {
         errln!("{}: writing to standard output: {error}", crate::style::error("error"));
@@ -37,12 +37,12 @@ pub(crate) fn print(text: Arguments<'_>) {
     }
 }
 
-/// To standard error, without colours where it is no terminal. Where that fails there is nobody to tell.
-pub(crate) fn tell(text: Arguments<'_>) {
+/// Prints to standard error, without colours where it is not a terminal. Failures are ignored.
+pub(crate) fn print_error(text: Arguments<'_>) {
     let _ = anstream::stderr().lock().write_fmt(text);
 }
 
-/// Whether it was written, or nobody reads it.
+/// Success if the text was written, or if its reader has closed the pipe.
 fn written(result: Result<()>) -> Result<()> {
     match result {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),

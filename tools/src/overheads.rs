@@ -1,4 +1,4 @@
-//! What this machine itself takes: measured by `motorium calibrate --save`, used by `check` and `run`.
+//! Overheads of this machine: measured by `motorium calibrate --save`, used by `check` and `run`.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ impl Machine {
     }
 }
 
-/// What the file holds.
+/// Content of the file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Saved {
     machine: Machine,

@@ -127,7 +127,7 @@ pub(crate) fn summary(report: &Report) -> String {
     text
 }
 
-/// What else the cores did whose steps were too long: the kernel books the time of interrupts on the step.
+/// Interrupts on cores whose steps were too long: the kernel books the time of interrupts on the step.
 fn interrupted(report: &Report, text: &mut String) {
     let long: u64 = report.components.iter().map(|component| component.misses.long_step).sum();
     for core in report.cores.iter().filter(|_| long > 0) {

@@ -1,4 +1,4 @@
-//! What is seen while a graph runs: one live table on a terminal, plain lines elsewhere.
+//! Display of a running graph: one live table on a terminal, plain lines elsewhere.
 
 use std::io::{Stderr, Write as _};
 
@@ -137,7 +137,7 @@ impl Plain {
                 None => return,
             },
         };
-        // That nobody reads, or that a disk is full, is no reason to stop a robot.
+        // A closed pipe or a full disk must not stop a robot.
         let _ = match self.quiet {
             true => writeln!(anstream::stderr(), "{text}"),
             false => writeln!(anstream::stdout(), "{text}"),

@@ -28,7 +28,7 @@ impl Ran {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
     }
 
-    /// Why its components were late.
+    /// Causes of its components' lateness.
     pub fn causes(&self) -> Causes {
         Causes::of(&self.report)
     }

@@ -21,12 +21,12 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// One component at a rate, that publishes what nobody reads.
+/// One component at a rate, whose topic has no reader.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
     head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }
 
-/// A chain of so many processes at 1 kHz, all on one core; the last is `tail`.
+/// A chain of `processes` processes at 1 kHz, all on one core; the last is `tail`.
 pub fn chain(processes: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-chain", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -54,7 +54,7 @@ pub fn caterpillar(seconds: u32, core: usize) -> String {
     text
 }
 
-/// One process at 1 kHz that triggers so many others, all on one core: `tail-1` to `tail-N`.
+/// One process at 1 kHz that triggers `readers` others, all on one core: `tail-1` to `tail-N`.
 pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-fan-out", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");

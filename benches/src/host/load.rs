@@ -12,7 +12,7 @@ pub(crate) const LOAD: &str = "--bench-load";
 /// Memory that a process streams through, bytes: more than the caches hold.
 const STREAMED: usize = 64 << 20;
 
-/// What makes the load.
+/// The generator of load.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Loader {
     /// `stress-ng`: a process for each core that streams through memory, and one that throws through pipes.
@@ -51,10 +51,10 @@ impl Loader {
         }
     }
 
-    /// What it is started with, for one core; our own processes are started otherwise.
+    /// Arguments for one core; our own processes are started otherwise.
     fn arguments(&self, cores: usize) -> Vec<String> {
         let text = match self {
-            // It ends by itself should nobody be left to end it.
+            // It ends by itself if the process that started it has died.
             Self::StressNg { .. } => format!("--quiet --timeout 900 --stream {cores} --pipe {cores}"),
             Self::Hackbench => format!("--pipe --groups {cores} --fds 5 --loops 1000000000"),
             Self::Own => String::new(),

@@ -13,15 +13,16 @@ pub struct Machine {
     pub processor: String,
     /// Cores that are online.
     pub cores: usize,
-    /// What the kernel reads the time from.
+    /// Clock source of the kernel.
     pub clock_source: String,
-    /// Whether it is a virtual machine: its host may take the cores away.
+    /// True if it is a virtual machine: its host may take the cores away.
     pub is_virtual: bool,
     /// Frequency governor of the first core; `None` where the system does not scale frequencies.
     pub governor: Option<String>,
-    /// What puts idle cores to sleep, as `driver/governor`; `None` where it cannot be read.
+    /// Driver and governor of idle states, as `driver/governor`; `None` where they cannot be read.
     pub idle: Option<String>,
-    /// Longest time that a core may take to leave its idle state, us; `None` where nothing limits it or it cannot be read.
+    /// Longest time that a core may take to leave its idle state, us; `None` where nothing limits it or it cannot be
+    /// read.
     #[serde(default)]
     pub idle_exit_us: Option<u64>,
     /// Load average over one minute when the measurements began.

@@ -1,4 +1,4 @@
-//! What the machine and its host did to a measurement.
+//! Disturbance of a measurement by the machine and its host.
 
 use std::time::Instant;
 
@@ -7,10 +7,10 @@ use motorium::os::machine::online_cores;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What the host took during a measurement, and what else came in between.
+/// Time the host took during a measurement, and interrupts that came in between.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HostShare {
-    /// How long the measurement took, s.
+    /// Duration of the measurement, s.
     pub seconds: f64,
     /// Time the host took from all cores together, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
@@ -27,17 +27,17 @@ pub struct HostShare {
     pub floor: Option<FloorShare>,
 }
 
-/// How much of a tail the bare machine has too: a sleeper on a core that is idle besides, or bare processes that wake
-/// one another by a futex.
+/// The part of a tail that the bare machine has too: a sleeper on a core that is idle besides, or bare processes that
+/// wake one another by a futex.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FloorShare {
     /// The measurement of the bare machine.
     pub name: String,
-    /// How far its p99.9 lies above its p50, as a share of the same of what is measured; 1 where it lies farther.
+    /// Distance of its p99.9 from its p50, as a share of the same of what is measured; 1 where it lies farther.
     pub share: f64,
 }
 
-/// Why the components of a graph were late, all of them together, as their workers count it.
+/// Causes of lateness of all components of a graph together, as their workers count them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
     /// Steps whose core was taken away: ready to run, and nothing of this system ran.
@@ -48,7 +48,7 @@ pub struct Causes {
     pub long_step: u64,
     /// Steps whose input came late.
     pub late_input: u64,
-    /// How often a core stood still while a component spun on it, and looked at nothing but the clock.
+    /// Number of times a core stood still while a component spun on it and read nothing but the clock.
     pub stalls: u64,
     /// For how long in all, ms.
     pub stalled_ms: f64,
@@ -93,7 +93,7 @@ impl Causes {
 }
 
 impl HostShare {
-    /// What happened on one core.
+    /// The report of one core.
     pub fn core(&self, core: usize) -> Option<&CoreReport> {
         self.cores.iter().find(|report| report.core == core)
     }
@@ -163,7 +163,7 @@ impl Watch {
         Self { cores: CoreWatch::start(online_cores()), since: Instant::now() }
     }
 
-    /// What happened since the start.
+    /// The disturbance since the start.
     pub fn stop(&self) -> HostShare {
         let seconds = self.since.elapsed().as_secs_f64();
         let cores = self.cores.stop();

@@ -11,11 +11,11 @@ use crate::{Distribution, MeasureError, read, timer};
 pub struct Case {
     /// Its name.
     pub name: String,
-    /// What it is, in words.
+    /// Description.
     pub what: String,
-    /// Whether other work keeps the machine busy meanwhile.
+    /// True if other work keeps the machine busy meanwhile.
     pub loaded: bool,
-    /// Whether `--quick` has it too.
+    /// True if `--quick` has it too.
     pub quick: bool,
     /// Cases of one group are compared with each other: they take turns, a slice each.
     pub group: Option<&'static str>,
@@ -39,7 +39,7 @@ enum Kind {
 /// Time between two round trips of a paced throw, ns: the receiver sleeps deeply.
 const PACE_NS: u64 = 1_000_000;
 
-/// What is compared with what.
+/// The two things compared.
 const GROUPS: &[(&str, &[&str])] = &[
     ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
@@ -158,12 +158,12 @@ fn size(bytes: usize) -> String {
 }
 
 impl Case {
-    /// Whether a word of `--only` means it: its name, or the beginning of its name up to a dot.
+    /// True if a word of `--only` means it: its name, or the beginning of its name up to a dot.
     pub fn is_meant_by(&self, word: &str) -> bool {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
 
-    /// Whether it is a graph, or a chain of processes, which takes a while to start.
+    /// True if it is a graph, or a chain of processes, which takes a while to start.
     pub(super) fn is_graph(&self) -> bool {
         !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Read { .. } | Kind::Throw { .. })
     }
@@ -250,7 +250,7 @@ fn way(ran: &Ran, relay: &str) -> Result<Outcome, MeasureError> {
     Ok(graph(ran, seen))
 }
 
-/// What was seen of a graph.
+/// Measurements of a graph.
 fn graph(ran: &Ran, seen: Distribution) -> Outcome {
     Outcome { samples: Samples::Histogram(seen), fifo: ran.fifo(), causes: Some(ran.causes()) }
 }

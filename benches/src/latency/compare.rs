@@ -1,8 +1,8 @@
 //! Two files of benchmarks beside each other: what has become faster or slower beyond noise.
 //!
 //! Never times, always ratios to a floor measured in the same file: the machine, or where its host has put its cores,
-//! may have changed between the two. Noise is what the ratios of one side differ by among themselves: those of the turns
-//! that a measurement and its floor took, and those of several files of one side.
+//! may have changed between the two. Noise is what the ratios of one side differ by among themselves: those of the
+//! turns that a measurement and its floor took, and those of several files of one side.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -12,18 +12,18 @@ use super::{Measurement, Written};
 use crate::Distribution;
 use crate::host::Machine;
 
-/// A change below this is none, however small the noise: builds differ in where their code lies.
+/// Smaller changes do not count, however small the noise: builds differ in where their code lies.
 const LEAST: f64 = 1.1;
 /// A change that is believed where there are too few ratios to tell well what noise is.
 const PLAIN: f64 = 1.5;
 /// The fewest ratios of a side that show anything of its noise.
 const FEW: usize = 3;
-/// From so many ratios on, their range tells what noise is, and the lowest and the highest are no part of it.
+/// From this number of ratios on, their range without the lowest and the highest is the noise.
 const MANY: usize = 5;
 /// A floor that has changed by more is not the same machine any more.
 const MOVED: f64 = 1.5;
 
-/// What has changed.
+/// A change of one ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -58,7 +58,7 @@ pub struct Change {
     pub new_range: [f64; 2],
     /// `new / old`.
     pub change: f64,
-    /// What is to be made of it.
+    /// The verdict.
     pub direction: Direction,
 }
 
@@ -69,12 +69,12 @@ pub struct Comparison {
     pub differences: Vec<String>,
     /// Every measurement that is in all files together with its floor.
     pub changes: Vec<Change>,
-    /// What could not be compared, as it is not in all files.
+    /// Measurements left out, since not all files have them.
     pub left_out: Vec<String>,
 }
 
 impl Comparison {
-    /// Whether anything has become slower.
+    /// True if anything has become slower.
     pub fn is_slower(&self) -> bool {
         self.changes.iter().any(|change| change.direction == Direction::Slower)
     }
@@ -113,7 +113,7 @@ struct Percentile {
 const P50: Percentile = Percentile { name: "p50", of: |ns| ns.p50 };
 const P99: Percentile = Percentile { name: "p99", of: |ns| ns.p99 };
 
-/// Whether a timer or a chain of processes is in it: its tail matters as much as its median.
+/// True if a timer or a chain of processes is in it: its tail matters as much as its median.
 fn is_released(name: &str) -> bool {
     ["release.", "chain.", "panda"].iter().any(|family| name.starts_with(family))
 }
@@ -283,7 +283,7 @@ mod tests {
 
     const FLOOR: [u64; 6] = [1_000, 1_010, 990, 1_000, 1_020, 980];
 
-    /// A hop in turns with its floor, so many times as long.
+    /// A hop in turns with its floor, `times` as long.
     fn hop(times: f64) -> Written {
         let turns: Vec<u64> = FLOOR.iter().map(|ns| (*ns as f64 * times) as u64).collect();
         file(vec![measured("floor.futex.same", &FLOOR), measured("hop.blocking.same.512", &turns)])

@@ -11,28 +11,28 @@ use crate::host::Machine;
 /// Version of the file's format; raised when a field changes its meaning or goes.
 pub const VERSION: u32 = 2;
 
-/// What is written to the file.
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
     /// Version of this format.
     pub version: u32,
     /// Version of motorium.
     pub motorium: String,
-    /// What the program was called with, without its own name.
+    /// Arguments of the program, without its own name.
     pub arguments: Vec<String>,
     /// When it began, s since 1970.
     pub began_unix_s: u64,
-    /// What it was measured on.
+    /// The machine it was measured on.
     pub machine: Machine,
-    /// What kept the machine busy where a name ends in `.loaded`, with its options.
+    /// The generator of load for names that end in `.loaded`, with its options.
     pub load: String,
-    /// How long it took in all, s.
+    /// Duration of it all, s.
     pub seconds: f64,
-    /// What was denied, in words; empty if everything ran at real-time priority on its own core.
+    /// Privileges that were denied, in words; empty if everything ran at real-time priority on its own core.
     pub denied: Vec<String>,
     /// Every measurement with its raw histogram.
     pub measurements: Vec<Measurement>,
-    /// What could not be measured, and why.
+    /// Measurements that could not be made, with reasons.
     pub skipped: Vec<Skipped>,
     /// The table of targets.
     pub targets: Vec<Target>,
@@ -43,11 +43,11 @@ pub struct Written {
 pub struct Skipped {
     /// Its name.
     pub name: String,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
-/// A file that is none of a benchmark.
+/// The file is not one of a benchmark.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// It could not be read.
@@ -55,7 +55,7 @@ pub enum ReadError {
     File {
         /// Which.
         file: String,
-        /// Why.
+        /// The reason.
         error: std::io::Error,
     },
     /// It is of another version of the format, or of none.
@@ -71,7 +71,7 @@ pub enum ReadError {
     Content {
         /// Which.
         file: String,
-        /// What is wrong, and where.
+        /// The mistake and its place.
         error: serde_json::Error,
     },
 }

@@ -9,7 +9,8 @@ pub(super) struct Miss {
     median: Option<String>,
     late: Option<String>,
     bare: Option<(f64, String)>,
-    /// Of what lies above the target, the share that the bare machine has itself; 0 where its own value meets the target.
+    /// Of what lies above the target, the share that the bare machine has itself; 0 where its own value meets the
+    /// target.
     pub(super) share: Option<f64>,
 }
 
@@ -46,7 +47,7 @@ impl Miss {
     }
 }
 
-/// What the bare machine comes to in the same measure as a target, and what that is.
+/// The bare machine's value in the same measure as a target, with its name.
 fn bare(seen: &Seen<'_>, blamed: &str) -> Option<(f64, String)> {
     let (value, what) = match blamed {
         "hop.polling.across.512" => (
@@ -79,7 +80,7 @@ fn placement(seen: &Seen<'_>) -> String {
     format!("that does not move a median{moved}")
 }
 
-/// Why steps of a graph were late, as its workers counted it.
+/// Causes of late steps of a graph, as its workers counted them.
 fn late(missed: &Measurement) -> Option<String> {
     let causes = missed.host.causes.filter(|causes| causes.misses() > 0)?;
     Some(format!(

@@ -21,14 +21,14 @@ use crate::host::{Causes, FloorShare, HostShare, Load, Loader, Watch};
 use crate::timer::Places;
 use crate::{Distribution, MeasureError};
 
-/// What the measurements need.
+/// Settings of the measurements.
 #[derive(Debug)]
 pub struct Bench<'a> {
     /// The program that hosts `bench.relay` and plays the [`Part`](crate::Part)s: this one, as a rule.
     pub program: PathBuf,
     /// Its component kinds.
     pub registry: &'a Registry,
-    /// Where to measure.
+    /// Cores to measure on.
     pub places: Places,
     /// `SCHED_FIFO` priority to ask for.
     pub fifo: u8,
@@ -36,13 +36,13 @@ pub struct Bench<'a> {
     pub samples: usize,
     /// Round trips at a pace.
     pub paced: usize,
-    /// How long each graph runs, s.
+    /// Duration of each graph, s.
     pub seconds: u32,
-    /// How long the releases at 4 kHz run, s.
+    /// Duration of the releases at 4 kHz, s.
     pub fast_seconds: u32,
-    /// How long the Panda loop runs, s: its p99.9 wants many samples.
+    /// Duration of the Panda loop, s: its p99.9 needs many samples.
     pub panda_seconds: u32,
-    /// What keeps the machine busy where that is asked for.
+    /// The generator of load.
     pub loader: Loader,
 }
 
@@ -51,13 +51,13 @@ pub struct Bench<'a> {
 pub struct Measurement {
     /// Its name, for `--only`.
     pub name: String,
-    /// What was measured.
+    /// The measured value.
     pub what: String,
     /// All of it.
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,
-    /// What the host of a virtual machine took meanwhile, and what else came in between.
+    /// Time that the host of a virtual machine took meanwhile, and interrupts that came in between.
     pub host: HostShare,
     /// Medians of the slices in which it took turns with those it is compared with, ns; empty without turns. The host
     /// of a virtual machine moves its cores about, nearer to each other or farther apart: only slices side by side
@@ -66,8 +66,8 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Says which share of the tail the bare machine has too: a sleeper beside what a timer releases, bare processes with
-    /// a futex beside a chain.
+    /// Says which share of the tail the bare machine has too: a sleeper beside what a timer releases, bare processes
+    /// with a futex beside a chain.
     pub fn compare_with_floor(&mut self, all: &[Self]) {
         let floor = match self.name.as_str() {
             "release.1khz" | "release.4khz" => "floor.timer",
@@ -85,19 +85,19 @@ impl Measurement {
     }
 }
 
-/// What a case gives: every sample, or a histogram of them.
+/// Samples of a case: all of them, or a histogram.
 #[derive(Debug)]
 enum Samples {
     All(Vec<u64>),
     Histogram(Distribution),
 }
 
-/// What a case gives, and the priority that was granted.
+/// Samples of a case, and the priority that was granted.
 #[derive(Debug)]
 struct Outcome {
     samples: Samples,
     fifo: u32,
-    /// Why the components of a graph were late.
+    /// Causes of lateness of the components of a graph.
     causes: Option<Causes>,
 }
 
@@ -197,7 +197,7 @@ impl Bench<'_> {
     }
 }
 
-/// What a case has gathered in its turns.
+/// Samples of a case gathered in its turns.
 #[derive(Debug, Default)]
 struct Turns {
     samples: Vec<u64>,

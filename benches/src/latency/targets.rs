@@ -1,4 +1,4 @@
-//! What must be reached: ratios within one run, each filled from the measurements or left open.
+//! Targets: ratios within one run, each filled from the measurements or left open.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Measurement;
 use super::miss::Miss;
 
-/// Whether a target was reached.
+/// True if a target was reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -21,15 +21,15 @@ pub enum Verdict {
 /// A target and what was measured of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
-    /// What is compared with what.
+    /// The two things compared.
     pub what: String,
     /// The largest value that meets it.
     pub at_most: f64,
     /// Its unit: empty for a ratio.
     pub unit: String,
-    /// What was measured.
+    /// The measured value.
     pub measured: Option<f64>,
-    /// Whether it was reached.
+    /// True if it was reached.
     pub verdict: Verdict,
     /// Of a target that was missed: how much the machine and its host did, in words.
     pub host: Option<String>,
@@ -40,7 +40,7 @@ pub struct Target {
 
 type Value = fn(&Seen<'_>) -> Option<f64>;
 
-/// What, the largest value, its unit, how it is computed, and the measurement whose host share counts.
+/// Name, the largest value, its unit, how it is computed, and the measurement whose host share counts.
 const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
     (
         "blocking hop, one core, 512 B, p50 / raw futex hand-off",
@@ -194,7 +194,7 @@ pub fn targets(measured: &[Measurement]) -> Vec<Target> {
     TARGETS.iter().map(fill).collect()
 }
 
-/// What was measured in one run.
+/// Measurements of one run.
 pub(super) struct Seen<'a>(pub(super) &'a [Measurement]);
 
 impl Seen<'_> {
@@ -216,7 +216,7 @@ impl Seen<'_> {
         Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| ratio(of.ns.p50, to.ns.p50)))
     }
 
-    /// What a worker and its ports add to each of the 7 hops of a chain of 8: against a chain of processes that only
+    /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes that only
     /// write, wake, and read, in the same slice of time. ns to us.
     fn worker_overhead(&self) -> Option<f64> {
         let (chain, floor) = (self.get("chain.8")?, self.get("floor.chain.8")?);

@@ -5,7 +5,7 @@ use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::JointState;
 use motorium::transport::{Input, Output};
 
-/// What goes wrong.
+/// The fault to be made.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Fault {
@@ -35,7 +35,7 @@ enum Fault {
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FaultyConfig {
-    /// What goes wrong.
+    /// The fault to be made.
     fault: Fault,
     /// At which step; every step from there on.
     #[serde(default)]

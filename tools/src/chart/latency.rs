@@ -22,7 +22,7 @@ const LEGEND: usize = 62;
 /// Points of a curve that are nearer to each other than this are drawn as one.
 const NEAR: f64 = 0.7;
 
-/// What a curve belongs to: each family has its own dashes, colours and place in the legend.
+/// A family of curves: each has its own dashes, colours and place in the legend.
 struct Family {
     title: &'static str,
     dashes: &'static str,
@@ -135,7 +135,7 @@ impl Frame {
         svg
     }
 
-    /// The points of a curve, those left out that nobody could see.
+    /// The points of a curve, without those too near to another to be seen.
     fn points(&self, measurement: &Measurement) -> String {
         // The last sample has no share above it: it stands at the end of the axis for its count.
         let least = 1.0 / measurement.ns.count.max(1) as f64;
@@ -155,8 +155,8 @@ impl Frame {
     }
 }
 
-/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
-/// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
+/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 %
+/// are equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
 pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     // of a peer that keeps its samples to itself there is no curve
     let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
@@ -188,7 +188,7 @@ pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     svg
 }
 
-/// How a curve is drawn.
+/// A curve and its style.
 struct Stroke<'a> {
     measurement: &'a Measurement,
     style: String,
@@ -196,11 +196,11 @@ struct Stroke<'a> {
 
 struct Curves<'a> {
     strokes: Vec<Stroke<'a>>,
-    /// Where the legend ends.
+    /// Lower end of the legend, px.
     bottom: f64,
 }
 
-/// What each curve is, beside the frame: family by family.
+/// The legend beside the frame, family by family.
 fn legend<'a>(measurements: &[&'a Measurement]) -> (String, Curves<'a>) {
     let left = WIDTH - RIGHT + 16.0;
     let mut svg = String::new();
@@ -238,7 +238,7 @@ fn legend<'a>(measurements: &[&'a Measurement]) -> (String, Curves<'a>) {
     (svg, Curves { strokes, bottom: row })
 }
 
-/// Lines of at most so many characters, broken between words.
+/// Breaks a text between words into lines of at most `most` characters.
 fn wrapped(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

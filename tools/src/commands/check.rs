@@ -23,7 +23,8 @@ const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 
 /// Check a graph file without starting anything: wiring, types, and whether its times can hold.
 ///
-/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the cores it is given.
+/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the cores it is
+/// given.
 ///
 /// Example: motorium check graphs/panda-reach.toml --timeline svg --output timeline.svg
 #[derive(Debug, clap::Args)]
@@ -36,10 +37,11 @@ pub(crate) struct Check {
     /// Draw no more than this of it [default: 1 s]
     #[arg(long, value_name = "TIME")]
     span: Option<TimeSpan>,
-    /// Where to write the timeline; standard output if not given
+    /// File to write the timeline to; standard output if not given
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
-    /// Print the checked plan and what its times come to, or what is wrong, as JSON; the timeline, too, with --timeline or --span
+    /// Print the checked plan and what its times come to, or what is wrong, as JSON; the timeline, too, with --timeline
+    /// or --span
     #[arg(long)]
     json: bool,
 }

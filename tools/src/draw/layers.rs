@@ -8,7 +8,7 @@ use motorium::plan::Plan;
 
 use super::wires::Wire;
 
-/// What stands in a column.
+/// An entry of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Item {
     /// A component.
@@ -116,7 +116,7 @@ impl Layers {
         }
     }
 
-    /// How often wires between neighbouring columns cross.
+    /// Number of crossings of wires between neighbouring columns.
     fn crossings(&self, wires: &[Wire]) -> usize {
         let mut total = 0;
         for column in 0..self.columns.len().saturating_sub(1) {
@@ -168,7 +168,7 @@ fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
     back
 }
 
-/// Whether data goes from one component to another along wires that are not left out.
+/// True if data goes from one component to another along wires that are not left out.
 fn reaches(from: usize, to: usize, wires: &[Wire], left_out: &[bool]) -> bool {
     let mut seen = vec![from];
     let mut next = 0;

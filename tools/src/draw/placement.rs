@@ -12,7 +12,7 @@ use super::{Measured, words};
 const GAP: f64 = 30.0;
 /// Between wires that run side by side.
 const LANE: f64 = 11.0;
-/// Where wires bend from one column to the next.
+/// The strip between two columns in which wires bend.
 const BEND: f64 = 42.0;
 const MARGIN: f64 = 28.0;
 /// Size of type of the title.
@@ -31,7 +31,7 @@ pub(super) struct Column {
     x: f64,
     /// End of the topic names.
     named: f64,
-    /// Where wires to the next column start and stop bending.
+    /// Left and right edge of the strip in which wires to the next column bend.
     pub(super) bend: (f64, f64),
 }
 
@@ -87,21 +87,21 @@ impl Placement {
         }
     }
 
-    /// Where a wire leaves its writer.
+    /// Point at which a wire leaves its writer.
     pub(super) fn start(&self, wire: &Wire) -> (f64, f64) {
         let card = &self.cards[wire.writer];
         let offset = card.outputs.iter().find(|output| output.topic == wire.topic).map_or(0.0, |o| o.offset);
         (card.x + card.width, card.y + offset)
     }
 
-    /// Where a wire, given by its index, meets its reader.
+    /// Point at which a wire, given by its index, meets its reader.
     pub(super) fn end(&self, index: usize, wire: &Wire) -> (f64, f64) {
         let card = &self.cards[wire.reader];
         (card.x, card.y + card.input(index))
     }
 }
 
-/// What heights are found from.
+/// Input of the search for heights.
 struct Heights<'a> {
     cards: &'a [Card],
     wires: &'a [Wire],

@@ -256,7 +256,7 @@ fn what_was_measured_is_written_where_it_was_measured() {
 }
 
 #[test]
-fn mermaid_shows_triggers_budgets_and_topics_that_nobody_reads() {
+fn mermaid_shows_triggers_budgets_and_topics_without_a_reader() {
     let mut plan = control_loop();
     plan.components[2].inputs[0].topic = None;
     plan.components[3].inputs[1].topic = None;

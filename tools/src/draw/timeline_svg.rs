@@ -41,7 +41,7 @@ const TEXT: f64 = 12.5;
 /// Height below the axis: times, legend.
 const BELOW: f64 = 62.0;
 
-/// Where things are.
+/// Coordinates of the parts of the picture.
 struct Page {
     left: f64,
     bottom: f64,

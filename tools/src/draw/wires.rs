@@ -15,9 +15,9 @@ pub(super) struct Wire {
     pub(super) reader: usize,
     /// Index of the reader's port.
     pub(super) input: usize,
-    /// Whether it wakes the reader.
+    /// True if it wakes the reader.
     pub(super) wakes: bool,
-    /// Whether a latency budget is measured along it.
+    /// True if a latency budget is measured along it.
     pub(super) budgeted: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What is written on components and topics.
+//! Labels of components and topics.
 
 use motorium::declare::TopicPattern;
 use motorium::plan::{
@@ -12,7 +12,7 @@ pub(super) fn time(ns: u64) -> String {
     TimeSpan { ns }.to_string()
 }
 
-/// What runs a component: its kind, or the file name of its program.
+/// The program of a component: its kind, or the file name of its program.
 pub(super) fn program(component: &ComponentPlan) -> String {
     match &component.program {
         Program::Builtin { kind } => kind.clone(),

@@ -1,4 +1,4 @@
-//! Where metrics are served: `--metrics 9464` is this machine only, anything else is written out.
+//! Address at which metrics are served: `--metrics 9464` is this machine only, anything else is written out.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;
@@ -7,7 +7,7 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Address(pub(super) SocketAddr);
 
-/// What was written is no such address.
+/// The text is not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{0}` is neither a port nor an address; write `9464` for port 9464 of this machine alone, \

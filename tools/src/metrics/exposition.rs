@@ -13,7 +13,7 @@ use super::families::{Families, Family, Labels, seconds};
 use super::{ComponentSample, Sample};
 use crate::runs::LivingRun;
 
-/// What the text is: OpenMetrics 1.0, which Prometheus reads from version 2.5 on.
+/// Content type of the text: OpenMetrics 1.0, which Prometheus reads from version 2.5 on.
 pub(super) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// The metrics of a run. They are read when they are asked for, and never otherwise.

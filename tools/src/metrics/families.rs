@@ -40,7 +40,7 @@ impl Family {
 }
 
 impl Families<'_> {
-    /// What only grows.
+    /// Adds a counter, which only grows.
     pub(super) fn counter<'l, N: EncodeCounterValue>(
         &mut self,
         family: &Family,
@@ -54,7 +54,7 @@ impl Families<'_> {
         Ok(())
     }
 
-    /// What goes up and down.
+    /// Adds a gauge, which goes up and down.
     pub(super) fn gauge<'l, N: EncodeGaugeValue>(
         &mut self,
         family: &Family,
@@ -90,8 +90,8 @@ pub(super) fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Bounds of the exposed buckets, ns: two per power of two from 255 ns to 1.6 s. Each is the largest value of a bucket of
-/// [`Histogram`](motorium::telemetry::Histogram), so no value is counted on the wrong side of one.
+/// Bounds of the exposed buckets, ns: two per power of two from 255 ns to 1.6 s. Each is the largest value of a bucket
+/// of [`Histogram`](motorium::telemetry::Histogram), so no value is counted on the wrong side of one.
 static BOUNDS: LazyLock<Vec<u64>> =
     LazyLock::new(|| (8..=30).flat_map(|bits| [(1_u64 << bits) - 1, (3_u64 << (bits - 1)) - 1]).collect());
 

@@ -1,4 +1,4 @@
-//! What can be measured of a running graph from outside: its region and `/proc`, and both as Prometheus text.
+//! Measurements of a running graph from outside: its region and `/proc`, and both as Prometheus text.
 //!
 //! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is taken.
 

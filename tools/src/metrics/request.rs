@@ -1,9 +1,9 @@
-//! What a client of the metrics asks for, and how it is answered: as much of HTTP/1.1 (RFC 9110, RFC 9112) as reading one
+//! Requests for metrics and their answers: as much of HTTP/1.1 (RFC 9110, RFC 9112) as reading one
 //! document takes.
 
 use std::fmt::Write as _;
 
-/// What a client asks for.
+/// A parsed request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Request {
     /// The metrics.

@@ -17,7 +17,7 @@ pub(crate) struct Sample {
     pub(crate) taken_ns: u64,
     /// Time since the start on the run's clock, ns; 0 before it.
     pub(crate) elapsed_ns: u64,
-    /// What the launcher wants of the graph.
+    /// Last command of the launcher.
     pub(crate) command: Command,
     /// In the order of the graph.
     pub(crate) components: Vec<ComponentSample>,
@@ -31,7 +31,7 @@ pub(crate) struct Sample {
     pub(crate) cores: Vec<CoreTimes>,
 }
 
-/// What is known of a component.
+/// Counters and histograms of a component.
 #[derive(Debug, Clone)]
 pub(crate) struct ComponentSample {
     pub(crate) phase: Phase,
@@ -52,18 +52,18 @@ pub(crate) struct ComponentSample {
     pub(crate) page_faults: u64,
     pub(crate) spin_ns: u64,
     pub(crate) stalls: Stalls,
-    /// What it takes of the machine; `None` if it is not there.
+    /// Its use of the machine; `None` if its process is not there.
     pub(crate) usage: Option<Usage>,
 }
 
-/// What is known of a latency budget.
+/// Histogram and misses of a latency budget.
 #[derive(Debug, Clone)]
 pub(crate) struct LatencySample {
     pub(crate) latency: Snapshot,
     pub(crate) missed: u64,
 }
 
-/// What is known of a topic.
+/// Publications of a topic.
 #[derive(Debug, Clone)]
 pub(crate) struct TopicSample {
     pub(crate) published: u64,

@@ -45,7 +45,7 @@ impl Server {
         Ok(Self { listener, address })
     }
 
-    /// Where the metrics are.
+    /// Address of the metrics.
     pub(crate) fn url(&self) -> String {
         format!("http://{}/metrics", self.address)
     }

@@ -1,15 +1,16 @@
-//! What the kernel knows of a component: the time of its stepping thread, the memory of its process.
+//! Use of the machine by a component, as the kernel accounts for it: CPU time of the stepping thread, memory of the
+//! process.
 
 use std::fs;
 
-/// What a component takes of the machine.
+/// Use of the machine by a component.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Usage {
     /// Time that its stepping thread has run, ns; spinning is running.
     pub(crate) thread_ns: u64,
     /// Memory of its process that is in use, bytes.
     pub(crate) resident_bytes: u64,
-    /// How much of that it shares with others: its program's file, the shared memory of the run, bytes.
+    /// The part of it that is shared with others: its program's file, the shared memory of the run, bytes.
     pub(crate) shared_bytes: u64,
 }
 

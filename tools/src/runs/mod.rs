@@ -77,7 +77,7 @@ impl LivingRun {
         }
     }
 
-    /// Whether the run is over.
+    /// True if the run is over.
     pub(crate) fn has_ended(&self) -> bool {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }

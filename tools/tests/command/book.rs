@@ -147,7 +147,7 @@ fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_
 }
 
 #[test]
-fn the_component_of_the_book_leads_the_hand_along_its_circle() {
+fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
     let check = |urdf: &str, base: &Path| {
         motorium_robots::load(urdf, base)
             .map(|_| Vec::new())

@@ -1,4 +1,4 @@
-//! What `motorium check` says of the times of a graph.
+//! `motorium check`: the times of a graph.
 
 use crate::program::{json, machine, motorium, printed, run};
 use serde_json::Value;
@@ -105,7 +105,7 @@ fn a_place_for_the_timeline_needs_its_format() {
     assert!(text(&output.stderr).contains("--timeline"));
 }
 
-/// What `check` takes the machine to cost with this folder of configuration, and where it has that from.
+/// The overheads that `check` counts with, given this folder of configuration, and their origin.
 fn overheads(folder: &std::path::Path) -> (Value, String) {
     let output =
         motorium(&["check", REACH, "--json"]).env("XDG_CONFIG_HOME", folder).output().expect("it runs");

@@ -1,4 +1,4 @@
-//! What holds for the command as a whole: help, completions, the doctor's answers.
+//! The command as a whole: help, exit codes, completions, the doctor's answers.
 
 use std::io::Read as _;
 
@@ -145,7 +145,7 @@ fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
     assert!(!refused.stdout.contains(&0x1b));
 }
 
-/// Whose output nobody reads beyond the first byte, though there is more of it than a pipe holds.
+/// Commands whose reader takes one byte, though they print more than a pipe holds.
 #[test]
 fn a_reader_that_has_had_enough_ends_a_command_quietly_and_with_its_own_exit_code() {
     let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");

@@ -46,7 +46,7 @@ fn no_more_crates_stand_behind_the_command_than_the_ceiling_allows() {
     );
 }
 
-/// What `deny.toml` says of licences, as far as it is read here.
+/// The part of `deny.toml` about licences that is read here.
 #[derive(Deserialize)]
 struct Deny {
     licenses: Licences,
@@ -57,7 +57,7 @@ struct Licences {
     allow: BTreeSet<String>,
 }
 
-/// Whether an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old manifests
+/// True if an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old manifests
 /// write as `/`.
 fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
     /// The parts between a word that stands outside all parentheses.

@@ -9,11 +9,11 @@ use motorium_benches::latency::{Change, Comparison, Direction, Written, compare}
 use crate::out::{errln, out, outln};
 use crate::{exit, report, style};
 
-/// What has become faster or slower between two files of `motorium bench latency --json`.
+/// Compare two files of `motorium bench latency --json`.
 ///
-/// Compares ratios to the floors of each file, never times. A change counts if it is more than 10 % and lies beyond what
-/// the turns of each file differ by among themselves; of what took fewer than five turns, if it is more than half. Exit
-/// code 6 if anything is slower.
+/// Compares ratios to the floors of each file, never times. A change counts if it is more than 10 % and lies beyond
+/// what the turns of each file differ by among themselves; of what took fewer than five turns, if it is more than half.
+/// Exit code 6 if anything is slower.
 ///
 /// Example: motorium bench compare before.json after.json
 #[derive(Debug, clap::Args)]

@@ -44,10 +44,10 @@ pub(crate) struct Latency {
     /// Samples of each hop
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
     samples: Option<u32>,
-    /// How long each graph runs, s: 1000 samples of a chain or of the Panda loop in each second
+    /// Duration of each graph, s: 1000 samples of a chain or of the Panda loop in each second
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=3_600))]
     seconds: Option<u32>,
-    /// What keeps the machine busy for what is measured under load; the first that is installed if not given
+    /// The tool that loads the machine for measurements under load; the first that is installed if not given
     #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
     load: Option<String>,
     /// Fewer and shorter: what the targets of hops, releases and the chain of 4 need, in well under a minute
@@ -62,7 +62,7 @@ pub(crate) struct Latency {
 }
 
 impl Latency {
-    /// What makes the load.
+    /// The generator of load.
     fn loader(&self) -> anyhow::Result<Loader> {
         let Some(name) = &self.load else { return Ok(Loader::detect()) };
         Loader::named(name).with_context(|| format!("{name} is not installed; `--load own` is always there"))
@@ -84,7 +84,8 @@ impl Latency {
             panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
-        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line says whether it holds.
+        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line says whether
+        // it holds.
         let _idle_limit = IdleLimit::hold(Duration::ZERO);
         if self.ratchet {
             return ratchet::run(&bench);
@@ -160,7 +161,7 @@ impl Latency {
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// What to measure, in the order of the catalogue, those that are compared with each other side by side.
+    /// The cases to measure, in the order of the catalogue, those that are compared with each other side by side.
     fn choose(&self) -> anyhow::Result<Vec<Case>> {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
@@ -223,7 +224,7 @@ fn skipped(name: &str, reason: &str) -> Skipped {
     Skipped { name: name.to_string(), reason: reason.to_string() }
 }
 
-/// What the system denied: figures without real-time priority say little about a robot.
+/// Privileges that the system denied: figures without real-time priority say little about a robot.
 fn denied(measurements: &[Measurement]) -> Vec<String> {
     let is_ours = |m: &&Measurement| !m.name.starts_with("peer.") && m.name != "floor.clock";
     let without: Vec<&str> = measurements

@@ -24,16 +24,16 @@ enum Line {
         fifo: u32,
         samples_ns: Vec<u64>,
     },
-    /// What a tool says of samples that it keeps to itself.
+    /// Percentiles printed by a tool that keeps its samples to itself.
     Told { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
-    /// Why there are none.
+    /// Reason for their absence.
     Skipped { name: String, skipped: String },
 }
 
 /// Measures the peers, one after the other, and tells of each as it comes. Each that is not installed is named.
 /// `core` is where those run that can be pinned.
-pub(super) fn measure(core: usize, mut tell: impl FnMut(Result<Measurement, Skipped>)) {
-    let mut fail = |reason: String| tell(Err(Skipped { name: "peers".to_string(), reason }));
+pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Skipped>)) {
+    let mut fail = |reason: String| report(Err(Skipped { name: "peers".to_string(), reason }));
     if !Path::new(SCRIPT).is_file() {
         return fail(format!("there is no {SCRIPT} here: start this in a checkout of motorium"));
     }
@@ -52,7 +52,7 @@ pub(super) fn measure(core: usize, mut tell: impl FnMut(Result<Measurement, Skip
         .map_while(Result::ok)
     {
         let host = core::mem::replace(&mut watch, Watch::start()).stop();
-        tell(match serde_json::from_str(&line) {
+        report(match serde_json::from_str(&line) {
             Ok(Line::Measured { name, what, fifo, samples_ns }) => Ok(Measurement {
                 name: format!("peer.{name}"),
                 what,
@@ -88,8 +88,10 @@ pub(super) fn measure(core: usize, mut tell: impl FnMut(Result<Measurement, Skip
     }
     match child.wait() {
         Ok(status) if status.success() => {}
-        Ok(status) => tell(Err(Skipped { name: "peers".to_string(), reason: format!("{SCRIPT}: {status}") })),
-        Err(error) => tell(Err(Skipped { name: "peers".to_string(), reason: error.to_string() })),
+        Ok(status) => {
+            report(Err(Skipped { name: "peers".to_string(), reason: format!("{SCRIPT}: {status}") }))
+        }
+        Err(error) => report(Err(Skipped { name: "peers".to_string(), reason: error.to_string() })),
     }
 }
 

@@ -1,4 +1,5 @@
-//! The ratchet: fails when hops, releases or chains have become plainly slower, by ratios to the floors of the same run.
+//! The ratchet: fails when hops, releases or chains have become plainly slower, by ratios to the floors of the same
+//! run.
 
 use std::process::ExitCode;
 
@@ -13,7 +14,7 @@ const ROUNDS: usize = 5;
 /// More rounds before it fails.
 const MORE_ROUNDS: usize = 4;
 
-/// What is compared with what, and the largest ratio that passes: well above what a machine shows on its good and its
+/// The measurements compared, and the largest ratio that passes: well above what a machine shows on its good and its
 /// bad days, so that noise does not fail it and another wake-up, sleep or copy on the way does.
 struct Bound {
     what: &'static str,
@@ -69,7 +70,7 @@ const BOUNDS: [Bound; 6] = [
     },
 ];
 
-/// How it came out for one bound.
+/// Result for one bound.
 #[derive(Debug, PartialEq)]
 struct Judged {
     /// The median of the rounds.

@@ -40,7 +40,7 @@ fn microseconds(ns: u64) -> String {
     }
 }
 
-/// What follows the measurements: what was denied and left out, and the targets.
+/// The closing part of the table: what was denied and left out, and the targets.
 pub(super) fn closing(written: &Written) -> String {
     let mut text = String::new();
     for denied in &written.denied {

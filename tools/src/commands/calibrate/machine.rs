@@ -1,4 +1,4 @@
-//! What the machine takes.
+//! Measurement of the machine's overheads.
 
 use std::path::Path;
 use std::time::Duration;
@@ -89,7 +89,7 @@ impl Floor {
     }
 }
 
-/// What releases a component, as far as it matters for what that costs.
+/// Release of a component, as far as it decides the cost of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Released {
     Clock,
@@ -114,7 +114,7 @@ struct Beside {
     ns: [u64; 2],
 }
 
-/// What the worker takes per step, and what a release by the clock takes on top of that: the most of any component, at
+/// Cost of the worker per step, and the additional cost of a release by the clock: the most of any component, at
 /// p50 or at p99, whichever is more. `hop` is what a hand-over on a core takes, p50 and p99.
 fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let most = |release: Released, less: [u64; 2]| {

@@ -32,7 +32,7 @@ use crate::{exit, overheads, registry, style};
 pub(crate) struct Calibrate {
     #[command(flatten)]
     graph: GraphArgs,
-    /// How long to run the graph
+    /// Duration of the run
     #[arg(long = "for", value_name = "DURATION", default_value = "10 s")]
     duration: TimeSpan,
     /// Which of the measured execution times a budget covers
@@ -49,15 +49,15 @@ pub(crate) struct Calibrate {
     json: bool,
 }
 
-/// What was measured, and what follows.
+/// Measured times, and the budgets that follow.
 #[derive(Debug, Serialize)]
 struct Answer {
     machine: overheads::Machine,
-    /// What the machine takes, as the admission check counts it.
+    /// Overheads of the machine, as the admission check counts them.
     overheads: Overheads,
     /// Steps and proposed budget of each component.
     components: Vec<Proposal>,
-    /// Whether the graph holds with the proposed budgets.
+    /// True if the graph holds with the proposed budgets.
     admission: Admission,
 }
 
@@ -74,12 +74,12 @@ impl Calibrate {
         };
         debug_assert_eq!(checked.plan.clock, ClockKind::Realtime);
         let program = std::env::current_exe().context("finding this program's own file")?;
-        self.tell("measuring how this machine wakes threads and hands over ...");
+        self.progress("measuring how this machine wakes threads and hands over ...");
         // As while the graph runs; where it is denied then, it is denied now.
         let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
         let floor = machine::measure(&program, &registry::with_benches(), Duration::from_secs(2))?;
         drop(idle_limit);
-        self.tell(&format!("running the graph for {duration} ..."));
+        self.progress(&format!("running the graph for {duration} ..."));
         let options = Options { hosting: Hosting::Processes, program };
         let quiet = self.json;
         let report = launcher::run(checked.plan.clone(), &registry, &options, &mut |event| {
@@ -99,7 +99,7 @@ impl Calibrate {
         }
         if self.save {
             let path = overheads::save(answer.overheads)?;
-            self.tell(&format!("saved in {}: `check` and `run` use it from now on", path.display()));
+            self.progress(&format!("saved in {}: `check` and `run` use it from now on", path.display()));
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -114,7 +114,7 @@ impl Calibrate {
         Answer { machine: overheads::Machine::this(), overheads, components, admission }
     }
 
-    fn tell(&self, text: &str) {
+    fn progress(&self, text: &str) {
         if !self.json {
             errln!("{}", style::dim(text.to_string()));
         }

@@ -1,4 +1,4 @@
-//! What the times of a graph come to, as tables.
+//! Response times of a graph, as tables.
 
 use std::fmt::Write as _;
 
@@ -80,7 +80,7 @@ fn assumptions(admission: &Admission, origin: &str) -> String {
     )
 }
 
-/// What does not hold, or cannot be proved to, with the arithmetic and advice.
+/// Problems of the admission with their arithmetic and advice.
 pub(crate) fn problems(admission: &Admission) -> String {
     let mut text = String::new();
     for problem in &admission.problems {

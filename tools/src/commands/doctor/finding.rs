@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::style;
 
-/// How good it is.
+/// Verdict of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Verdict {
@@ -23,9 +23,9 @@ pub(super) enum Verdict {
 pub(super) struct Finding {
     pub(super) name: &'static str,
     pub(super) verdict: Verdict,
-    /// What was found, and what follows from it.
+    /// The finding, and its consequence.
     pub(super) found: String,
-    /// What to do, as a command where one does it.
+    /// The remedy, as a command where one does it.
     pub(super) fix: Option<String>,
 }
 

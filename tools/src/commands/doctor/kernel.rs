@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use super::finding::Finding;
 use super::read;
 
-/// How the kernel lets one thread interrupt another inside of it.
+/// Check of the kernel's preemption model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Preemption {
     Realtime,
@@ -205,7 +205,7 @@ mod tests {
     const DYNAMIC: &str = "Linux version 6.18.1 (b@h) (gcc 15) #1 SMP PREEMPT_DYNAMIC Sat";
 
     #[test]
-    fn the_preemption_model_comes_from_whoever_knows_best() {
+    fn the_preemption_model_comes_from_the_most_exact_source() {
         let built = "CONFIG_PREEMPT_NONE=y\n# CONFIG_PREEMPT is not set\nCONFIG_PREEMPT_DYNAMIC=y\n";
         let cases = [
             (preemption(DYNAMIC, Some("1"), None, "", built), Preemption::Realtime),

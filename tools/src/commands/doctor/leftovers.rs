@@ -1,4 +1,4 @@
-//! What runs that are gone have left in shared memory.
+//! Leftovers of ended runs in shared memory.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -10,14 +10,14 @@ use motorium::run_folder::RunFolder;
 
 use super::finding::Finding;
 
-/// What begins the names of all shared memory objects of runs.
+/// Prefix of the names of all shared memory objects of runs.
 const OURS: &str = "mt_";
-/// What begins the names of those of other programs that use iceoryx2.
+/// Prefix of the names of objects of other programs that use iceoryx2.
 const FOREIGN: &str = "iox2_";
 /// A younger run that names no launcher yet may just be starting.
 const YOUNG: Duration = Duration::from_secs(5);
 
-/// What was left behind.
+/// Objects left behind.
 #[derive(Debug, Default)]
 pub(super) struct Leftovers {
     runs: Vec<RunFolder>,

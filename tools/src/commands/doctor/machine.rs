@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn deep_idle_states_are_a_warning_unless_somebody_forbids_them_or_graphs_may() {
+    fn deep_idle_states_are_a_warning_unless_they_are_forbidden_or_graphs_may_forbid_them() {
         let states = [("POLL", 0), ("C1", 2), ("C6", 133)]
             .map(|(name, latency_us)| IdleState { name: name.into(), latency_us });
         let free = judge_idle(&states, Some(2_000_000_000), false);

@@ -7,7 +7,7 @@ use rustix::fs::Access;
 use super::finding::Finding;
 use super::read;
 
-/// Where shared memory lives.
+/// Mount point of shared memory.
 pub(super) const SHARED: &str = "/dev/shm";
 /// Below this nothing but the smallest graph fits.
 const LEAST_MIB: u64 = 16;

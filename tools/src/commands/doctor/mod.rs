@@ -30,7 +30,7 @@ use leftovers::Leftovers;
 /// Example: motorium doctor --measure 60s
 #[derive(Debug, clap::Args)]
 pub(crate) struct Doctor {
-    /// How long to measure wake-ups; "0 s" leaves it out
+    /// Duration of the measurement of wake-ups; "0 s" leaves it out
     #[arg(long, value_name = "TIME", default_value = "5s")]
     measure: TimeSpan,
     /// Remove what runs that are gone have left in shared memory
@@ -44,12 +44,12 @@ pub(crate) struct Doctor {
 /// All findings as JSON.
 #[derive(Debug, Serialize)]
 struct Examination {
-    /// Whether nothing failed.
+    /// True if nothing failed.
     fit: bool,
     findings: Vec<Finding>,
     /// `null` when it was left out.
     wakeup: Option<wakeup::Measured>,
-    /// What was removed from shared memory.
+    /// Objects removed from shared memory.
     removed: Vec<PathBuf>,
 }
 
@@ -104,7 +104,7 @@ fn conclusion(findings: &[Finding]) -> String {
     }
 }
 
-/// How late this machine wakes a real-time thread, ns, measured for a while.
+/// Lateness of wake-ups of a real-time thread on this machine, ns, measured for this time.
 pub(crate) fn measure_wake_up(time: std::time::Duration) -> Option<motorium::telemetry::Percentiles> {
     Some(wakeup::measure(time)?.lateness_ns)
 }

@@ -1,4 +1,4 @@
-//! What this user may do: real-time priorities, locked memory. Tried, not guessed.
+//! Privileges of this user: real-time priorities, locked memory. Tried, not guessed.
 
 use motorium::os::machine::online_cores;
 use motorium::os::{Applied, Denied, Request, apply};

@@ -1,4 +1,4 @@
-//! How late this machine wakes a thread: the floor under every time-triggered component.
+//! Lateness of wake-ups on this machine: the floor under every time-triggered component.
 
 use std::time::Duration;
 

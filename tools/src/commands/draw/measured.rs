@@ -1,4 +1,4 @@
-//! What is written into a picture of a graph that runs, or has run.
+//! Measured values written into the picture of a graph that runs, or has run.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::draw::Measured;
 use crate::report::microseconds;
 use crate::runs::RunArg;
 
-/// What was measured, and the plan of the run if it is a living one.
+/// Measured values, and the plan of the run if it is still running.
 pub(super) struct Source {
     pub(super) plan: Option<Plan>,
     measured: Table,
@@ -23,8 +23,8 @@ struct Table {
     latencies: Vec<LatencyReport>,
 }
 
-/// Looks up what is meant: a file with the report of a run, or a run by its id or its graph's name; the only one without a
-/// word.
+/// Looks up what is meant: a file with the report of a run, or a run by its id or its graph's name; the only one
+/// without a word.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
@@ -88,7 +88,7 @@ impl Source {
         }
     }
 
-    /// Whether any of it belongs to this plan.
+    /// True if any of it belongs to this plan.
     pub(super) fn fits(&self, plan: &Plan) -> bool {
         plan.components
             .iter()

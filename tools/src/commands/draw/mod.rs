@@ -18,10 +18,10 @@ use crate::{draw, registry};
 pub(crate) struct Draw {
     #[command(flatten)]
     graph: GraphArgs,
-    /// What to draw it as
+    /// Format of the drawing
     #[arg(long, value_enum, default_value_t = Format::Mermaid)]
     format: Format,
-    /// Where to write it; standard output if not given
+    /// File to write; standard output if not given
     #[arg(long, short)]
     output: Option<PathBuf>,
     /// Write on it what was measured: of a running graph (its id or its name; the only one if not given), or in a

@@ -28,7 +28,7 @@ pub(crate) struct New {
     json: bool,
 }
 
-/// What was made, as JSON.
+/// The crate that was made, as JSON.
 #[derive(Debug, Serialize)]
 struct Made {
     name: String,

@@ -1,4 +1,4 @@
-//! What a component crate may be called.
+//! Names of component crates.
 
 /// Words that cannot name a crate or its program: those of the language, of cargo, and of what it depends on.
 const TAKEN: [&str; 66] = [

@@ -16,17 +16,17 @@ use crate::out::{errln, outln};
 use crate::report::table;
 use crate::style;
 
-/// How long each of a robot's algorithms takes, on one thread, at random states.
+/// Time the algorithms of a robot, on one thread, at random states.
 ///
-/// Each sample is the mean of a batch of calls about 20 us long, so that reading the clock does not count; p50, p99 and max
-/// are over the samples.
+/// Each sample is the mean of a batch of calls about 20 us long, so that reading the clock does not count; p50, p99 and
+/// max are over the samples.
 ///
 /// Example: motorium robot bench panda
 #[derive(Debug, clap::Args)]
 pub(super) struct Bench {
     #[command(flatten)]
     robot: RobotArgs,
-    /// How many samples to take of each
+    /// Number of samples of each
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     samples: u32,
     /// The frame of the frame Jacobian; an end effector or foot, or the last link, if not given

@@ -1,4 +1,4 @@
-//! What is worth knowing of a robot, as rows and as JSON.
+//! Facts about a robot, as rows and as JSON.
 
 use motorium_robots::{Coordinate, JointKind, Loaded, Model};
 use serde_json::{Value, json};

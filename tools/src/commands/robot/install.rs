@@ -11,8 +11,9 @@ use crate::style;
 
 /// Unpack a collection of robots into the user's data folder, where every command and graph finds them by name.
 ///
-/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under BSD or Apache
-/// licences; some robots are not (each robot's README says which). It comes from PyPI by pip; nothing of it is executed.
+/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under BSD or
+/// Apache licences; some robots are not (each robot's README says which). It comes from PyPI by pip; nothing of it is
+/// executed.
 ///
 /// Example: motorium robot install example-robot-data
 #[derive(Debug, clap::Args)]
@@ -26,7 +27,7 @@ pub(super) struct Install {
     /// The Python whose pip to use
     #[arg(long, default_value = "python3")]
     python: PathBuf,
-    /// Where to put it; `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder, if not given
+    /// Folder to put it in; `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder, if not given
     #[arg(long, value_name = "FOLDER")]
     into: Option<PathBuf>,
 }
@@ -45,7 +46,7 @@ impl Collection {
         }
     }
 
-    /// Where its robots lie in what pip unpacks.
+    /// Folder of its robots in the unpacked package.
     fn inside(self) -> &'static str {
         match self {
             Self::ExampleRobotData => "cmeel.prefix/share/example-robot-data",

@@ -167,7 +167,7 @@ fn postures(postures: &[Posture]) -> String {
     if text.is_empty() { text } else { format!("poses of its SRDF\n{text}\n") }
 }
 
-/// What works, stands, drives and flies.
+/// Actuated joints, feet, wheels and rotors.
 fn parts(profile: &Profile) -> String {
     let mut text = String::new();
     for (name, end) in &profile.end_effectors {

@@ -18,7 +18,7 @@ use crate::registry;
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
 pub(crate) struct Schema {
-    /// What the schema describes
+    /// The document that the schema describes
     #[arg(value_enum, default_value_t = Document::Graph)]
     document: Document,
 }
@@ -27,11 +27,11 @@ pub(crate) struct Schema {
 enum Document {
     /// Graph files, with the `config` table of every built-in kind
     Graph,
-    /// What `motorium run --json` prints
+    /// The report, as `motorium run --json` prints it
     Report,
-    /// What `motorium top --json` prints
+    /// The data that `motorium top --json` prints
     Top,
-    /// What `motorium bench latency --json` writes
+    /// The measurements, as `motorium bench latency --json` prints them
     Bench,
     /// The built-in states as a Python module, for programs that a bridge serves
     Python,

@@ -130,7 +130,7 @@ fn whole(now: &ComponentSample) -> ComponentSpan {
     }
 }
 
-/// Steps a second: so many intervals between steps, in so much time.
+/// Steps a second, from the number of intervals between steps and their time.
 fn rate(intervals: u64, ns: u64) -> f64 {
     if ns > 0 { intervals as f64 * 1e9 / ns as f64 } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! What `motorium top --json` prints, and what its tables show.
+//! The data of `motorium top`: printed by `--json`, shown by its tables.
 
 use motorium::plan::ClockKind;
 use motorium::region::{Misses, Phase, Stalls};
@@ -9,7 +9,7 @@ use serde::Serialize;
 /// Version of this format; raised when a field changes its meaning or goes.
 pub(crate) const TOP_VERSION: u32 = 1;
 
-/// How a running graph is doing.
+/// State and timing of a running graph.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Top {
     /// Version of this format.
@@ -20,7 +20,7 @@ pub(crate) struct Top {
     pub(crate) graph: String,
     /// The clock that drives it.
     pub(crate) clock: ClockKind,
-    /// What the graph is doing.
+    /// State of the graph.
     pub(crate) state: State,
     /// Time since the start on the run's clock, s; 0 before it.
     pub(crate) elapsed_s: f64,
@@ -36,7 +36,7 @@ pub(crate) struct Top {
     pub(crate) cores: Vec<CoreTop>,
 }
 
-/// What a graph is doing.
+/// State of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
@@ -55,9 +55,9 @@ pub(crate) enum State {
 pub(crate) struct ComponentTop {
     /// Its name in the graph.
     pub(crate) name: String,
-    /// Where it is in its life.
+    /// Phase of its life.
     pub(crate) phase: Phase,
-    /// Whether it is an actuator in its safe state.
+    /// True if it is an actuator in its safe state.
     pub(crate) safe: bool,
     /// Its process.
     pub(crate) pid: u32,
@@ -69,13 +69,13 @@ pub(crate) struct ComponentTop {
     pub(crate) step_share: f64,
     /// Memory of its process in use, bytes; `null` if it is not there.
     pub(crate) resident_bytes: Option<u64>,
-    /// How much of that belongs to files and shared memory, bytes.
+    /// The part of it that belongs to files and shared memory, bytes.
     pub(crate) shared_bytes: Option<u64>,
-    /// How long it now spins before a release, ns.
+    /// Present length of spinning before a release, ns.
     pub(crate) spin_ns: u64,
-    /// What it saw of the machine while it spun.
+    /// Stalls of the machine seen while it spun.
     pub(crate) stalls: Stalls,
-    /// How often it was restarted.
+    /// Number of restarts.
     pub(crate) restarts: u32,
     /// Over the whole run.
     pub(crate) run: ComponentSpan,
@@ -83,7 +83,7 @@ pub(crate) struct ComponentTop {
     pub(crate) interval: ComponentSpan,
 }
 
-/// What a component did in a span of time.
+/// Steps, times and misses of a component in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct ComponentSpan {
     /// Steps done.
@@ -149,7 +149,7 @@ pub(crate) struct EdgeTop {
     pub(crate) interval: EdgeSpan,
 }
 
-/// What went over an edge in a span of time.
+/// Samples read over an edge in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct EdgeSpan {
     /// Samples read.
@@ -158,7 +158,7 @@ pub(crate) struct EdgeSpan {
     pub(crate) age_ns: Percentiles,
 }
 
-/// What a core of the machine did in the interval, as shares of it; the kernel counts in steps of 10 ms.
+/// Use of a core of the machine in the interval, as shares of it; the kernel counts in steps of 10 ms.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct CoreTop {
     /// Its number.
@@ -190,7 +190,7 @@ pub(super) enum Span {
 macro_rules! over {
     ($($type:ident => $span:ident),*) => {
         $(impl $type {
-            /// What is known of this span of time.
+            /// Data of this span of time.
             pub(super) fn over(&self, span: Span) -> &$span {
                 match span {
                     Span::Run => &self.run,

@@ -1,6 +1,7 @@
-//! Tables as lines of aligned cells: the same on the screen, which may be too narrow for all columns, and as plain text.
+//! Tables as lines of aligned cells: the same on the screen, which may be too narrow for all columns, and as plain
+//! text.
 
-/// How a cell wants to be seen.
+/// Alignment and style of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum Tone {
     #[default]

@@ -46,14 +46,14 @@ pub(crate) struct Top {
     /// Times and counts of the last interval instead of the whole run
     #[arg(long)]
     last: bool,
-    /// What components are sorted by
+    /// Sort key of components
     #[arg(long, value_enum, default_value_t = Order::Graph)]
     sort: Order,
     /// Print one table, over one interval, and end
     #[arg(long)]
     once: bool,
-    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the last interval, in
-    /// the order of the graph
+    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the last
+    /// interval, in the order of the graph
     #[arg(long, conflicts_with_all = ["sort", "last"])]
     json: bool,
     /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
@@ -66,7 +66,7 @@ const SHORTEST: Duration = Duration::from_millis(100);
 /// The longest one.
 const LONGEST: Duration = Duration::from_secs(3600);
 
-/// Why looking on ended.
+/// Reason for the end of the display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
     /// Somebody asked for it.
@@ -138,7 +138,7 @@ fn once(
     Ok(ExitCode::SUCCESS)
 }
 
-/// A line per interval, until the run is over or somebody stops it.
+/// Prints a line per interval until the run is over or interrupted.
 fn follow(
     run: &LivingRun,
     interval: Duration,

@@ -22,10 +22,10 @@ use crate::runs::LivingRun;
 
 /// After this long there is something to see.
 const FIRST: Duration = Duration::from_millis(300);
-/// How often it is looked whether the run is over.
+/// Interval between two checks that the run is not over.
 const LIFE_CHECK: Duration = Duration::from_millis(250);
 
-/// What is on the screen.
+/// State of the screen.
 #[derive(Debug)]
 struct Screen {
     view: View,
@@ -35,7 +35,7 @@ struct Screen {
     top: Top,
 }
 
-/// Shows a run until it is over or somebody has seen enough. The terminal is as before then.
+/// Shows a run until it is over or the user quits, then restores the terminal.
 pub(super) fn follow(
     run: &LivingRun,
     interval: Duration,

@@ -9,7 +9,7 @@ use super::layout::{Cell, Column, Sheet, Tone};
 use super::order::Order;
 use crate::report::microseconds;
 
-/// What of the data is shown, and how.
+/// Choice of the data that is shown, and their order.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct View {
     pub(super) order: Order,
@@ -18,7 +18,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// What is looked at, in a line.
+    /// The run and its state, in a line.
     pub(super) fn title(self, top: &Top) -> Vec<Cell> {
         let clock = match top.clock {
             ClockKind::Realtime => "in real time",

@@ -103,7 +103,7 @@ impl Echo {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Prints a sample; false when nobody reads any more.
+    /// Prints a sample; false once the reader has closed the pipe.
     fn print(&self, run: &LivingRun, decoder: &Decoder, sample: &Sample) -> anyhow::Result<bool> {
         let value = match decoder.decode(&sample.bytes) {
             Ok(value) => value,

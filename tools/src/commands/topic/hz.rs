@@ -27,7 +27,7 @@ pub(super) struct Hz {
     topic: String,
     #[command(flatten)]
     run: RunArg,
-    /// How long to measure
+    /// Duration of the measurement
     #[arg(long = "for", value_name = "TIME", default_value = "2s")]
     time: TimeSpan,
     /// Print JSON

@@ -1,9 +1,9 @@
-//! How fast and how evenly samples come, from their stamps.
+//! Rate and intervals of samples, from their stamps.
 
 use motorium::state::Stamp;
 use motorium::telemetry::Percentiles;
 
-/// What the stamps of received samples tell. It does not depend on when the samples were looked at: a sample that
+/// Statistics of the stamps of received samples. It does not depend on when the samples were looked at: a sample that
 /// was overwritten unseen still counts for the rate, for its sequence number is missing.
 #[derive(Debug, Default)]
 pub(super) struct Pace {

@@ -1,4 +1,4 @@
-//! Following a topic: its samples as they come, until enough were seen, the run is over, or somebody stops it.
+//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the user stops it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -12,12 +12,12 @@ use motorium::transport::{Sample, Tap};
 use crate::out::errln;
 use crate::runs::LivingRun;
 
-/// How often it is looked whether the run is over.
+/// Interval between two checks that the run is not over.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
 /// After this long without a sample it is said why there may be none.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Why following a topic ended.
+/// Reason for the end of following a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
     /// The caller had enough.
@@ -99,7 +99,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// How often to look for samples that come with this period, so that none is overwritten unseen as a rule.
+/// Interval between two looks for samples that come with this period, short enough that none is overwritten as a rule.
 pub(super) fn poll_for(period_ns: u64) -> Duration {
     Duration::from_nanos((period_ns / 4).clamp(100_000, 5_000_000))
 }

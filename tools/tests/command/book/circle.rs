@@ -10,7 +10,7 @@ struct CircleConfig {
     radius: f64,
 }
 
-/// Leads a hand along a circle.
+/// Moves the end effector along a circle.
 struct Circle {
     target: Output<PoseTarget>,
     speed: Parameter<f64>,
@@ -20,7 +20,7 @@ struct Circle {
 
 impl Component for Circle {
     const KIND: &'static str = "example.circle";
-    const SUMMARY: &'static str = "leads a hand along a circle";
+    const SUMMARY: &'static str = "moves the end effector along a circle";
     type Config = CircleConfig;
 
     fn declare(config: &CircleConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -28,7 +28,7 @@ impl Component for Circle {
             let message = format!("{} m, expected 0 to 0.5 m", config.radius);
             return Err(ConfigError::key("radius", message));
         }
-        declare.output::<PoseTarget>("target", "where the hand should be");
+        declare.output::<PoseTarget>("target", "desired pose of the end effector");
         declare.float("speed", 1.0, -3.0..=3.0, "rad/s", "angular speed along the circle");
         Ok(())
     }

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use super::marks::Marks;
 use super::scene::Scene;
 
-/// Where the eye is, seen from the robot \[rad\].
+/// Direction of the eye, seen from the robot \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct View {
     /// About z, from the x axis towards y.
@@ -89,7 +89,7 @@ impl Camera {
         camera
     }
 
-    /// Where a point of the world is in the picture: right, and down.
+    /// Picture coordinates of a point of the world: right, and down.
     pub(super) fn project(&self, point: &Point3<f64>) -> (f64, f64) {
         (
             self.offset.0 + self.scale * self.right.dot(&point.coords),

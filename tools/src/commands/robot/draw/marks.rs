@@ -1,4 +1,4 @@
-//! What is drawn over the robot: frames, and the centre of mass.
+//! Marks drawn over the robot: frames, and the centre of mass.
 
 use std::collections::BTreeSet;
 

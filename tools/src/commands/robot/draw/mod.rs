@@ -48,7 +48,7 @@ pub(super) struct Draw {
     /// Width and height of the picture [default: 640x640]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
-    /// Where to write it; standard output if not given
+    /// File to write; standard output if not given
     #[arg(long, short)]
     output: Option<PathBuf>,
 }

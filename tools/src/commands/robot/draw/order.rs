@@ -1,15 +1,15 @@
-//! The order to paint faces in, so that nearer ones cover farther ones: a binary space partition. Faces that pass through
-//! the plane of another are cut by it, so the order exists even where bodies reach into each other (Fuchs, Kedem, Naylor,
-//! "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
+//! The order to paint faces in, so that nearer ones cover farther ones: a binary space partition. Faces that pass
+//! through the plane of another are cut by it, so the order exists even where bodies reach into each other (Fuchs,
+//! Kedem, Naylor, "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
 
 use nalgebra::{Point3, Vector3};
 
 use super::solid::Face;
 
-/// How far from a plane still counts as on it \[m\].
+/// Largest distance from a plane of a point that counts as on it \[m\].
 const THICKNESS: f64 = 1e-6;
 
-/// How many faces are tried as the one that divides the others.
+/// Number of faces tried as the one that divides the others.
 const CANDIDATES: usize = 8;
 
 /// The faces, cut where need be, farthest first, for an eye far away in direction `eye`.
@@ -19,7 +19,7 @@ pub(super) fn back_to_front(faces: Vec<Face>, eye: &Vector3<f64>) -> Vec<Face> {
     painted
 }
 
-/// What to do next: divide faces, or put those of a plane.
+/// The next task: divide faces, or put those of a plane.
 enum Step {
     Divide(Vec<Face>),
     Put(Vec<Face>),
@@ -70,7 +70,7 @@ fn best_divider(faces: &[Face]) -> usize {
     (0..faces.len()).step_by(stride).min_by_key(cost).unwrap_or(0)
 }
 
-/// Whether some of it lies before and behind the plane.
+/// Two flags: some of it lies before the plane, some of it behind.
 fn sides(face: &Face, origin: &Point3<f64>, normal: &Vector3<f64>) -> (bool, bool) {
     face.points
         .iter()
@@ -141,7 +141,7 @@ mod tests {
         face.points.windows(2).map(|pair| (pair[0] - first).cross(&(pair[1] - first)).norm() / 2.0).sum()
     }
 
-    /// Where the ray from the eye through `(x, y)` of the screen meets the face, as a distance towards the eye.
+    /// Distance towards the eye of the point where the ray through `(x, y)` of the screen meets the face.
     fn depth(face: &Face, eye: &Vector3<f64>, at: &Point3<f64>) -> Option<f64> {
         let slope = face.normal.dot(eye);
         if slope.abs() < 1e-9 {

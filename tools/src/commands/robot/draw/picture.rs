@@ -11,7 +11,7 @@ use super::scene::Scene;
 use super::solid::Face;
 use crate::draw::escape;
 
-/// Where the light comes from.
+/// Direction of the light.
 const LIGHT: Vector3<f64> = Vector3::new(0.3, -0.45, 0.84);
 
 /// An SVG document.

@@ -12,7 +12,7 @@ pub(in crate::commands::robot) struct PoseArgs {
     /// One position for every joint in order, or JOINT=POSITION for some; separated by commas
     #[arg(long, value_name = "POSITIONS", allow_hyphen_values = true)]
     q: Option<String>,
-    /// Where a floating base is: x,y,z or x,y,z,roll,pitch,yaw
+    /// Pose of a floating base: x,y,z or x,y,z,roll,pitch,yaw
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     base: Option<String>,
 }

@@ -94,7 +94,7 @@ impl Scene {
 
 struct Painter {
     colours: BTreeMap<String, Vec<Option<[f64; 3]>>>,
-    /// How many shapes of each link have been painted.
+    /// Number of shapes of each link painted so far.
     used: BTreeMap<String, usize>,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Solid {
     pub(super) colour: [f64; 3],
 }
 
-/// What a body looks like.
+/// Shape and colour of a body.
 #[derive(Debug, Clone)]
 pub(super) enum Form {
     Primitive(Geometry),
@@ -61,7 +61,7 @@ impl Solid {
         outlines.into_iter().filter_map(face).collect()
     }
 
-    /// Whether a point of the world lies inside, by a margin.
+    /// True if a point of the world lies inside, by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;

@@ -132,7 +132,7 @@ impl Decoder {
         Ok(Decoded(self.fields.iter().map(|field| (field.name.as_str(), value(field))).collect()))
     }
 
-    /// How many entries of each array mean anything.
+    /// Number of valid entries of each array.
     fn used(&self, bytes: &[u8]) -> Result<usize, DecodeError> {
         let Some(field) = self.count.map(|index| &self.fields[index]) else { return Ok(usize::MAX) };
         let Number::Natural(found) = field.scalar.read(&bytes[field.offset..]) else { return Ok(usize::MAX) };
