@@ -239,7 +239,7 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
         serde_json::json!({ "offset": [0, 0, 0], "orientation": [1, 1, 0, 0], "duration": "1 s" });
     assert_eq!(key(one(quaternion)), "goals[0].orientation");
     let (_, message) = one(serde_json::json!({ "offset": [0, 0, 0], "duration": 2.0 }));
-    assert!(message.contains("string"), "{message}");
+    assert!(message.contains("expected a time with its unit"), "{message}");
     let settings =
         serde_json::json!({ "settings": { "kernels": 2 }, "displacement": [1.0], "weights": [[0.0, 0.0]] });
     let learned =
