@@ -71,7 +71,8 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Files of the wings outside of their `component` modules that name the runtime. Policies, interfaces and bridges are
+/// Files of the wings outside of their `component` modules that name the runtime. Its plain units are allowed: the
+/// settings of an algorithm may be the configuration of its component. Policies, interfaces and bridges are
 /// components alone.
 pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     let wings = members(root).into_values().filter(|folder| folder.starts_with("components/"));
@@ -86,8 +87,10 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
             }
             let text = std::fs::read_to_string(&file).expect("a source file");
             let tokens = tokens::product(tokens::tokens(&text));
-            let named = tokens.windows(2).find(|pair| pair[0].is("motorium") && pair[1].is(":"));
-            if let Some([Token::Name(_, line), _]) = named {
+            let named = tokens
+                .windows(4)
+                .find(|path| path[0].is("motorium") && path[1].is(":") && !path[3].is("units"));
+            if let Some([Token::Name(_, line), ..]) = named {
                 found.push(format!("{wing}/src/{}, line {line}", part.display()));
             }
         }
