@@ -17,15 +17,6 @@ pub use crate::transport::Parameter;
 pub use error::ConfigureError;
 pub use setup::{Checkpoint, Setup};
 
-#[doc(hidden)] // moved
-pub use crate::{
-    declare::{
-        Declaration, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
-        RobotReference, TopicPattern,
-    },
-    worker::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource},
-};
-
 use std::time::Duration;
 
 /// One step of a component: its number and the time it computes for, which is not the time it runs at.

@@ -23,9 +23,6 @@ mod schema;
 mod source;
 mod values;
 
-#[doc(hidden)] // moved
-pub use crate::{severity::Severity, units};
-
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

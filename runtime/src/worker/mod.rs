@@ -19,22 +19,16 @@ pub use failure::Failure;
 pub use protocol::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
 pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
 
-#[doc(hidden)] // moved
-pub use crate::{
-    component::{Checkpoint, Setup},
-    program::{Program, describe, main, run_worker},
-    transport::{Context, Input, Loan, Output, Parameter, Reading},
-};
-
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use crate::component::Component;
+use crate::component::{Component, Setup};
 use crate::os::{self, Request};
 use crate::plan::{Activation, ClockKind, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
+use crate::transport::Context;
 use stepper::Stepper;
 
 /// One component of one run, ready to be run.

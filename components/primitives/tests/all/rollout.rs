@@ -26,7 +26,8 @@ fn discrete(variant: Variant) -> PrimitiveFile {
 
 fn rhythm() -> PrimitiveFile {
     let period = DMatrix::from_fn(200, 1, |k, _| 0.5 + (TAU * k as f64 / 200.0).sin());
-    let model = RhythmicModel::fit(RhythmicSettings::default(), std::slice::from_ref(&period), 1e-12).unwrap();
+    let model =
+        RhythmicModel::fit(RhythmicSettings::default(), std::slice::from_ref(&period), 1e-12).unwrap();
     PrimitiveFile::rhythmic(vec!["a".into()], 1.5, &[period], model)
 }
 
