@@ -62,7 +62,7 @@ fn the_memory_of_each_topic_is_printed_and_a_history_adds_to_it() {
         assert_eq!(topics.len(), answer["plan"]["topics"].as_array().map(Vec::len).unwrap_or_default());
         topics.iter().map(|topic| topic["bytes"].as_u64().expect("a number")).sum()
     };
-    let kept = bytes(&["--set", "topic.\"panda/joint_command\".history=100"]);
+    let kept = bytes(&["--set", "topic.panda/joint_command.history=100"]);
     assert!(kept >= bytes(&[]) + 100 * 2_568, "a command takes 2,568 bytes");
     assert!(printed(&["check", REACH]).contains("shared memory of all topics"));
 }
