@@ -7,7 +7,7 @@ use std::rc::Rc;
 use super::TopicMemory;
 use super::protocol::{Newest, Pin, Words as _, pin_newest, unpin};
 use crate::atomics::Native;
-use crate::os::prefetch_read;
+use crate::os::{prefetch_read, prefetch_write};
 use crate::state::{Stamp, StateBuffer};
 
 /// A reader of one topic with a pin of its own.
@@ -34,7 +34,12 @@ impl StateReader {
     /// Whether something was published since the last look.
     #[inline]
     pub(crate) fn has_news(&self) -> bool {
-        self.memory.newest().number() != self.pinned.number()
+        let news = self.memory.newest().number() != self.pinned.number();
+        if !news {
+            // The writer has read the pin when it chose its next slot; the store to come must not wait for the line.
+            prefetch_write(core::ptr::from_ref(self.pin()).cast(), 1);
+        }
+        news
     }
 
     /// Pins the newest value; whether it is another one than before.

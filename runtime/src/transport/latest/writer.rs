@@ -11,6 +11,9 @@ use crate::atomics::Native;
 use crate::os::prefetch_write;
 use crate::state::{Stamp, StateBuffer};
 
+/// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
+const LARGE: usize = 16 * 1024;
+
 /// The one writer of a topic.
 #[derive(Debug)]
 pub(crate) struct StateWriter {
@@ -73,8 +76,14 @@ impl StateWriter {
     }
 
     /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer.
+    ///
+    /// The slot of a large value is chosen when it is filled: by then the readers have let go of the one before, and two
+    /// slots that take turns stay in the cache where three would not.
     #[inline]
     pub(crate) fn prepare(&self) {
+        if self.memory.value_bytes() > LARGE {
+            return;
+        }
         let slot = self.writer.borrow_mut().choose(&*self.memory);
         let (first, bytes) = self.memory.range(slot);
         prefetch_write(first, bytes);
