@@ -81,7 +81,7 @@ impl Default for PhysicsConfig {
 struct Physics;
 
 impl Component for Physics {
-    const KIND: &'static str = "physics.rapier";
+    const KIND: &'static str = "physics.articulated";
     const SUMMARY: &'static str = "simulates a robot with rapier";
     never_run!(PhysicsConfig);
 
