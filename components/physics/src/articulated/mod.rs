@@ -20,7 +20,7 @@ pub use integrator::{JointEvents, JointSpaceIntegrator};
 ///
 /// # Example
 ///
-/// The catalogue's Panda, held by its default gains for a second, settles within a degree of home:
+/// The catalogue's Panda, held by its default gains alone for a second, sags under its weight by less than 0.1 rad:
 ///
 /// ```
 /// use std::path::Path;
@@ -38,7 +38,8 @@ pub use integrator::{JointEvents, JointSpaceIntegrator};
 /// for _ in 0..1000 {
 ///     simulation.step(1e-3)?;
 /// }
-/// assert!(simulation.positions().iter().zip(&home).all(|(q, home)| (q - home).abs() < 0.0175));
+/// let sag = simulation.positions().iter().zip(&home).map(|(q, home)| (q - home).abs()).fold(0.0, f64::max);
+/// assert!((0.001..0.1).contains(&sag), "{sag} rad");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub type ArticulatedSimulator = Simulation<Articulated>;

@@ -169,7 +169,7 @@ mod tests {
         };
         let text = anstream::adapter::strip_str(&closing(&written)).to_string();
         let line = |what: &str| text.lines().find(|line| line.contains(what)).unwrap().to_string();
-        assert!(line("raw futex hand-off").ends_with("1.25      2.00  missed"), "{text}");
+        assert!(line("raw futex hand-off").ends_with("0.95      2.00  missed"), "{text}");
         assert!(line("stock iceoryx2").ends_with("0.50      0.44  met"), "{text}");
         assert!(line("caterpillar").ends_with("not measured"), "{text}");
         assert!(text.contains("denied: SCHED_FIFO 80 was denied"), "{text}");
