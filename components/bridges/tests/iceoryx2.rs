@@ -338,7 +338,8 @@ fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
     let refused = &counts["refused"];
     let of = |value: &Value| value.as_u64().unwrap();
     assert!(of(&refused["above_max_rate"]) > 100 && of(&refused["not_finite"]) > 100, "{counts}");
-    assert!((20..=200).contains(&of(&counts["published"])), "{counts}");
+    // At most 50 a second, the first at once, in 4 s and the half second for which actuators settle.
+    assert!((20..=226).contains(&of(&counts["published"])), "{counts}");
     let bridge = report.components.iter().position(|component| component.name == "bridge").unwrap();
     for pair in probe.samples().windows(2) {
         assert_eq!(pair[0].stamp.origin as usize, bridge);
