@@ -29,7 +29,7 @@ pub(super) struct PlainBlocking<'a, P: Payload> {
 }
 
 impl<'a, P: Payload> PlainBlocking<'a, P> {
-    /// Opens the payloads of both sides; whoever comes first makes them.
+    /// Opens the payloads of both sides; the first process to open them makes them.
     pub(super) fn open(folder: &Path, board: &'a Board, side: usize) -> std::io::Result<Self> {
         let path = folder.join("payloads");
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;

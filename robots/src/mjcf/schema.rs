@@ -35,7 +35,7 @@ impl Schema {
         groups.flat_map(|(treatment, names)| names.iter().map(|name| (*treatment, *name)))
     }
 
-    /// The table of an element of `<default>`; `Err` for one that is none.
+    /// The table of an element of `<default>`; `Err` for an element that cannot stand there.
     pub(super) fn of_default(element: &str) -> Result<Option<&'static Self>, ()> {
         Ok(Some(match element {
             "joint" => &JOINT,

@@ -32,7 +32,7 @@ pub(super) struct Inbound {
     counts: Counts,
 }
 
-/// What became of the values.
+/// Counts of the values by outcome.
 #[derive(Debug, Default)]
 struct Counts {
     received: u64,
@@ -70,7 +70,7 @@ impl Inbound {
 
     /// Takes what came since the last step, and publishes the newest valid value if it is time.
     pub(super) fn step(&mut self, time_ns: u64, now_ns: u64) {
-        // What waits has come since the queue was emptied: nothing in it is older than that.
+        // A waiting value arrived after the queue was last emptied, so it is no older than that.
         let is_old = now_ns.saturating_sub(self.looked_ns) > self.max_age_ns;
         self.looked_ns = now_ns;
         if is_old && core::mem::take(&mut self.is_pending) {
