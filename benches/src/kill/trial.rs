@@ -73,7 +73,7 @@ impl Trial {
         let mut command = Command::new(program);
         command.arg("run").arg(graph).args(["--json", "--for", "60 min"]);
         for component in components {
-            for setting in ["when=failure", "at_most=1000000"] {
+            for setting in ["when=always", "at_most=1000000"] {
                 command.args(["--set", &format!("{component}.restart.{setting}")]);
             }
         }
@@ -220,7 +220,10 @@ impl Trial {
                     }
                 }
                 (Victim::Observer, _) if began.elapsed() > Duration::from_millis(50) => return seen,
-                (Victim::Launcher, _) if fault.passes() || self.workers_ended() => return seen,
+                (Victim::Launcher, _) if !fault.ends() && began.elapsed() > Duration::from_millis(50) => {
+                    return seen;
+                }
+                (Victim::Launcher, _) if fault.ends() && self.workers_ended() => return seen,
                 _ => {}
             }
             if began.elapsed() > LIMIT {
