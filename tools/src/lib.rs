@@ -39,8 +39,8 @@ pub fn main() -> ExitCode {
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
         Some(Program::Describe) | None => {}
     }
-    if let Some(part) = motorium_benches::Part::from_arguments(&arguments) {
-        return part.run();
+    if let Some(role) = motorium_benches::Role::from_arguments(&arguments) {
+        return role.run();
     }
     motorium::transport::quieten();
     let command = commands::Cli::parse();
