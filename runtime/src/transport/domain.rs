@@ -27,7 +27,7 @@ pub enum DomainError {
     Node {
         /// The domain's folder.
         root: PathBuf,
-        /// What iceoryx2 said.
+        /// The error of iceoryx2.
         reason: String,
     },
 }
@@ -80,7 +80,7 @@ impl Domain {
         removed
     }
 
-    /// What begins the names of the domain's shared memory objects.
+    /// Prefix of the names of the domain's shared memory objects.
     pub fn prefix(&self) -> &str {
         &self.prefix
     }

@@ -1,6 +1,6 @@
 //! `log.console`: prints the newest samples of topics as lines, on standard error.
 //!
-//! The step only copies numbers into a ring; a thread beside it formats and prints them. A slow terminal or a full pipe
+//! The step only copies numbers into a bounded queue; a thread beside it formats and prints them. A slow terminal or a full pipe
 //! never holds up the graph: lines are dropped and counted instead.
 
 mod line;
@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use crossbeam_queue::ArrayQueue;
 use motorium::prelude::*;
-use rtrb::{Consumer, Producer, RingBuffer};
 
 use line::{Line, Print};
 
@@ -35,7 +35,8 @@ impl Default for ConsoleLogConfig {
 /// A component that prints the newest sample of every wired input, once per step.
 pub struct ConsoleLog {
     inputs: Vec<Box<dyn Source>>,
-    ring: Producer<Line>,
+    /// Lines that wait to be printed; neither side of the queue ever blocks the other.
+    queue: Arc<ArrayQueue<Line>>,
     printed: u64,
     dropped: u64,
     printer: Option<JoinHandle<()>>,
@@ -58,13 +59,13 @@ impl<T: StateBuffer + Print> Source for Typed<T> {
     fn fill(&mut self, line: &mut Line) -> bool {
         let Some(sample) = self.input.latest() else { return false };
         let stamp = sample.stamp();
-        if (stamp.incarnation, stamp.sequence) == self.last {
+        if (stamp.restart_count, stamp.sequence) == self.last {
             return false;
         }
         line.port = self.name;
         line.groups.clear();
         sample.print(&mut line.groups);
-        self.last = (stamp.incarnation, stamp.sequence);
+        self.last = (stamp.restart_count, stamp.sequence);
         true
     }
 }
@@ -122,23 +123,23 @@ impl Component for ConsoleLog {
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));
         }
-        let (ring, lines) = RingBuffer::new(config.backlog);
+        let queue = Arc::new(ArrayQueue::new(config.backlog));
         let finished = Arc::new(AtomicBool::new(false));
         let printer = std::thread::Builder::new().name("printer".to_string()).spawn({
-            let finished = finished.clone();
-            move || print_all(lines, usize::from(config.digits), &finished)
+            let (queue, finished) = (queue.clone(), finished.clone());
+            move || print_all(&queue, usize::from(config.digits), &finished)
         });
         let printer = Some(printer.map_err(ConfigureError::failed)?);
-        Ok(Self { inputs, ring, printed: 0, dropped: 0, printer, finished })
+        Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let mut line = Line::at(tick.time());
+        let mut line = Line::at_time(tick.time());
         for input in &mut self.inputs {
             if !input.fill(&mut line) {
                 continue;
             }
-            match self.ring.push(line) {
+            match self.queue.push(line) {
                 Ok(()) => self.printed += 1,
                 Err(_) => self.dropped += 1,
             }
@@ -160,12 +161,12 @@ impl Component for ConsoleLog {
 }
 
 /// Prints lines until the component is finished and nothing is left.
-fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
+fn print_all(lines: &ArrayQueue<Line>, digits: usize, finished: &AtomicBool) {
     loop {
         let last_round = finished.load(Relaxed);
         let mut out = std::io::stderr().lock();
-        while let Ok(line) = lines.pop() {
-            // Nobody may be listening any more; the graph does not care.
+        while let Some(line) = lines.pop() {
+            // Standard error may be closed: that must not stop the graph.
             let _ = writeln!(out, "{}", line.display(digits));
         }
         let _ = out.flush();

@@ -103,7 +103,7 @@ impl Waypoints {
         } else {
             if goal.duration.is_none() {
                 return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
-                    .advise("say how long the way takes, such as `duration = \"2 s\"`"));
+                    .advise("give the time to this goal, such as `duration = \"2 s\"`"));
             }
             segment.shape =
                 self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
@@ -119,7 +119,7 @@ impl Waypoints {
             Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
             _ => {
                 path = None;
-                place(goal, &format!("goals[{index}]"), key)?
+                goal_position(goal, &format!("goals[{index}]"), key)?
             }
         };
         self.push(index, Goal { place, turn }, segment, path);
@@ -218,7 +218,7 @@ pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, Con
     Ok(Isometry3::from_parts(Translation3::from(position), turn))
 }
 
-fn place(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
+fn goal_position(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
     match (goal.position, goal.offset) {
         (Some(position), None) => Ok(Place::At(finite(position, key("position"))?)),
         (None, Some(offset)) => Ok(Place::Beside(finite(offset, key("offset"))?)),
@@ -261,7 +261,7 @@ fn orientation(
 
 fn finite(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     match values.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(ConfigError::key(key, format!("{value} is no number to work with"))),
+        Some(value) => Err(ConfigError::key(key, format!("{value}, expected a finite number"))),
         None => Ok(Vector3::from(values)),
     }
 }

@@ -14,21 +14,21 @@ use super::finding::Finding;
 const OURS: &str = "mt_";
 /// Prefix of the names of objects of other programs that use iceoryx2.
 const FOREIGN: &str = "iox2_";
-/// A younger run that names no launcher yet may just be starting.
+/// A run younger than this without a launcher may be starting.
 const YOUNG: Duration = Duration::from_secs(5);
 
 /// Objects left behind.
 #[derive(Debug, Default)]
 pub(super) struct Leftovers {
     runs: Vec<RunFolder>,
-    /// Shared memory objects that belong to no run there is.
+    /// Shared memory objects that belong to no existing run.
     objects: Vec<PathBuf>,
     /// Objects of other programs, which may still use them.
     foreign: Vec<PathBuf>,
 }
 
 impl Leftovers {
-    /// Looks through shared memory for what this user's runs left.
+    /// Finds what ended runs of this user left in shared memory.
     pub(super) fn find(shared: &Path) -> Self {
         // Objects first: one that is made after this look cannot be taken for that of a run that is gone.
         let user = rustix::process::getuid().as_raw();
@@ -44,7 +44,7 @@ impl Leftovers {
         Self { runs, objects, foreign }
     }
 
-    /// Removes what runs of this user left, and says what it removed. What other programs made stays.
+    /// Removes what ended runs of this user left, and returns its names. Objects of other programs stay.
     pub(super) fn clean(&mut self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         for run in self.runs.drain(..) {

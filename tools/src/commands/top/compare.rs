@@ -1,4 +1,4 @@
-//! Two looks at a run, and what lies between them.
+//! Two readings of a run, and the interval between them.
 
 use motorium::region::{Command, Misses, Phase};
 use motorium::telemetry::Snapshot;
@@ -135,7 +135,7 @@ fn rate(intervals: u64, ns: u64) -> f64 {
     if ns > 0 { intervals as f64 * 1e9 / ns as f64 } else { 0.0 }
 }
 
-/// From the last step before the interval to the last one in it: looking on late does not blur it.
+/// From the last step before the interval to the last one in it: a late reading does not change it.
 fn interval_rate(now: &ComponentSample, before: &ComponentSample) -> f64 {
     if before.steps == 0 {
         return whole(now).rate_hz;
