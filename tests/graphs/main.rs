@@ -5,6 +5,7 @@ mod bridge;
 mod exposition;
 mod faults;
 mod gaits;
+mod hangs;
 mod looking_on;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;

@@ -7,6 +7,7 @@ mod exit;
 mod metrics;
 mod out;
 mod overheads;
+mod printer;
 mod registry;
 mod report;
 mod runs;

@@ -10,14 +10,17 @@ mod child;
 mod cores;
 mod event;
 pub mod guard;
+mod hang;
 mod idle_states;
 mod lockstep;
+mod lost_steps;
 mod report;
 mod restart;
 mod shutdown;
 mod status;
 mod stop_reason;
 mod supervise;
+mod watchdog;
 
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -37,7 +40,9 @@ use idle_states::IdleStates;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use event::Event;
-pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
+pub use report::{
+    ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report, steps_per_second,
+};
 pub use status::{ComponentStatus, Status};
 
 /// Options of a launch.
@@ -123,7 +128,10 @@ pub fn run(
         region,
         children: Vec::new(),
         guard: None,
+        guard_since_ns: 0,
+        ended_ns: None,
         lost: Vec::new(),
+        warnings: Vec::new(),
         idle_states: IdleStates::default(),
     };
     let result = launch.live(&signals, observe);
@@ -140,7 +148,12 @@ struct Launch<'a> {
     region: Region,
     children: Vec<Child>,
     guard: Option<Child>,
+    /// Time from which on the guard is expected to be alive, ns.
+    guard_since_ns: u64,
+    /// Time at which the components were told to stop, ns.
+    ended_ns: Option<u64>,
     lost: Vec<String>,
+    warnings: Vec<String>,
     idle_states: IdleStates,
 }
 
@@ -243,6 +256,7 @@ impl Launch<'_> {
     fn start_guard(&mut self) -> Result<(), LaunchError> {
         let guard = Child::guard(&self.options.program, &self.folder)?;
         self.region.header().guard.store(guard.pid(), Relaxed);
+        self.guard_since_ns = monotonic_ns();
         self.guard = Some(guard);
         Ok(())
     }

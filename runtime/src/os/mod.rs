@@ -13,6 +13,11 @@ mod wait;
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
 pub use idle::IdleLimit;
 pub use prefetch::{prefetch_read, prefetch_write};
-pub use process::{Watch, install_interrupt, interrupt_thread, thread_id};
-pub use realtime::{Applied, Denied, Request, apply, page_faults, prefault_stack, times_asleep};
+pub use process::{
+    Watch, default_signals, discard_output, install_interrupt, interrupt_thread, process_state, thread_id,
+};
+pub use realtime::{
+    Applied, Denied, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack, times_asleep,
+    wake_soon,
+};
 pub use wait::{current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

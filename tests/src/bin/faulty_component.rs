@@ -29,6 +29,14 @@ enum Fault {
     ConfigurePanic,
     /// The step allocates.
     Allocate,
+    /// The step sleeps for ever.
+    Hang,
+    /// The step computes for ever.
+    Loop,
+    /// The step publishes nothing.
+    Mute,
+    /// The step prints a line.
+    Print,
 }
 
 /// Which fault, and when.
@@ -43,6 +51,9 @@ struct FaultyConfig {
     /// Only in the first process, not after a restart.
     #[serde(default)]
     once: bool,
+    /// Declares itself an actuator.
+    #[serde(default)]
+    actuator: bool,
 }
 
 struct Faulty {
@@ -58,9 +69,12 @@ impl Component for Faulty {
     const SUMMARY: &'static str = "passes a joint state through until it goes wrong";
     type Config = FaultyConfig;
 
-    fn declare(_: &FaultyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(config: &FaultyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointState>("input", "joint state");
         declare.output::<JointState>("output", "the same joint state");
+        if config.actuator {
+            declare.actuator();
+        }
         declare.float("gain", 1.0, 0.0..=10.0, "", "factor on the positions");
         Ok(())
     }
@@ -97,6 +111,16 @@ impl Component for Faulty {
                     }
                 }
                 Fault::Allocate => drop(core::hint::black_box(vec![tick.index])),
+                Fault::Hang => loop {
+                    std::thread::sleep(std::time::Duration::from_secs(1));
+                },
+                Fault::Loop => loop {
+                    core::hint::spin_loop();
+                },
+                Fault::Mute => return Ok(()),
+                Fault::Print => {
+                    println!("step {} of one that prints, which is a line of some length", tick.index)
+                }
                 Fault::None | Fault::Configure | Fault::ConfigurePanic => {}
             }
         }

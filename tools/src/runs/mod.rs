@@ -49,6 +49,12 @@ pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     Ok(folders.swap_remove(chosen))
 }
 
+/// The runs of this user that are alive at this moment: their ids and plans.
+pub(crate) fn living() -> Vec<(String, Plan)> {
+    let runs = RunFolder::list().into_iter().filter(RunFolder::is_alive);
+    runs.filter_map(|folder| Some((folder.id().to_string(), folder.plan().ok()?))).collect()
+}
+
 /// A run that goes on, opened for looking on.
 #[derive(Debug)]
 pub(crate) struct LivingRun {
