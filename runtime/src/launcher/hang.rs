@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::supervise::Supervision;
 use super::watchdog::{Counters, Hang};
-use super::{Event, Exit, Launch};
+use super::{Event, Exit, Hosting, Launch};
 use crate::os::{monotonic_ns, process_state};
 use crate::plan::Plan;
 use crate::region::Region;
@@ -94,6 +94,8 @@ impl Launch<'_> {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Exit {
         let now = monotonic_ns();
+        // Without the priorities that the graph asks for nothing promises that its steps come in time.
+        let has_priorities = self.options.hosting == Hosting::Processes && self.lost.is_empty();
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
             let name = &component.name;
@@ -103,7 +105,12 @@ impl Launch<'_> {
             }
             let lost = LostShare::of(block.steps.load(Relaxed), block.skipped.load(Relaxed));
             if !supervision.is_gone() && lost.0 > component.liveness.lost_steps {
-                self.warnings.push(format!("`{name}` lost {lost} of its steps"));
+                let warning = format!("`{name}` lost {lost} of its steps");
+                if has_priorities {
+                    self.warnings.push(warning);
+                } else {
+                    observe(Event::Warning(&warning));
+                }
             }
             // Too short a time for the watchdog, and long enough to be told.
             let counters = Counters::read(&self.plan, &self.region, index);

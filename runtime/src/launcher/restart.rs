@@ -13,14 +13,15 @@ const LONGEST_DELAY_NS: u64 = 1_000_000_000;
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
     restarts_ns: Vec<u64>,
+    was_restarted: bool,
     /// Failures in a row, each soon after a restart.
     quick: u32,
 }
 
 impl History {
     /// Decides on a component that ended at `now_ns`; a granted restart is added to the history. Returns its delay, ns:
-    /// none for a component that stepped for a second before it failed, and twice as long from one quick failure to the
-    /// next.
+    /// none for the first and for a component that stepped for a second before it failed, and twice as long from one quick
+    /// failure to the next.
     pub(super) fn grant(
         &mut self,
         policy: &RestartPlan,
@@ -39,7 +40,8 @@ impl History {
         }
         self.restarts_ns.push(now_ns);
         let lasted = stepping_since_ns.is_some_and(|since| now_ns.saturating_sub(since) >= QUICK_NS);
-        self.quick = if lasted { 0 } else { self.quick.saturating_add(1) };
+        let is_first = !core::mem::replace(&mut self.was_restarted, true);
+        self.quick = if lasted || is_first { 0 } else { self.quick.saturating_add(1) };
         Some(match self.quick {
             0 => 0,
             quick => (FIRST_DELAY_NS << (quick - 1).min(10)).min(LONGEST_DELAY_NS),
@@ -83,7 +85,7 @@ mod tests {
         let mut delay_ms = |since: Option<u64>, now: u64| {
             history.grant(&policy, true, since, now).map(|delay| delay / 1_000_000)
         };
-        assert_eq!(delay_ms(Some(0), 5 * second), Some(0), "the first failure after long work");
+        assert_eq!(delay_ms(Some(0), 1), Some(0), "the first failure");
         let storm: Vec<Option<u64>> = (0..8).map(|n| delay_ms(None, (6 + n) * second)).collect();
         assert_eq!(storm, [20, 40, 80, 160, 320, 640, 1_000, 1_000].map(Some));
         assert_eq!(delay_ms(Some(20 * second), 21 * second), Some(0), "it has recovered");

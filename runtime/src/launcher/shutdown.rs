@@ -108,9 +108,12 @@ impl Reached {
     /// As its part of the control block says, if it has not ended.
     pub(super) fn of(block: &ComponentBlock, ended: bool, noticed: u64) -> Self {
         let stepped = block.last_step_ns.load(Relaxed) >= noticed;
+        let is_safe = stepped && block.safe.load(Relaxed) != 0;
         match block.phase() {
+            // Killed: its phase is that of its last moment.
             Phase::Running if ended => Self::Dead,
-            Phase::Running if stepped && block.safe.load(Relaxed) != 0 => {
+            // One that has stayed there for the settling time may have left by itself.
+            Phase::Running | Phase::Stopped if is_safe => {
                 Self::Safe { since_ns: block.safe_since_ns.load(Relaxed) }
             }
             Phase::Running => Self::Not,

@@ -106,6 +106,10 @@ pub(super) fn run_triggered<C: Component>(
     mut rest: Rest,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
+    if stepper.context().incarnation() > 0 {
+        // What was published while it started again is not what it lost.
+        trigger.is_due();
+    }
     let mut seen = trigger.first_seen();
     let mut last_end = 0;
     let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
