@@ -417,13 +417,13 @@ fn a_segmentation_fault_is_told_and_restarted() {
 #[test]
 fn a_graph_that_does_not_hold_beside_a_living_run_is_refused_unless_forced() {
     let _machine = machine();
-    let first = Run::start(&panda_reach(), &["--for", "60 s", "--set", "physics.budget=700 us"]);
+    let first = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = first.folder.id().to_string();
-    let second = run(&panda_reach(), &["--for", "500 ms", "--set", "physics.budget=700 us"]);
+    let second = run(&panda_reach(), &["--for", "500 ms"]);
     assert_eq!(second.code, Some(1), "{}", second.stderr);
     let told = second.stderr.contains("does not hold its times beside") && second.stderr.contains(&id);
     assert!(told, "{}", second.stderr);
-    let forced = run(&panda_reach(), &["--for", "500 ms", "--set", "physics.budget=700 us", "--force"]);
+    let forced = run(&panda_reach(), &["--for", "500 ms", "--force"]);
     assert_eq!(forced.report().exit, Exit::Finished, "{}", forced.stderr);
     // on cores of their own they do not meet
     let elsewhere = ["--for", "500 ms", "--set", "cores={ realtime = [0], shared = [1] }"];

@@ -66,7 +66,7 @@ fn wait_until<C: Component>(
             *last = now;
         }
         if rest.is_due(now) {
-            rest.take(now);
+            rest.take();
             stepper.slept();
             spinning = None;
             continue;
@@ -122,7 +122,7 @@ pub(super) fn run_triggered<C: Component>(
             stepper.slept();
             rest.slept(wake_ns);
         } else if rest.is_due(wake_ns) {
-            rest.take(wake_ns);
+            rest.take();
             stepper.slept();
             wake_ns = monotonic_ns();
         }

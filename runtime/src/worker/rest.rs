@@ -4,11 +4,13 @@
 //! a step that does not end. A worker that is behind its time begins one step after the other and would be ended for the sum
 //! of them: it sleeps for a moment instead, which lets those of lower priority on its core run, too.
 
-use crate::os::{monotonic_ns, sleep_until};
+use crate::os::{monotonic_ns, sleep_until, times_asleep};
 use crate::plan::ComponentPlan;
 
 /// Length of a rest, ns.
 const REST_NS: u64 = 50_000;
+/// Attempts to fall asleep.
+const ATTEMPTS: usize = 10;
 
 /// The time since a worker slept.
 #[derive(Debug, Clone, Copy)]
@@ -38,8 +40,15 @@ impl Rest {
 
     /// Takes a rest.
     #[cold]
-    pub(super) fn take(&mut self, now_ns: u64) {
-        sleep_until(now_ns + REST_NS);
+    pub(super) fn take(&mut self) {
+        let before = times_asleep();
+        // A worker that loses its core on its way to sleep finds the time over and does not sleep at all.
+        for _ in 0..ATTEMPTS {
+            sleep_until(monotonic_ns() + REST_NS);
+            if times_asleep() > before {
+                break;
+            }
+        }
         self.slept_ns = monotonic_ns();
     }
 }
