@@ -28,6 +28,12 @@ pub fn main(folder: &RunFolder) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    // Held in its own right: the run is alive until the guard has seen to its end.
+    let mut folder = folder.clone();
+    if let Err(error) = folder.hold() {
+        eprintln!("motorium guard: {error}");
+    }
+    let folder = &folder;
     if let Ok(launcher) = Watch::new(region.header().launcher.load(Relaxed)) {
         while !launcher.wait(None) {}
     }
@@ -83,7 +89,7 @@ fn describe_safety(plan: &Plan, region: &Region, noticed: u64) -> String {
         let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
         let state = state.as_str().unwrap_or_default();
         words.push(if block.safe.load(Relaxed) != 0 && block.phase() != Phase::Faulted {
-            let after = block.safe_since_ns.load(Relaxed) as i64 - noticed as i64;
+            let after = (block.safe_since_ns.load(Relaxed) as i64).wrapping_sub(noticed as i64);
             format!("`{}` in its safe state ({state}) {:.1} ms after", component.name, after as f64 * 1e-6)
         } else {
             format!("`{}` was not there to reach its safe state", component.name)

@@ -75,6 +75,7 @@ impl Launch<'_> {
                 return Exit::Finished;
             }
             self.monitor_guard(observe);
+            self.look_at_places(observe);
             if now >= next_status {
                 next_status = now + 50_000_000;
                 observe(Event::Status(&self.status()));
@@ -114,6 +115,8 @@ impl Launch<'_> {
         if let Some(down) = supervision.down_since_ns {
             if block.phase() == Phase::Running && self.children[index].ended().is_none() {
                 supervision.down_since_ns = None;
+                // Without it the next restart finds what others have left.
+                let _ = self.spare.take_back();
                 observe(Event::Restarted { component: &component.name, after_ns: now - down });
             } else if now - down > component.restart.within_ns && self.children[index].ended().is_none() {
                 let took = component.restart.within_ns / 1_000_000;
@@ -130,7 +133,7 @@ impl Launch<'_> {
         let failed = block.phase() != Phase::Stopped;
         let (tick, reason) = match block.failure() {
             Some((tick, message)) if failed => (tick, message),
-            _ => (block.steps.load(Relaxed), how),
+            _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
         };
         self.relay_output(observe);
         let name = self.plan.components[index].name.clone();
@@ -138,7 +141,8 @@ impl Launch<'_> {
         if supervision.history.grant(&policy, failed, now) {
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "restarting" });
             // The dead process holds its places in the topics until they are cleaned up.
-            services.node.try_cleanup_dead_nodes();
+            self.free_places(services);
+            self.spare.release();
             let block = &self.region.components()[index];
             block.restarts.fetch_add(1, Relaxed);
             block.forget_failure();
