@@ -55,7 +55,10 @@ impl Launch<'_> {
                     let how = child.ended().unwrap_or("failed").to_string();
                     self.relay_output(observe);
                     let block = &self.region.components()[index];
-                    let reason = block.failure().map_or(how, |(_, message)| message);
+                    let reason = match block.failure() {
+                        Some((_, message)) => message,
+                        None => crate::os::with_shortage(how, self.folder.path()),
+                    };
                     return Err(LaunchError::Component { name, reason });
                 }
                 if phase as u32 >= wanted as u32 {

@@ -15,7 +15,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 
 use super::LaunchError;
-use crate::os::{Watch, interrupt_thread};
+use crate::os::{Watch, interrupt_thread, with_shortage};
 use crate::run_folder::RunFolder;
 use crate::worker::{GUARD, Kind, Outcome, WORKER, Worker};
 
@@ -39,7 +39,7 @@ impl Child {
         let mut command = Command::new(program);
         command.arg(WORKER).arg(folder.path()).arg(name);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        Self::spawn(command, program, name)
+        Self::spawn(command, program, folder, name)
     }
 
     /// Starts the guard as the head of a process group of its own: a signal to the launcher's group spares it.
@@ -47,17 +47,33 @@ impl Child {
         let mut command = Command::new(program);
         command.arg(GUARD).arg(folder.path()).process_group(0);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit());
-        Self::spawn(command, program, "guard")
+        Self::spawn(command, program, folder, "guard")
     }
 
-    fn spawn(mut command: Command, program: &Path, name: &str) -> Result<Self, LaunchError> {
-        let failed = |error: std::io::Error| LaunchError::Start {
-            name: name.to_string(),
-            program: program.to_path_buf(),
-            reason: error.to_string(),
+    fn spawn(
+        mut command: Command,
+        program: &Path,
+        folder: &RunFolder,
+        name: &str,
+    ) -> Result<Self, LaunchError> {
+        let failed = |error: std::io::Error| {
+            let mut reason = error.to_string();
+            if error.raw_os_error() == Some(libc::EAGAIN) {
+                reason += "; this user has as many processes and threads as it may: raise the limit with `ulimit -u`, or \
+                           `TasksMax=` of the service";
+            }
+            let reason = with_shortage(reason, folder.path());
+            LaunchError::Start { name: name.to_string(), program: program.to_path_buf(), reason }
         };
         let mut process = command.spawn().map_err(failed)?;
-        let watch = Watch::new(process.id()).map_err(failed)?;
+        let watch = match Watch::new(process.id()) {
+            Ok(watch) => watch,
+            Err(error) => {
+                let _ = process.kill();
+                let _ = process.wait();
+                return Err(failed(error));
+            }
+        };
         let (sender, lines) = sync_channel(LINES);
         let dropped = Arc::new(AtomicU64::new(0));
         let relayed = process

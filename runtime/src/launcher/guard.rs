@@ -34,6 +34,12 @@ pub fn main(folder: &RunFolder) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    // Held in its own right: the run is alive until the guard has seen to its end.
+    let mut folder = folder.clone();
+    if let Err(error) = folder.hold() {
+        eprintln!("motorium guard: {error}");
+    }
+    let folder = &folder;
     let cause = match Watch::new(region.header().launcher.load(Relaxed)) {
         Ok(launcher) => await_cause(&plan, &region, folder, &launcher),
         Err(_) => "was killed".to_string(),

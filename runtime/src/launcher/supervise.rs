@@ -127,6 +127,7 @@ impl Launch<'_> {
                 return self.ended(Exit::Finished, &supervision, observe);
             }
             self.monitor_guard(late, observe);
+            self.look_at_places(observe);
             if now >= next_status {
                 next_status = now + STATUS_NS;
                 observe(Event::Status(&self.status()));
@@ -188,7 +189,7 @@ impl Launch<'_> {
         }
         let (tick, reason) = match block.failure() {
             Some((tick, message)) if failed => (tick, message),
-            _ => (block.steps.load(Relaxed), how),
+            _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
         };
         let steps = block.steps.load(Relaxed);
         self.relay_output(observe);
@@ -210,7 +211,8 @@ impl Launch<'_> {
             let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
             supervision.down = Some(Down { since_ns, steps, start_ns: now + delay_ns, is_started: false });
             // The dead process holds its places in the topics until they are cleaned up.
-            services.node.try_cleanup_dead_nodes();
+            self.free_places(services);
+            self.spare.release();
             return match self.bring_back(index, supervision, now, observe) {
                 None => Some(AfterEnd::Restarted),
                 Some(error) => Some(AfterEnd::Fatal(error)),
@@ -258,6 +260,8 @@ impl Launch<'_> {
                 || supervision.watchdog.waits_for_trigger());
         if steps_again && is_alive {
             observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
+            // Without it the next restart finds what others have left.
+            let _ = self.spare.take_back();
             supervision.down = None;
             supervision.stepping_since_ns = now;
             supervision.watchdog.forgive(now);

@@ -134,7 +134,7 @@ pub struct Misses {
 impl Misses {
     /// Missed steps of all causes.
     pub fn missed(&self) -> u64 {
-        self.late_wake + self.long_step + self.stolen + self.late_input
+        [self.long_step, self.stolen, self.late_input].into_iter().fold(self.late_wake, u64::saturating_add)
     }
 }
 

@@ -18,7 +18,7 @@ mod verdict;
 mod watcher;
 
 pub use failure::Failure;
-pub use protocol::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
+pub use protocol::{CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
 pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
 
 use std::rc::Rc;
@@ -60,6 +60,12 @@ impl Worker {
     pub fn open(folder: RunFolder, component: &str) -> Result<Self, String> {
         let plan = folder.plan().map_err(|error| error.to_string())?;
         let region = folder.region().map_err(|error| error.to_string())?;
+        if !region.fits(&plan) {
+            return Err(format!(
+                "the control block of {} is not that of its plan: it was damaged",
+                folder.id()
+            ));
+        }
         let index = plan
             .components
             .iter()

@@ -59,6 +59,7 @@ struct FaultyConfig {
 struct Faulty {
     input: Input<JointState>,
     output: Output<JointState>,
+    stream: Output<JointState>,
     config: FaultyConfig,
     restarted: bool,
     steps: u64,
@@ -75,6 +76,7 @@ impl Component for Faulty {
         if config.actuator {
             declare.actuator();
         }
+        declare.stream_output::<JointState>("stream", 4, "the same joint state, each value of it");
         declare.float("gain", 1.0, 0.0..=10.0, "", "factor on the positions");
         Ok(())
     }
@@ -88,12 +90,16 @@ impl Component for Faulty {
         let restarted = setup.checkpoint(1)?.resume().is_some();
         setup.checkpoint(1)?.save([1.0]);
         let (input, output) = (setup.input("input")?, setup.output("output")?);
-        Ok(Self { input, output, config, restarted, steps: 0 })
+        let stream = setup.output("stream")?;
+        Ok(Self { input, output, stream, config, restarted, steps: 0 })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         self.steps += 1;
         let Some(state) = self.input.latest() else { return Ok(()) };
+        let mut value = self.stream.loan()?;
+        *value = *state;
+        value.publish()?;
         let mut output = self.output.loan()?;
         *output = *state;
         let due = tick.index >= self.config.at && !(self.config.once && self.restarted);

@@ -30,6 +30,11 @@ impl RunArg {
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
         let folder = pick(self.run.as_deref())?;
         let (plan, region) = (folder.plan()?, folder.region()?);
+        anyhow::ensure!(
+            region.fits(&plan),
+            "the control block of run {} is not that of its plan: its shared memory was damaged",
+            folder.id()
+        );
         Ok(LivingRun { folder, plan, region })
     }
 }

@@ -188,7 +188,7 @@ impl TopicMemory {
         match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
             // Systems before Linux 5.14 do not know the advice: pages are found when they are first used.
             Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
-            Err(_) => Err(std::io::Error::other("the memory could not be reserved: /dev/shm is full")),
+            Err(error) => Err(std::io::Error::other(format!("its memory could not be reserved: {error}"))),
         }
     }
 
