@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crossbeam_queue::ArrayQueue;
+use rtrb::{Consumer, Producer, RingBuffer};
 use motorium::prelude::*;
 
 use line::{Line, Print};
@@ -35,8 +35,7 @@ impl Default for ConsoleLogConfig {
 /// A component that prints the newest sample of every wired input, once per step.
 pub struct ConsoleLog {
     inputs: Vec<Box<dyn Source>>,
-    /// Lines that wait to be printed; neither side of the queue ever blocks the other.
-    queue: Arc<ArrayQueue<Line>>,
+    queue: Producer<Line>,
     printed: u64,
     dropped: u64,
     printer: Option<JoinHandle<()>>,
@@ -123,11 +122,11 @@ impl Component for ConsoleLog {
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));
         }
-        let queue = Arc::new(ArrayQueue::new(config.backlog));
+        let (queue, lines) = RingBuffer::new(config.backlog);
         let finished = Arc::new(AtomicBool::new(false));
         let printer = std::thread::Builder::new().name("printer".to_string()).spawn({
-            let (queue, finished) = (queue.clone(), finished.clone());
-            move || print_all(&queue, usize::from(config.digits), &finished)
+            let finished = finished.clone();
+            move || print_all(lines, usize::from(config.digits), &finished)
         });
         let printer = Some(printer.map_err(ConfigureError::failed)?);
         Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
@@ -161,11 +160,11 @@ impl Component for ConsoleLog {
 }
 
 /// Prints lines until the component is finished and nothing is left.
-fn print_all(lines: &ArrayQueue<Line>, digits: usize, finished: &AtomicBool) {
+fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
     loop {
         let last_round = finished.load(Relaxed);
         let mut out = std::io::stderr().lock();
-        while let Some(line) = lines.pop() {
+        while let Ok(line) = lines.pop() {
             // Standard error may be closed: that must not stop the graph.
             let _ = writeln!(out, "{}", line.display(digits));
         }
