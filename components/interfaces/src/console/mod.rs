@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use rtrb::{Consumer, Producer, RingBuffer};
 use motorium::prelude::*;
+use rtrb::{Consumer, Producer, RingBuffer};
 
 use line::{Line, Print};
 
