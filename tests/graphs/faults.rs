@@ -131,7 +131,7 @@ fn with_launcher_and_guard_both_dead_the_components_end_by_themselves_and_doctor
 }
 
 /// The Panda with a user's own component between encoder and policy that goes wrong.
-fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
+pub(crate) fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("faulty.toml");
     let text = std::fs::read_to_string(panda_reach()).expect("the graph can be read");
@@ -206,8 +206,9 @@ fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
         let (_folder, graph) = faulty(&format!("{{ fault = \"{fault}\" }}"), "");
         let ended = run(&graph, &[]);
         assert_eq!(ended.code, Some(1));
-        let told = ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
-        assert!(told, "{fault}: {}", ended.stderr);
+        let reported =
+            ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
+        assert!(reported, "{fault}: {}", ended.stderr);
     }
 }
 

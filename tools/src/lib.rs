@@ -7,6 +7,7 @@ mod exit;
 mod metrics;
 mod out;
 mod overheads;
+mod printer;
 mod registry;
 mod report;
 mod runs;
@@ -24,6 +25,23 @@ pub fn command() -> clap::Command {
     <commands::Cli as clap::CommandFactory>::command()
 }
 
+/// An error and its causes in one line. Messages that hold the words of their cause are not followed by it.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |told, cause| {
+        let cause = cause.to_string();
+        match told.as_str() {
+            "" => cause,
+            before if before.contains(&cause) => told,
+            _ => format!("{told}: {cause}"),
+        }
+    })
+}
+
+/// The kinds of components and the robots that the command knows.
+pub fn registry() -> motorium::worker::Registry {
+    registry::registry()
+}
+
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
@@ -37,18 +55,30 @@ pub fn main() -> ExitCode {
             });
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
+        Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
         Some(Program::Describe) | None => {}
     }
-    if let Some(part) = motorium_benches::Part::from_arguments(&arguments) {
-        return part.run();
+    if let Some(role) = motorium_benches::Role::from_arguments(&arguments) {
+        return role.run();
     }
     motorium::transport::quieten();
     let command = commands::Cli::parse();
     match command.run() {
         Ok(code) => code,
         Err(error) => {
-            errln!("{}: {error:#}", style::error("error"));
+            errln!("{}: {}", style::error("error"), told(&error));
             exit::FAILED
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_cause_that_the_message_names_already_is_not_told_twice() {
+        let cause = || std::io::Error::from_raw_os_error(28);
+        let error =
+            anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");
+        assert_eq!(super::told(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
     }
 }

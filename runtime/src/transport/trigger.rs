@@ -7,7 +7,8 @@ use super::latest::TopicMemory;
 use super::latest::protocol::{Newest, Words as _, newest_with_time};
 use crate::os::{current_core, monotonic_ns};
 
-/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken there.
+/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken
+/// there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 /// Largest number of waits without polling after a poll that found nothing.
 const LARGEST_PAUSE: u32 = 64;
@@ -35,21 +36,21 @@ impl Trigger {
 
     /// Waits for the topic to be published, for a command of the launcher, or for a signal.
     pub fn wait(&self) {
-        self.wait_or_sleep();
+        self.wait_until(None);
     }
 
-    /// As [`wait`](Self::wait); whether it went to sleep.
-    pub(crate) fn wait_or_sleep(&self) -> bool {
+    /// As [`wait`](Self::wait), at most until the clock reaches `until_ns`; whether it went to sleep.
+    pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();
         let sleeps = self.memory.newest() == seen && !self.poll(seen);
         if sleeps {
-            self.memory.sleep(seen);
+            self.memory.sleep(seen, until_ns);
         }
         self.seen.set(self.memory.newest());
         sleeps
     }
 
-    /// Whether there was a publication since the last call or wait; never waits.
+    /// True if there was a publication since the last call or wait; never waits.
     pub fn is_due(&self) -> bool {
         let newest = self.memory.newest();
         self.seen.replace(newest).number() != newest.number()

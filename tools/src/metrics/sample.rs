@@ -17,6 +17,8 @@ pub(crate) struct Sample {
     pub(crate) taken_ns: u64,
     /// Time since the start on the run's clock, ns; 0 before it.
     pub(crate) elapsed_ns: u64,
+    /// The same moment on the clock of the run's stamps, ns.
+    pub(crate) now_ns: u64,
     /// Last command of the launcher.
     pub(crate) command: Command,
     /// In the order of the graph.
@@ -37,6 +39,7 @@ pub(crate) struct ComponentSample {
     pub(crate) phase: Phase,
     pub(crate) safe: bool,
     pub(crate) pid: u32,
+    pub(crate) begun: u64,
     pub(crate) steps: u64,
     pub(crate) first_step_ns: u64,
     pub(crate) last_step_ns: u64,
@@ -81,6 +84,7 @@ impl Sample {
         let started = region.header().start_ns.load(Relaxed) > 0;
         Self {
             taken_ns: monotonic_ns(),
+            now_ns: run.now_ns(),
             elapsed_ns: if started { run.now_ns().saturating_sub(start) } else { 0 },
             command: region.header().command(),
             components: region.components().iter().map(ComponentSample::of).collect(),
@@ -110,6 +114,7 @@ impl ComponentSample {
             phase,
             safe: block.safe.load(Relaxed) != 0,
             pid,
+            begun: load(&block.begun),
             steps: load(&block.steps),
             first_step_ns: load(&block.first_step_ns),
             last_step_ns: load(&block.last_step_ns),

@@ -1,7 +1,7 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, load};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, RobotSource};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
@@ -24,8 +24,9 @@ pub(super) struct ControllerSetup {
 impl ControllerSetup {
     /// Loads the robot and checks everything but the tasks' own tables.
     pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+        let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base };
         let Loaded { model, profile, .. } =
-            load(&robot.urdf, &robot.base).map_err(|error| ConfigError::key("robot", error.to_string()))?;
+            source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
         if model.base().floating {
             let message = format!(
                 "robot `{}` has a floating base, and this controller moves robots whose base is fixed",
@@ -95,10 +96,10 @@ fn default_tasks() -> Vec<TaskConfig> {
 
 fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
     let limits = &config.limits;
-    in_range("max_lead", config.max_lead, 1e-6..=f64::MAX)?;
+    in_range("max_lead", config.max_lead, 1e-6..=1e3)?;
     in_range("damping", config.damping, 1e-12..=1.0)?;
-    in_range("limits.position.rate", limits.position.rate, 1e-3..=f64::MAX)?;
-    in_range("limits.position.margin", limits.position.margin, 0.0..=f64::MAX)?;
+    in_range("limits.position.rate", limits.position.rate, 1e-3..=1e6)?;
+    in_range("limits.position.margin", limits.position.margin, 0.0..=1e3)?;
     in_range("limits.velocity.fraction", limits.velocity.fraction, 1e-6..=1.0)?;
     for component in config.gravity {
         in_range("gravity", component, -1000.0..=1000.0)?;

@@ -103,7 +103,7 @@ impl Waypoints {
         } else {
             if goal.duration.is_none() {
                 return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
-                    .advise("say how long the way takes, such as `duration = \"2 s\"`"));
+                    .advise("give the time to this goal, such as `duration = \"2 s\"`"));
             }
             segment.shape =
                 self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
@@ -119,7 +119,7 @@ impl Waypoints {
             Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
             _ => {
                 path = None;
-                place(goal, &format!("goals[{index}]"), key)?
+                goal_position(goal, &format!("goals[{index}]"), key)?
             }
         };
         self.push(index, Goal { place, turn }, segment, path);
@@ -218,10 +218,24 @@ pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, Con
     Ok(Isometry3::from_parts(Translation3::from(position), turn))
 }
 
-fn place(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
+/// Farthest goal along an axis, m: robots do not walk that far in one run.
+const FARTHEST: f64 = 1e5;
+
+/// A position within the range of goals.
+fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
+    match values.iter().find(|value| value.abs() > FARTHEST) {
+        Some(value) => {
+            Err(ConfigError::key(key, format!("{value} m, expected at most {FARTHEST} m along each axis"))
+                .advise("positions are written in metres"))
+        }
+        None => finite(values, key),
+    }
+}
+
+fn goal_position(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
     match (goal.position, goal.offset) {
-        (Some(position), None) => Ok(Place::At(finite(position, key("position"))?)),
-        (None, Some(offset)) => Ok(Place::Beside(finite(offset, key("offset"))?)),
+        (Some(position), None) => Ok(Place::At(near(position, key("position"))?)),
+        (None, Some(offset)) => Ok(Place::Beside(near(offset, key("offset"))?)),
         (Some(_), Some(_)) => Err(ConfigError::key(key("offset"), "both `position` and `offset` are given")
             .advise("keep one of them")),
         (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(
@@ -261,7 +275,7 @@ fn orientation(
 
 fn finite(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     match values.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(ConfigError::key(key, format!("{value} is no number to work with"))),
+        Some(value) => Err(ConfigError::key(key, format!("{value}, expected a finite number"))),
         None => Ok(Vector3::from(values)),
     }
 }
