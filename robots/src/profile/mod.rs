@@ -53,6 +53,16 @@ pub struct Profile {
     /// Default gains of a joint impedance loop.
     #[serde(default)]
     gains: Option<GainArrays>,
+    /// Limits that a URDF does not have.
+    #[serde(default)]
+    limits: LimitArrays,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LimitArrays {
+    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
+    acceleration: Option<Vec<f64>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -129,6 +139,25 @@ impl Profile {
     pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
         let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
         Ok(Gains { kp: self.arrange(model, &gains.kp)?, kd: self.arrange(model, &gains.kd)? })
+    }
+
+    /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite where none is given.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
+    /// let limits = panda.profile.ok_or("no profile")?.acceleration_limit(&panda.model)?;
+    /// assert_eq!(limits[1], 7.5);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        match &self.limits.acceleration {
+            Some(limits) => self.arrange(model, limits),
+            None => Ok(DVector::from_element(model.joint_count(), f64::INFINITY)),
+        }
     }
 
     /// The end effector `name`.

@@ -1,7 +1,10 @@
 //! Defaults of the graph file. The JSON Schema shows the same values.
 
 use super::values::{Schedule, Share, SpinChoice};
-use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::plan::{
+    ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
+    SafeState,
+};
 use crate::units::TimeSpan;
 
 const MILLISECOND: u64 = 1_000_000;
@@ -25,6 +28,8 @@ pub(super) const RESTART_WITHIN: TimeSpan = TimeSpan { ns: SECOND };
 pub(super) const ON_MISS: OnMiss = OnMiss::Warn;
 pub(super) const STALE_AFTER: TimeSpan = TimeSpan { ns: 5 * MILLISECOND };
 pub(super) const SAFE_STATE: SafeState = SafeState::Hold;
+pub(super) const LIMITS: LimitPolicy = LimitPolicy::Clamp;
+pub(super) const RESUME: ResumeRule = ResumeRule::Near;
 pub(super) const SETTLE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
 
 /// Priority of the fastest real-time component; each slower rate gets [`PRIORITY_STEP`] less.

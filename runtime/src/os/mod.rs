@@ -15,4 +15,4 @@ pub use idle::IdleLimit;
 pub use prefetch::{prefetch_read, prefetch_write};
 pub use process::{Watch, install_interrupt, interrupt_thread, thread_id};
 pub use realtime::{Applied, Denied, Request, apply, page_faults, prefault_stack, times_asleep};
-pub use wait::{current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};
+pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

@@ -88,6 +88,7 @@ fn component(
         name,
         phase: now.phase,
         safe: now.safe,
+        gate: now.gate.clone(),
         pid: now.pid,
         core,
         core_share: ran.filter(|_| now.pid == before.pid).map(share),
