@@ -6,6 +6,7 @@ pub mod distribution;
 mod error;
 pub mod graphs;
 pub mod host;
+pub mod kill;
 pub mod latency;
 pub mod pair;
 mod part;

@@ -70,9 +70,10 @@ pub(crate) trait Atomics: Debug + 'static {
     /// A sequentially consistent fence.
     fn fence(site: Site);
 
-    /// A sequentially consistent fence after a [`swap`](Word::swap) of the same thread, which may be all that it takes.
+    /// A sequentially consistent fence after a [`swap`](Word::swap) or an addition of the same thread, which may be all that
+    /// it takes.
     #[inline(always)]
-    fn fence_after_swap(site: Site) {
+    fn fence_after_exchange(site: Site) {
         Self::fence(site);
     }
 
@@ -155,7 +156,7 @@ impl Atomics for Native {
     // An exchange is a full barrier on x86, and costs half of a store and a fence.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[inline(always)]
-    fn fence_after_swap(_: Site) {
+    fn fence_after_exchange(_: Site) {
         core::sync::atomic::compiler_fence(SeqCst);
     }
 

@@ -7,8 +7,8 @@ use super::{Topic, holds_only_with};
 use crate::atomics::Site;
 use crate::transport::latest::protocol::{Reuse, Writer, pin_newest};
 
-fn write(topic: &Topic, publications: u64) {
-    let mut writer = Writer::new(topic, Reuse::First);
+fn write(topic: &Topic, reuse: Reuse, publications: u64) {
+    let mut writer = Writer::new(topic, reuse);
     for _ in 0..publications {
         let (slot, number) = (writer.slot(topic), writer.number());
         topic.write(slot, number);
@@ -34,7 +34,19 @@ fn one_reader() {
         let topic = topic.clone();
         thread::spawn(move || read(&topic, 0, 2))
     };
-    write(&topic, 3);
+    write(&topic, Reuse::First, 3);
+    reader.join().unwrap();
+}
+
+/// A writer that takes two slots at once, and needs one look at the pins for two publications.
+fn one_reader_and_slots_in_stock() {
+    let topic = Arc::new(Topic::new(1, 4));
+    write(&topic, Reuse::First, 1);
+    let reader = {
+        let topic = topic.clone();
+        thread::spawn(move || read(&topic, 0, 2))
+    };
+    write(&topic, Reuse::Several, 4);
     reader.join().unwrap();
 }
 
@@ -46,27 +58,27 @@ fn two_readers() {
             thread::spawn(move || read(&topic, pin, 1))
         })
         .collect();
-    write(&topic, 3);
+    write(&topic, Reuse::First, 3);
     readers.into_iter().for_each(|reader| reader.join().unwrap());
 }
 
 /// A reader was killed while it had the newest value pinned; its successor takes the pin over.
 fn a_killed_reader() {
     let topic = Arc::new(Topic::new(1, 3));
-    write(&topic, 1);
+    write(&topic, Reuse::First, 1);
     assert!(pin_newest(&*topic, &topic.pins[0], 0, |_| {}).is_some());
     let successor = {
         let topic = topic.clone();
         thread::spawn(move || read(&topic, 0, 1))
     };
-    write(&topic, 2);
+    write(&topic, Reuse::First, 2);
     successor.join().unwrap();
 }
 
 /// A writer was killed while it filled a slot; its successor goes on, and the value stays whole meanwhile.
 fn a_killed_writer() {
     let topic = Arc::new(Topic::new(1, 3));
-    write(&topic, 1);
+    write(&topic, Reuse::First, 1);
     let slot = Writer::new(&*topic, Reuse::First).slot(&*topic);
     topic.write(slot, u64::MAX);
     let reader = {
@@ -84,6 +96,12 @@ fn a_killed_writer() {
 fn a_pinned_value_is_whole_and_never_written_to() {
     let sites = [Site::Publish, Site::Claim, Site::Scan, Site::Pin, Site::Pinned];
     holds_only_with(&sites, 4, one_reader);
+}
+
+#[test]
+fn slots_that_were_free_stay_free_until_they_are_published() {
+    let sites = [Site::Publish, Site::Claim, Site::Scan, Site::Pin, Site::Pinned];
+    holds_only_with(&sites, 3, one_reader_and_slots_in_stock);
 }
 
 #[test]

@@ -127,7 +127,7 @@ fn gathered_by_four(values: &[f64]) -> u64 {
 #[inline]
 fn gathered(values: &[f64]) -> u64 {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    if values.len() > 256 && std::is_x86_feature_detected!("avx2") {
+    if values.len() >= 32 && std::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has the instructions.
         return unsafe { gathered_by_four(values) };
     }

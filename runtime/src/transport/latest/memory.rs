@@ -31,6 +31,8 @@ type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 pub(crate) const SIDE_PINS: usize = 4;
 /// First word of a topic's memory; the low digits are the version of its layout.
 const MAGIC: u64 = 0x6d6f_746f_746f_0001;
+/// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
+const LARGE: usize = 16 * 1024;
 const LINE: usize = 64;
 const PAGE: usize = 4096;
 
@@ -236,7 +238,18 @@ impl TopicMemory {
 
     /// The order in which the writer takes the slots.
     pub(crate) fn reuse(&self) -> Reuse {
-        if self.dimensions.slots > self.dimensions.pins + 2 { Reuse::Oldest } else { Reuse::First }
+        if self.dimensions.slots > self.dimensions.pins + 2 {
+            Reuse::Oldest
+        } else if self.is_large() {
+            Reuse::First
+        } else {
+            Reuse::Several
+        }
+    }
+
+    /// Whether the time to fill a value outweighs the choice of its slot.
+    pub(crate) fn is_large(&self) -> bool {
+        self.dimensions.size > LARGE
     }
 
     /// Wakes all who wait for the next publication.

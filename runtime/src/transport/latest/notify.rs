@@ -21,7 +21,7 @@ pub(crate) trait Futex<A: Atomics> {
 /// Wakes those who sleep until the next publication; to be called after one was announced.
 #[inline]
 pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
-    A::fence_after_swap(Site::Notify);
+    A::fence_after_exchange(Site::Notify);
     if head.sleepers.load(Relaxed) != 0 {
         futex.wake(&head.newest);
     }
@@ -41,7 +41,7 @@ pub(crate) fn interrupt<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
 /// Sleeps until the word of the newest publication is no longer `seen`; may return early, for a signal.
 pub(crate) fn sleep<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>, seen: Newest) {
     head.sleepers.fetch_add(1, SeqCst);
-    A::fence(Site::Sleep);
+    A::fence_after_exchange(Site::Sleep);
     futex.sleep(&head.newest, seen.0);
     head.sleepers.fetch_sub(1, SeqCst);
 }

@@ -94,11 +94,17 @@ pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
 /// The order in which a writer takes its slots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reuse {
-    /// The first free one: few slots are in use, and stay in the cache.
+    /// The first free one, one at a time: two large values take turns, and stay in the cache.
     First,
-    /// The one that was filled longest ago: taps find the values before.
+    /// All free ones at once. A slot that is free stays free until it is published, so the writer looks at the pins, which
+    /// takes their cache lines away from the readers, once in several publications.
+    Several,
+    /// The one that was filled longest ago, one at a time: taps find the values before.
     Oldest,
 }
+
+/// Largest number of slots that a writer takes at once.
+const TAKEN: usize = 8;
 
 /// The writing side of a topic. There is one at a time.
 #[derive(Debug)]
@@ -108,15 +114,17 @@ pub(crate) struct Writer {
     number: u64,
     /// Slot of the last publication.
     newest: usize,
-    /// The slot to be filled next, once chosen.
-    next: Option<usize>,
+    /// The slots that are taken for the next publications; the last one is filled first.
+    taken: [usize; TAKEN],
+    /// Number of slots taken.
+    count: usize,
 }
 
 impl Writer {
     /// Takes over from the writer before, if there was one.
     pub(crate) fn new<A: Atomics>(words: &impl Words<A>, reuse: Reuse) -> Self {
         let newest = newest(words.head());
-        Self { reuse, number: newest.number(), newest: newest.slot(), next: None }
+        Self { reuse, number: newest.number(), newest: newest.slot(), taken: [0; TAKEN], count: 0 }
     }
 
     /// Number of the publication to come.
@@ -128,10 +136,10 @@ impl Writer {
     /// The slot to fill.
     #[inline]
     pub(crate) fn slot<A: Atomics>(&mut self, words: &impl Words<A>) -> usize {
-        match self.next {
-            Some(slot) => slot,
-            None => self.choose(words),
+        if self.count == 0 {
+            self.take(words);
         }
+        self.taken[self.count - 1]
     }
 
     /// Announces the filled slot as the newest value.
@@ -141,28 +149,47 @@ impl Writer {
         self.number += 1;
         words.mark(slot).store(self.number, A::at(Site::Mark, Release));
         announce(words.head(), Newest::new(self.number, slot), time_ns);
-        (self.newest, self.next) = (slot, None);
+        self.newest = slot;
+        self.count -= 1;
     }
 
-    /// Chooses the slot of the next publication, while nobody waits for the writer.
-    pub(crate) fn choose<A: Atomics>(&mut self, words: &impl Words<A>) -> usize {
-        if let Some(slot) = self.next {
-            return slot;
-        }
+    /// Takes slots for the next publications; at least one.
+    #[cold]
+    fn take<A: Atomics>(&mut self, words: &impl Words<A>) {
+        let wanted = if self.reuse == Reuse::Several { TAKEN } else { 1 };
         // Pins as they are seen in passing spare a fence for each slot that is taken.
         let seems_free = |slot: usize| !is_pinned::<A>(words.pins(), slot, Relaxed);
         let mut strict = false;
-        loop {
-            for slot in self.candidates(words.slots()) {
-                if (strict || seems_free(slot))
-                    && let Some(slot) = claim(words, slot)
-                {
-                    self.next = Some(slot);
-                    return slot;
-                }
+        while self.count == 0 {
+            let mut candidates =
+                self.candidates(words.slots()).filter(|slot| strict || seems_free(*slot)).peekable();
+            while self.count == 0 && candidates.peek().is_some() {
+                self.claim(words, candidates.by_ref().take(wanted));
             }
             // With two slots more than pins one is free; a pin seen in passing may be out of date.
             strict = true;
+        }
+    }
+
+    /// Takes those of the slots, at most [`TAKEN`], that nobody has pinned.
+    fn claim<A: Atomics>(&mut self, words: &impl Words<A>, slots: impl Iterator<Item = usize>) {
+        let mut marked = [(0, 0); TAKEN];
+        let mut count = 0;
+        for (slot, entry) in slots.zip(&mut marked) {
+            let mark = words.mark(slot);
+            *entry = (slot, mark.load(Relaxed));
+            mark.store(0, Relaxed);
+            count += 1;
+        }
+        A::fence(Site::Claim);
+        for (slot, held) in marked[..count].iter().rev() {
+            if is_pinned::<A>(words.pins(), *slot, A::at(Site::Scan, Acquire)) {
+                // Its value is as it was.
+                words.mark(*slot).store(*held, A::at(Site::Mark, Release));
+            } else {
+                self.taken[self.count] = *slot;
+                self.count += 1;
+            }
         }
     }
 
@@ -171,24 +198,10 @@ impl Writer {
         let (newest, published) = (self.newest, self.number > 0);
         let first = match self.reuse {
             Reuse::Oldest if published => newest + 1,
-            Reuse::First | Reuse::Oldest => 0,
+            Reuse::First | Reuse::Several | Reuse::Oldest => 0,
         };
         (0..slots).map(move |i| (first + i) % slots).filter(move |slot| !published || *slot != newest)
     }
-}
-
-/// Takes a slot for writing unless somebody has pinned it.
-fn claim<A: Atomics>(words: &impl Words<A>, slot: usize) -> Option<usize> {
-    let mark = words.mark(slot);
-    let held = mark.load(Relaxed);
-    mark.store(0, Relaxed);
-    A::fence(Site::Claim);
-    if is_pinned::<A>(words.pins(), slot, A::at(Site::Scan, Acquire)) {
-        // Its value is as it was.
-        mark.store(held, A::at(Site::Mark, Release));
-        return None;
-    }
-    Some(slot)
 }
 
 fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atomic::Ordering) -> bool {

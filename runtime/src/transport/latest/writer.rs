@@ -11,9 +11,6 @@ use crate::atomics::Native;
 use crate::os::prefetch_write;
 use crate::state::{Stamp, StateBuffer};
 
-/// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
-const LARGE: usize = 16 * 1024;
-
 /// The one writer of a topic.
 #[derive(Debug)]
 pub(crate) struct StateWriter {
@@ -81,10 +78,10 @@ impl StateWriter {
     /// slots that take turns stay in the cache where three would not.
     #[inline]
     pub(crate) fn prepare(&self) {
-        if self.memory.value_bytes() > LARGE {
+        if self.memory.is_large() {
             return;
         }
-        let slot = self.writer.borrow_mut().choose(&*self.memory);
+        let slot = self.writer.borrow_mut().slot(&*self.memory);
         let (first, bytes) = self.memory.range(slot);
         prefetch_write(first, bytes);
     }

@@ -1,6 +1,7 @@
 //! `motorium bench`: measures motorium on this machine.
 
 mod compare;
+mod kill;
 mod latency;
 mod peers;
 mod ratchet;
@@ -8,7 +9,7 @@ mod table;
 
 use std::process::ExitCode;
 
-/// Measure motorium on this machine, and compare two such measurements.
+/// Measure motorium on this machine, compare two such measurements, and make faults.
 ///
 /// Example: motorium bench latency --quick
 #[derive(Debug, clap::Args)]
@@ -21,6 +22,7 @@ pub(crate) struct Bench {
 enum What {
     Latency(latency::Latency),
     Compare(compare::Compare),
+    Kill(kill::Kill),
 }
 
 impl Bench {
@@ -28,6 +30,7 @@ impl Bench {
         match self.what {
             What::Latency(latency) => latency.run(),
             What::Compare(compare) => compare.run(),
+            What::Kill(kill) => kill.run(),
         }
     }
 }

@@ -1,0 +1,118 @@
+//! The faults of a trial: the process that is hit, and the signal that it gets.
+
+use core::fmt;
+use std::time::Duration;
+
+use motorium::os::Watch;
+use rustix::process::Signal;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The process that a fault hits.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Victim {
+    /// A component of the graph, by its name.
+    Component(String),
+    /// The launcher: `motorium run`.
+    Launcher,
+    /// The guard, which ends a run whose launcher died.
+    Guard,
+    /// `motorium topic echo` on the actuator's state.
+    Observer,
+}
+
+impl Victim {
+    /// The victim of this name in a graph with these components.
+    pub fn named(name: &str, components: &[String]) -> Option<Self> {
+        match name {
+            "launcher" => Some(Self::Launcher),
+            "guard" => Some(Self::Guard),
+            "observer" => Some(Self::Observer),
+            name => components.iter().any(|known| known == name).then(|| Self::Component(name.to_string())),
+        }
+    }
+}
+
+impl fmt::Display for Victim {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Component(name) => f.write_str(name),
+            Self::Launcher => f.write_str("launcher"),
+            Self::Guard => f.write_str("guard"),
+            Self::Observer => f.write_str("observer"),
+        }
+    }
+}
+
+/// A fault made by signals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// `SIGKILL`.
+    Kill,
+    /// `SIGABRT`, as of a failed assertion in foreign code.
+    Abort,
+    /// `SIGSEGV`, sent twice: the first one is swallowed by Rust's detection of stack overflows.
+    Segfault,
+    /// `SIGTERM`: the process is asked to end.
+    Terminate,
+    /// `SIGSTOP`, never continued: the process hangs.
+    Hang,
+    /// `SIGSTOP`, continued after a time.
+    Pause,
+}
+
+impl Fault {
+    /// All faults.
+    pub const ALL: [Self; 6] =
+        [Self::Kill, Self::Abort, Self::Segfault, Self::Terminate, Self::Hang, Self::Pause];
+
+    /// The name of the fault, as in a command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Kill => "kill",
+            Self::Abort => "abort",
+            Self::Segfault => "segfault",
+            Self::Terminate => "terminate",
+            Self::Hang => "hang",
+            Self::Pause => "pause",
+        }
+    }
+
+    /// The fault of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|fault| fault.name() == name)
+    }
+
+    /// Whether the process goes on afterwards, if nobody ends it.
+    pub fn passes(self) -> bool {
+        self == Self::Pause
+    }
+
+    /// Makes the fault; one that passes lasts for `pause`.
+    pub(super) fn make(self, process: &Watch, pause: Duration) {
+        match self {
+            Self::Kill => process.signal(Signal::KILL),
+            Self::Abort => process.signal(Signal::ABORT),
+            Self::Segfault => {
+                process.signal(Signal::SEGV);
+                std::thread::sleep(Duration::from_micros(300));
+                process.signal(Signal::SEGV);
+            }
+            Self::Terminate => process.signal(Signal::TERM),
+            Self::Hang => process.signal(Signal::STOP),
+            Self::Pause => {
+                process.signal(Signal::STOP);
+                std::thread::sleep(pause);
+                process.signal(Signal::CONT);
+            }
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,203 @@
+//! Faults in running graphs: processes are killed, stopped and made to hang, and the consequences are measured.
+//!
+//! The graph runs as a user starts it, each component a process of its own with restarts allowed. A fault hits one
+//! process by a signal; then the run's memory tells when the actuators were in their safe state, when the launcher
+//! answered, and when the component published again.
+
+mod fault;
+mod trial;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use fault::{Fault, Victim};
+use trial::{Consequence, RunEnd, Trial};
+
+use crate::{Distribution, MeasureError};
+
+/// Faults to be made.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The motorium command.
+    pub program: PathBuf,
+    /// The graph file.
+    pub graph: PathBuf,
+    /// The components of the graph.
+    pub components: Vec<String>,
+    /// Number of faults.
+    pub count: u32,
+    /// Largest number of faults in one run.
+    pub per_run: u32,
+    /// Seed of the choice of victims, faults and times.
+    pub seed: u64,
+    /// The victims to choose from.
+    pub victims: Vec<Victim>,
+    /// The faults to choose from.
+    pub faults: Vec<Fault>,
+}
+
+/// The faults of one kind that hit one process.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Cell {
+    /// The process that was hit.
+    pub victim: Victim,
+    /// The fault.
+    pub fault: Fault,
+    /// Number of faults.
+    pub count: u32,
+    /// From the fault to the launcher's answer to it.
+    pub detected: Distribution,
+    /// From the fault to the safe state of the last actuator, where it was entered.
+    pub safe: Distribution,
+    /// From the fault to the first value that the restarted component published.
+    pub restarted: Distribution,
+    /// Faults after which the component did not come back.
+    pub hung: u32,
+    /// Faults after which an actuator followed a command that was long stale.
+    pub unsafe_outages: u32,
+}
+
+/// All faults together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Summary {
+    /// Seed of the choice of victims, faults and times.
+    pub seed: u64,
+    /// Number of faults.
+    pub faults: u32,
+    /// Number of runs in which they were made.
+    pub runs: u32,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Each victim and fault.
+    pub cells: Vec<Cell>,
+    /// Faults and ends of runs that hung.
+    pub hangs: u32,
+    /// Processes that outlived their run.
+    pub strays: u32,
+    /// Objects in shared memory that outlived their run.
+    pub leaks: u32,
+    /// Runs that ended with a code other than 0, the launcher's own death apart.
+    pub failed_runs: u32,
+    /// Faults after which an actuator followed a command that was long stale.
+    pub unsafe_outages: u32,
+    /// Steps in which a simulated joint was faster than its limit.
+    pub steps_beyond_a_velocity_limit: u64,
+}
+
+impl Summary {
+    /// Whether every run ended in order and the robot was safe at all times.
+    pub fn is_clean(&self) -> bool {
+        let counts = [self.hangs, self.strays, self.leaks, self.failed_runs, self.unsafe_outages];
+        counts.iter().all(|count| *count == 0) && self.steps_beyond_a_velocity_limit == 0
+    }
+}
+
+/// The samples of a cell while they are collected.
+struct Collected {
+    victim: Victim,
+    fault: Fault,
+    consequences: Vec<Consequence>,
+}
+
+/// Makes the faults, one after the other; `told` is called after each with the number made so far.
+///
+/// # Errors
+/// The graph does not start.
+pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, MeasureError> {
+    let began = Instant::now();
+    let mut random = Pcg64::seed_from_u64(settings.seed);
+    let mut collected: Vec<Collected> = Vec::new();
+    let mut summary = Summary {
+        seed: settings.seed,
+        faults: 0,
+        runs: 0,
+        seconds: 0.0,
+        cells: Vec::new(),
+        hangs: 0,
+        strays: 0,
+        leaks: 0,
+        failed_runs: 0,
+        unsafe_outages: 0,
+        steps_beyond_a_velocity_limit: 0,
+    };
+    while summary.faults < settings.count {
+        let mut trial = Trial::start(&settings.program, &settings.graph, &settings.components)?;
+        summary.runs += 1;
+        let mut launcher_died = false;
+        for _ in 0..settings.per_run {
+            if summary.faults == settings.count {
+                break;
+            }
+            let victim = settings.victims[random.random_range(0..settings.victims.len())].clone();
+            let fault = settings.faults[random.random_range(0..settings.faults.len())];
+            let pause = Duration::from_millis(random.random_range(1..300));
+            std::thread::sleep(Duration::from_millis(random.random_range(20..300)));
+            let consequence = trial.inject(&settings.program, &victim, fault, pause);
+            summary.faults += 1;
+            told(summary.faults);
+            launcher_died = victim == Victim::Launcher && !fault.passes();
+            let hung = consequence.hung;
+            let place = collected.iter_mut().find(|cell| cell.victim == victim && cell.fault == fault);
+            match place {
+                Some(cell) => cell.consequences.push(consequence),
+                None => collected.push(Collected { victim, fault, consequences: vec![consequence] }),
+            }
+            if launcher_died || hung {
+                break;
+            }
+        }
+        summary.add(&trial.end(), launcher_died);
+    }
+    collected.sort_by(|one, other| (&one.victim, one.fault).cmp(&(&other.victim, other.fault)));
+    summary.cells = collected.into_iter().map(Cell::of).collect();
+    summary.hangs += summary.cells.iter().map(|cell| cell.hung).sum::<u32>();
+    summary.unsafe_outages = summary.cells.iter().map(|cell| cell.unsafe_outages).sum();
+    summary.seconds = began.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+impl Summary {
+    fn add(&mut self, end: &RunEnd, launcher_died: bool) {
+        self.hangs += u32::from(end.hung);
+        self.strays += end.strays as u32;
+        self.leaks += end.leaks as u32;
+        self.failed_runs += u32::from(!launcher_died && end.code != Some(0));
+        self.steps_beyond_a_velocity_limit += end.steps_beyond_a_velocity_limit;
+    }
+}
+
+impl Cell {
+    fn of(collected: Collected) -> Self {
+        let Collected { victim, fault, consequences } = collected;
+        let times = |of: fn(&Consequence) -> Option<u64>| Distribution {
+            buckets: Vec::new(),
+            ..Distribution::of(consequences.iter().filter_map(of).collect())
+        };
+        let count = |of: fn(&Consequence) -> bool| consequences.iter().filter(|one| of(one)).count() as u32;
+        Self {
+            victim,
+            fault,
+            count: consequences.len() as u32,
+            detected: times(|one| one.detected_ns),
+            safe: times(|one| one.safe_ns),
+            restarted: times(|one| one.restarted_ns),
+            hung: count(|one| one.hung),
+            unsafe_outages: count(|one| one.unsafe_outage),
+        }
+    }
+}
+
+/// A new folder for the output of a run.
+fn scratch() -> Result<PathBuf, MeasureError> {
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let name = format!("motorium-kill-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed));
+    let path: &Path = &std::env::temp_dir().join(name);
+    std::fs::create_dir(path).map_err(|error| MeasureError::system("making a folder", error))?;
+    Ok(path.to_path_buf())
+}
