@@ -2,6 +2,7 @@
 //! linked once; every test that starts processes takes the machine for itself.
 
 mod bridge;
+mod commands;
 mod exposition;
 mod faults;
 mod gaits;

@@ -52,6 +52,7 @@ fn limit_words(limit: LimitKind) -> &'static str {
         LimitKind::Effort => "effort",
         LimitKind::Kp => "kp",
         LimitKind::Kd => "kd",
+        LimitKind::EffortRate => "effort rate",
     }
 }
 

@@ -12,8 +12,9 @@
 /// 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the step (implicit),
 /// so gains of any size are stable; a drive without `kd` is damped by the integration.
 ///
-/// A joint faster than `max_velocity` is braked, whatever the rest of the command: the highest effort in the direction of
-/// its motion falls from `limit` at `max_velocity` to `-limit` at 1.05 times that.
+/// A joint that moves beyond `min_velocity` or `max_velocity` is braked, whatever the rest of the command: the highest
+/// effort in the direction of its motion falls from `limit` at that velocity to `-limit` over a twentieth of the larger of
+/// both.
 ///
 /// # Example
 ///
@@ -36,17 +37,20 @@ pub struct JointCommand {
     pub kp: f64,
     /// Velocity gain Kd \[Nms/rad or Ns/m\], not negative.
     pub kd: f64,
-    /// Velocity beyond which the drive brakes \[rad/s or m/s\], positive; infinity for none.
+    /// Velocity backwards beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for none.
+    pub min_velocity: f64,
+    /// Velocity forwards beyond which the drive brakes \[rad/s or m/s\], positive; infinity for none.
     pub max_velocity: f64,
 }
 
-/// Share of `max_velocity` over which the effort of a drive goes from full to full braking.
+/// Share of the larger velocity limit over which the effort of a drive goes from full to full braking.
 pub(crate) const BRAKING_BAND: f64 = 0.05;
 
 impl Default for JointCommand {
     /// No effort, at any velocity.
     fn default() -> Self {
-        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, max_velocity: f64::INFINITY }
+        let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
+        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
     }
 }
 
@@ -61,11 +65,12 @@ impl JointCommand {
         Self { position, kp, kd, ..Self::default() }
     }
 
-    /// True when every field but `max_velocity` is finite, no gain is negative and `max_velocity` is positive.
+    /// True when setpoints and gains are finite, no gain is negative and zero velocity lies within the limits.
     pub fn is_valid(&self) -> bool {
         [self.position, self.velocity, self.effort, self.kp, self.kd].iter().all(|x| x.is_finite())
             && self.kp >= 0.0
             && self.kd >= 0.0
+            && self.min_velocity < 0.0
             && self.max_velocity > 0.0
     }
 }

@@ -63,6 +63,8 @@ pub struct Profile {
 struct LimitArrays {
     /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
     acceleration: Option<Vec<f64>>,
+    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for none.
+    effort_rate: Option<Vec<f64>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -154,7 +156,21 @@ impl Profile {
     ///
     /// [`ProfileError::MissingJoint`] when the model has other joints.
     pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
-        match &self.limits.acceleration {
+        self.arrange_limits(model, &self.limits.acceleration)
+    }
+
+    /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's joints; infinite
+    /// where none is given.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn effort_rate_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        self.arrange_limits(model, &self.limits.effort_rate)
+    }
+
+    fn arrange_limits(&self, model: &Model, limits: &Option<Vec<f64>>) -> Result<DVector<f64>, ProfileError> {
+        match limits {
             Some(limits) => self.arrange(model, limits),
             None => Ok(DVector::from_element(model.joint_count(), f64::INFINITY)),
         }

@@ -65,11 +65,13 @@ pub enum LimitKind {
     Kp = 5,
     /// The velocity gain is larger than the drive can make use of.
     Kd = 6,
+    /// The feed-forward effort changes faster than the drive allows.
+    EffortRate = 7,
 }
 
 impl LimitKind {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Position,
         Self::PositionRate,
         Self::Velocity,
@@ -77,6 +79,7 @@ impl LimitKind {
         Self::Effort,
         Self::Kp,
         Self::Kd,
+        Self::EffortRate,
     ];
 }
 

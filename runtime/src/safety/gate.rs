@@ -1,6 +1,6 @@
 //! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
 
-use super::limits::{Before, JointLimits, JointSetpoint};
+use super::limits::{Before, JointLimits, JointSetpoint, VelocityRange};
 use super::resume::Resume;
 use super::states::{Joint, enter, stay};
 use crate::plan::{LimitPolicy, ResumeRule, SafeState};
@@ -118,6 +118,7 @@ pub struct Gate {
     /// Those of the step that is being computed.
     next: Vec<JointSetpoint>,
     gravity: Vec<f64>,
+    velocities: Vec<VelocityRange>,
     resume: Resume,
 }
 
@@ -134,6 +135,7 @@ impl Gate {
             setpoints: vec![JointSetpoint::default(); count],
             next: vec![JointSetpoint::default(); count],
             gravity: vec![0.0; count],
+            velocities: joints.iter().map(VelocityRange::of).collect(),
             resume: Resume::new(count),
             joints,
         }
@@ -177,6 +179,20 @@ impl Gate {
         dt: f64,
         account: &impl Account,
     ) -> Verdict {
+        let position = measured.position;
+        let verdict = self.judge(offer, measured, dt, account);
+        self.bound_velocities(position);
+        verdict
+    }
+
+    #[inline]
+    fn judge(
+        &mut self,
+        offer: Offer<'_>,
+        measured: Measured<'_>,
+        dt: f64,
+        account: &impl Account,
+    ) -> Verdict {
         if self.latched {
             return self.make_safe(measured, dt);
         }
@@ -205,6 +221,7 @@ impl Gate {
     /// Applies the safe state, `dt` s after the step before.
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         let state = self.settings.safe_state;
+        let position = measured.position;
         let entered = !self.in_safe;
         if entered {
             self.enter_safe(measured.position, measured.velocity, measured.gravity);
@@ -214,7 +231,19 @@ impl Gate {
                 *setpoint = stay(state, &joint, limits, setpoint, dt);
             }
         }
+        self.bound_velocities(position);
         Verdict::Safe { state, entered }
+    }
+
+    /// Sets the velocities beyond which the drives brake, from where the joints are.
+    #[inline]
+    pub(super) fn bound_velocities(&mut self, position: &[f64]) {
+        if self.state == GateState::Safe && self.settings.safe_state == SafeState::ZeroTorque {
+            return;
+        }
+        for ((setpoint, velocities), q) in self.setpoints.iter_mut().zip(&self.velocities).zip(position) {
+            (setpoint.min_velocity, setpoint.max_velocity) = velocities.at(*q);
+        }
     }
 
     fn enter_safe(&mut self, position: &[f64], velocity: &[f64], gravity: &mut dyn FnMut(&mut [f64])) {
@@ -253,7 +282,7 @@ impl Gate {
                 effort: effort[i],
                 kp: kp[i],
                 kd: kd[i],
-                max_velocity: limits.velocity,
+                ..JointSetpoint::default()
             };
             limits.clamp(next, |kind| {
                 exceeds = true;
@@ -282,6 +311,7 @@ impl Gate {
             let before = Before {
                 position: if last.kp > 0.0 { last.position } else { measured.position[i] },
                 velocity: if last.kd > 0.0 { last.velocity } else { measured.velocity[i] },
+                effort: last.effort,
             };
             limits.clamp_rates(next, before, over, |kind| {
                 lags = true;

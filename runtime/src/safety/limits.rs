@@ -40,6 +40,8 @@ pub struct JointLimits {
     pub acceleration: f64,
     /// Largest effort, N m or N.
     pub effort: f64,
+    /// Largest rate of change of the feed-forward effort, N m/s or N/s.
+    pub effort_rate: f64,
     /// Largest position gain, N m/rad or N/m.
     pub max_kp: f64,
     /// Largest velocity gain, N m s/rad or N s/m.
@@ -53,7 +55,7 @@ pub struct JointLimits {
 /// The command of one drive that has passed the gate.
 ///
 /// The drive applies [`effort`](Self::effort_at): the impedance law of torque-controlled drives, within its effort
-/// limit, and braking where the joint is faster than `max_velocity`.
+/// limit, and braking where the joint moves beyond `min_velocity` or `max_velocity`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointSetpoint {
     /// Position setpoint, rad or m.
@@ -66,14 +68,17 @@ pub struct JointSetpoint {
     pub kp: f64,
     /// Velocity gain, N m s/rad or N s/m.
     pub kd: f64,
-    /// Velocity beyond which the drive brakes, rad/s or m/s; infinity for none.
+    /// Velocity backwards beyond which the drive brakes, rad/s or m/s, negative; minus infinity for none.
+    pub min_velocity: f64,
+    /// Velocity forwards beyond which the drive brakes, rad/s or m/s, positive; infinity for none.
     pub max_velocity: f64,
 }
 
 impl Default for JointSetpoint {
     /// No effort, at any velocity.
     fn default() -> Self {
-        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, max_velocity: f64::INFINITY }
+        let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
+        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
     }
 }
 
@@ -84,33 +89,75 @@ impl JointSetpoint {
     /// The effort at position `q` and velocity `v`, N m or N:
     ///
     /// ```text
-    /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, -u(-v), u(v))
+    /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, low(v), high(v))
     /// ```
     ///
-    /// where `u(v)` is the effort limit up to `max_velocity`, and falls from there to the negative effort limit at
-    /// 1.05 times `max_velocity`: nothing accelerates a joint beyond that.
+    /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over a
+    /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that.
     ///
     /// ```
     /// use motorium::safety::JointSetpoint;
     ///
-    /// let push = JointSetpoint { effort: 1e9, max_velocity: 2.0, ..JointSetpoint::default() };
+    /// let push = JointSetpoint { effort: 1e9, min_velocity: -2.0, max_velocity: 2.0, ..JointSetpoint::default() };
     /// assert_eq!(push.effort_at(0.0, 0.0, 87.0), 87.0);
     /// assert_eq!(push.effort_at(0.0, 2.1, 87.0), -87.0);
     /// ```
     pub fn effort_at(&self, q: f64, v: f64, limit: f64) -> f64 {
         let wanted = self.kp * (self.position - q) + self.kd * (self.velocity - v) + self.effort;
-        let (low, high) = (-self.highest_effort(-v, limit), self.highest_effort(v, limit));
+        let band = BRAKING_BAND * self.max_velocity.max(-self.min_velocity);
+        let highest = |beyond: f64| {
+            let brakes = beyond > 0.0 && limit.is_finite();
+            if brakes { limit * (1.0 - 2.0 * (beyond / band).min(1.0)) } else { limit }
+        };
+        let (low, high) = (-highest(self.min_velocity - v), highest(v - self.max_velocity));
         if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
     }
+}
 
-    fn highest_effort(&self, v: f64, limit: f64) -> f64 {
-        let beyond = v - self.max_velocity;
-        if beyond > 0.0 && limit.is_finite() {
-            let share = beyond / (BRAKING_BAND * self.max_velocity);
-            limit * (1.0 - 2.0 * share.min(1.0))
-        } else {
-            limit
+/// The velocities that a joint may have at each of its positions: those from which it can be brought to rest at the end of
+/// its range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct VelocityRange {
+    lower: f64,
+    upper: f64,
+    velocity: f64,
+    twice_acceleration: f64,
+    /// Distance to the end of the range from which the limit is smaller than the joint's.
+    distance: f64,
+}
+
+/// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
+pub(super) const FULL_SPEED: f64 = 0.2;
+/// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave it.
+const CREEP: f64 = 0.05;
+
+impl VelocityRange {
+    pub(super) fn of(limits: &JointLimits) -> Self {
+        let twice_acceleration = 2.0 * limits.usual_acceleration();
+        Self {
+            lower: limits.lower,
+            upper: limits.upper,
+            velocity: limits.velocity,
+            twice_acceleration,
+            distance: if limits.velocity.is_finite() {
+                limits.velocity.powi(2) / twice_acceleration
+            } else {
+                0.0
+            },
         }
+    }
+
+    /// Lowest and highest velocity at position `q`.
+    #[inline]
+    pub(super) fn at(&self, q: f64) -> (f64, f64) {
+        let towards = |distance: f64| {
+            if distance < self.distance {
+                (self.twice_acceleration * distance.max(0.0)).sqrt().max(CREEP * self.velocity)
+            } else {
+                self.velocity
+            }
+        };
+        (-towards(q - self.lower), towards(self.upper - q))
     }
 }
 
@@ -119,6 +166,7 @@ impl JointSetpoint {
 pub(super) struct Before {
     pub(super) position: f64,
     pub(super) velocity: f64,
+    pub(super) effort: f64,
 }
 
 impl JointLimits {
@@ -131,11 +179,17 @@ impl JointLimits {
             velocity: f64::INFINITY,
             acceleration: f64::INFINITY,
             effort: f64::INFINITY,
+            effort_rate: f64::INFINITY,
             max_kp: LARGEST_GAIN,
             max_kd: LARGEST_GAIN,
             kp: 0.0,
             kd: 0.0,
         }
+    }
+
+    /// The acceleration limit, or where there is none, the velocity limit in 0.2 s.
+    pub(super) fn usual_acceleration(&self) -> f64 {
+        if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
     /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain that gives the
@@ -153,7 +207,6 @@ impl JointLimits {
     /// stay as they are, to the last bit.
     #[inline]
     pub(super) fn clamp(&self, setpoint: &mut JointSetpoint, mut exceeded: impl FnMut(LimitKind)) {
-        setpoint.max_velocity = self.velocity;
         if setpoint.kp > self.max_kp {
             setpoint.kp = self.max_kp;
             exceeded(LimitKind::Kp);
@@ -204,6 +257,11 @@ impl JointLimits {
                 setpoint.velocity = before.velocity + largest.copysign(step);
                 exceeded(LimitKind::Acceleration);
             }
+        }
+        let (step, largest) = (setpoint.effort - before.effort, self.effort_rate * dt);
+        if step.abs() > largest * (1.0 + ROUNDING) {
+            setpoint.effort = before.effort + largest.copysign(step);
+            exceeded(LimitKind::EffortRate);
         }
     }
 }

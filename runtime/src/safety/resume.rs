@@ -5,8 +5,6 @@ use super::states::Joint;
 
 /// Share of the limits that the way back uses: the drives follow it with some overshoot.
 const SHARE: f64 = 0.5;
-/// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
-const FULL_SPEED: f64 = 0.2;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.05;
 /// Time over which the feed-forward effort goes over to that of the command, s.
@@ -33,9 +31,7 @@ pub(super) struct Resume {
 
 /// Velocity and acceleration of the way back.
 fn rates(limits: &JointLimits) -> (f64, f64) {
-    let acceleration =
-        if limits.acceleration.is_finite() { limits.acceleration } else { limits.velocity / FULL_SPEED };
-    (SHARE * limits.velocity, SHARE * acceleration)
+    (SHARE * limits.velocity, SHARE * limits.usual_acceleration())
 }
 
 impl Reference {

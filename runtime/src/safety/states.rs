@@ -26,12 +26,12 @@ pub struct Joint {
 /// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its limits and
 /// the setpoint `last` that was applied before.
 ///
-/// | state | position | gains | feed-forward | braking beyond the velocity limit |
-/// |---|---|---|---|---|
-/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | of the last command, or those of the safe states | gravity | yes |
-/// | `damp` | none | `kd` of the safe states | none | yes |
-/// | `zero_torque` | none | none | none | no |
-/// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity | yes |
+/// | state | position | gains | feed-forward |
+/// |---|---|---|---|
+/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | of the last command, or those of the safe states | gravity |
+/// | `damp` | none | `kd` of the safe states | none |
+/// | `zero_torque` | none | none | none |
+/// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
 ///
 /// ```
 /// use motorium::plan::SafeState;
@@ -43,8 +43,7 @@ pub struct Joint {
 /// assert_eq!((hold.position, hold.kp, hold.effort), (-1.2, 600.0, 21.0));
 /// ```
 pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &JointSetpoint) -> JointSetpoint {
-    let none =
-        JointSetpoint { max_velocity: limits.velocity, position: joint.position, ..JointSetpoint::default() };
+    let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
     match state {
         // With gravity compensation, or soft gains would let the arm sag.
         SafeState::Hold => {
@@ -53,7 +52,7 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
             JointSetpoint { velocity, effort: joint.gravity, kp, kd, ..none }
         }
         SafeState::Damp => JointSetpoint { kd: limits.kd, ..none },
-        SafeState::ZeroTorque => JointSetpoint { position: joint.position, ..JointSetpoint::default() },
+        SafeState::ZeroTorque => none,
         SafeState::Brake => JointSetpoint { kd: BRAKE, effort: joint.gravity, ..none },
     }
 }

@@ -41,6 +41,7 @@ const GRAVITY: [f64; 2] = [21.0, -3.0];
 fn limits() -> Vec<JointLimits> {
     let joint = |name: &str, acceleration: f64| {
         JointLimits {
+            effort_rate: 1e3,
             lower: -2.0,
             upper: 2.0,
             velocity: 2.0,
@@ -151,8 +152,9 @@ fn each_field_beyond_its_limit_is_clamped_and_counted_by_joint_and_reason() {
         (0, 1e300, LimitKind::Position, -0.5 + 2.0 * DT),
         (1, 1e6, LimitKind::Velocity, 12.5 * DT),
         (1, 0.5, LimitKind::Acceleration, 12.5 * DT),
-        (2, -1e9, LimitKind::Effort, -87.0),
-        (2, 1e308, LimitKind::Effort, 87.0),
+        (2, -1e9, LimitKind::Effort, -3.0 - 1e3 * DT),
+        (2, 1e308, LimitKind::Effort, -3.0 + 1e3 * DT),
+        (2, 10.0, LimitKind::EffortRate, -3.0 + 1e3 * DT),
         (3, 1e12, LimitKind::Kp, 8.7e5),
         (4, 1e300, LimitKind::Kd, 4.35e4),
     ] {
@@ -242,14 +244,13 @@ fn each_safe_state_is_entered_by_its_law() {
     let limits = &limits()[0];
     let last = JointSetpoint { kp: 100.0, kd: 5.0, ..JointSetpoint::default() };
     let law = |state| {
-        let JointSetpoint { position, velocity, effort, kp, kd, max_velocity } =
-            enter(state, &joint, limits, &last);
-        (position, velocity, effort, kp, kd, max_velocity)
+        let JointSetpoint { position, velocity, effort, kp, kd, .. } = enter(state, &joint, limits, &last);
+        (position, velocity, effort, kp, kd)
     };
-    assert_eq!(law(SafeState::Hold), (0.3, 0.0, 21.0, 100.0, 5.0, 2.0));
-    assert_eq!(law(SafeState::Damp), (0.3, 0.0, 0.0, 0.0, 40.0, 2.0));
-    assert_eq!(law(SafeState::ZeroTorque), (0.3, 0.0, 0.0, 0.0, 0.0, f64::INFINITY));
-    assert_eq!(law(SafeState::Brake), (0.3, 0.0, 21.0, 0.0, 1e6, 2.0));
+    assert_eq!(law(SafeState::Hold), (0.3, 0.0, 21.0, 100.0, 5.0));
+    assert_eq!(law(SafeState::Damp), (0.3, 0.0, 0.0, 0.0, 40.0));
+    assert_eq!(law(SafeState::ZeroTorque), (0.3, 0.0, 0.0, 0.0, 0.0));
+    assert_eq!(law(SafeState::Brake), (0.3, 0.0, 21.0, 0.0, 1e6));
     let braked = enter(SafeState::Brake, &Joint { velocity: 1.0, ..joint }, limits, &last);
     assert_eq!(stay(SafeState::Brake, &Joint { velocity: 0.5, ..joint }, limits, &braked, DT), braked);
     let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
@@ -345,13 +346,41 @@ fn a_latch_holds_until_it_is_released_and_the_start_of_a_run_is_no_latch() {
 #[test]
 fn a_drive_brakes_beyond_its_velocity_limit_whatever_its_command() {
     for (kp, kd, effort) in [(0.0, 0.0, 1e9), (1e300, 0.0, 0.0), (0.0, 1e300, 0.0), (0.0, 0.0, 1e308)] {
-        let push = JointSetpoint { position: 1e300, velocity: 1e6, effort, kp, kd, max_velocity: 2.0 };
+        let push = JointSetpoint {
+            position: 1e300,
+            velocity: 1e6,
+            effort,
+            kp,
+            kd,
+            min_velocity: -2.0,
+            max_velocity: 2.0,
+        };
         assert_eq!(push.effort_at(0.0, 1.999, 87.0), 87.0);
         assert!(push.effort_at(0.0, 2.05, 87.0).abs() < 1e-9, "no effort in the middle of the band");
         assert_eq!(push.effort_at(0.0, 2.2, 87.0), -87.0);
     }
-    let still = JointSetpoint { effort: 5.0, max_velocity: 2.0, ..JointSetpoint::default() };
+    let still =
+        JointSetpoint { effort: 5.0, min_velocity: -2.0, max_velocity: 2.0, ..JointSetpoint::default() };
     assert_eq!(still.effort_at(0.0, -1.0, 87.0), 5.0, "the other direction is free");
+}
+
+#[test]
+fn towards_the_end_of_its_range_a_joint_may_move_only_as_fast_as_it_can_be_stopped() {
+    let mut arm = Arm::following();
+    for (q, low, high) in [(0.0, -2.0, 2.0), (1.9, -2.0, 1.5_f64.sqrt()), (2.0, -2.0, 0.1), (-2.1, -0.1, 2.0)]
+    {
+        arm.position[0] = q;
+        arm.gate.bound_velocities(&arm.position);
+        let setpoint = arm.gate.setpoints()[0];
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(
+            near(setpoint.min_velocity, low) && near(setpoint.max_velocity, high),
+            "at {q}: {setpoint:?}"
+        );
+    }
+    let mut limp = arm_with(SafeState::ZeroTorque, LimitPolicy::Clamp, ResumeRule::Near);
+    limp.silence();
+    assert!(limp.gate.setpoints().iter().all(|setpoint| setpoint.max_velocity.is_infinite()));
 }
 
 proptest! {

@@ -51,9 +51,10 @@ pub(super) struct Laws {
     drive_0: f64,
     drive_slope: f64,
     limit: f64,
-    /// Velocity beyond which the drive brakes.
+    /// Velocities beyond which the drive brakes.
+    min_velocity: f64,
     max_velocity: f64,
-    /// Fall of its highest effort beyond that velocity.
+    /// Fall of its highest effort beyond those velocities.
     braking_slope: f64,
     pub(super) damping: f64,
     pub(super) friction: f64,
@@ -71,6 +72,7 @@ impl Laws {
         drive_0: 0.0,
         drive_slope: 0.0,
         limit: f64::INFINITY,
+        min_velocity: f64::NEG_INFINITY,
         max_velocity: f64::INFINITY,
         braking_slope: 0.0,
         damping: 0.0,
@@ -84,13 +86,15 @@ impl Laws {
         let reach =
             |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
         let limit = joint.effort_limit.abs();
-        let brakes = limit.is_finite() && command.max_velocity.is_finite();
+        let band = BRAKING_BAND * command.max_velocity.max(-command.min_velocity);
+        let brakes = limit.is_finite() && band.is_finite();
         Self {
             drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
             drive_slope: command.kd + h * command.kp,
             limit,
+            min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },
             max_velocity: if brakes { command.max_velocity } else { f64::INFINITY },
-            braking_slope: if brakes { 2.0 * limit / (BRAKING_BAND * command.max_velocity) } else { 0.0 },
+            braking_slope: if brakes { 2.0 * limit / band } else { 0.0 },
             damping: joint.damping,
             friction: joint.friction,
             slowest: reach(joint.lower - q, q < joint.lower),
@@ -98,19 +102,29 @@ impl Laws {
         }
     }
 
-    /// The highest effort forwards at end velocity `x`.
+    /// The highest effort at end velocity `x`.
     fn highest(&self, x: f64) -> f64 {
-        if x > self.max_velocity { self.slowing(x).max(-self.limit) } else { self.limit }
+        if x > self.max_velocity { self.slowing_forwards(x).max(-self.limit) } else { self.limit }
     }
 
-    /// The effort that falls with the velocity beyond `max_velocity`, forwards.
-    fn slowing(&self, x: f64) -> f64 {
+    /// The lowest effort at end velocity `x`.
+    fn lowest(&self, x: f64) -> f64 {
+        if x < self.min_velocity { self.slowing_backwards(x).min(self.limit) } else { -self.limit }
+    }
+
+    /// The highest effort beyond `max_velocity`, as far as it falls.
+    fn slowing_forwards(&self, x: f64) -> f64 {
         self.limit - self.braking_slope * (x - self.max_velocity)
+    }
+
+    /// The lowest effort beyond `min_velocity`, as far as it rises.
+    fn slowing_backwards(&self, x: f64) -> f64 {
+        -self.limit - self.braking_slope * (x - self.min_velocity)
     }
 
     /// Drive effort at end velocity `x`, after clamping.
     pub(super) fn drive(&self, x: f64) -> f64 {
-        (self.drive_0 - self.drive_slope * x).clamp(-self.highest(-x), self.highest(x))
+        (self.drive_0 - self.drive_slope * x).clamp(self.lowest(x), self.highest(x))
     }
 
     /// The branch of the drive at end velocity `x`, as if there were no `max_velocity`.
@@ -128,7 +142,7 @@ impl Laws {
     /// Whether the drive's effort is below what its command alone would give.
     pub(super) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
-        raw > self.highest(x) || raw < -self.highest(-x)
+        raw > self.highest(x) || raw < self.lowest(x)
     }
 
     /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and backwards lies the
@@ -136,15 +150,15 @@ impl Laws {
     fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
-            let full = self.slowing(x) <= -self.limit;
+            let full = self.slowing_forwards(x) <= -self.limit;
             return if full && matches!(mode, Drive::SlowForwards | Drive::Low) {
                 Drive::Low
             } else {
                 Drive::SlowForwards
             };
         }
-        if x < -self.max_velocity && raw < -self.highest(-x) {
-            let full = self.slowing(-x) <= -self.limit;
+        if x < self.min_velocity && raw < self.lowest(x) {
+            let full = self.slowing_backwards(x) >= self.limit;
             return if full && matches!(mode, Drive::SlowBackwards | Drive::High) {
                 Drive::High
             } else {
@@ -153,8 +167,8 @@ impl Laws {
         }
         let plain = self.plain_mode(x);
         match (mode, plain) {
-            (Drive::Low, Drive::High) if self.max_velocity.is_finite() => Drive::SlowForwards,
-            (Drive::High, Drive::Low) if self.max_velocity.is_finite() => Drive::SlowBackwards,
+            (Drive::Low, Drive::High) if self.braking_slope > 0.0 => Drive::SlowForwards,
+            (Drive::High, Drive::Low) if self.braking_slope > 0.0 => Drive::SlowBackwards,
             _ => plain,
         }
     }
@@ -165,8 +179,8 @@ impl Laws {
             Drive::Linear => (self.drive_0, self.drive_slope),
             Drive::High => (self.limit, 0.0),
             Drive::Low => (-self.limit, 0.0),
-            Drive::SlowForwards => (self.slowing(0.0), self.braking_slope),
-            Drive::SlowBackwards => (-self.slowing(0.0), self.braking_slope),
+            Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
+            Drive::SlowBackwards => (self.slowing_backwards(0.0), self.braking_slope),
         };
         let friction = match mode.friction {
             Friction::None | Friction::Stick => 0.0,
@@ -230,18 +244,16 @@ impl Laws {
                 Drive::Low => full(-self.limit),
                 _ => linear,
             };
-            if plain.abs() <= self.max_velocity {
-                return plain;
-            }
-            // Beyond, the drive gives the least of its branches.
-            let slowing = |sign: f64| {
-                (h * (sign * self.slowing(0.0) + push) - rest)
-                    / (inertia + h * (self.braking_slope + self.damping))
+            // Beyond a velocity limit the drive gives the least of its branches.
+            let slowing = |effort: f64| {
+                (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };
-            if plain > 0.0 {
-                plain.min(slowing(1.0).max(full(-self.limit)))
+            if plain > self.max_velocity {
+                plain.min(slowing(self.slowing_forwards(0.0)).max(full(-self.limit)))
+            } else if plain < self.min_velocity {
+                plain.max(slowing(self.slowing_backwards(0.0)).min(full(self.limit)))
             } else {
-                plain.max(slowing(-1.0).min(full(self.limit)))
+                plain
             }
         };
         let without = root(0.0);

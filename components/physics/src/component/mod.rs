@@ -188,8 +188,8 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
         let verdict = self.gate.check(&mut self.command, measured);
         self.totals.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
         for (command, setpoint) in self.simulation.commands_mut().iter_mut().zip(self.gate.setpoints()) {
-            let JointSetpoint { position, velocity, effort, kp, kd, max_velocity } = *setpoint;
-            *command = JointCommand { position, velocity, effort, kp, kd, max_velocity };
+            let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
+            *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
         }
     }
 

@@ -19,7 +19,7 @@ impl Rapier {
             let c = commands[i];
             let limit = joint.effort_limit;
             let law = c.kp * (c.position - q[i]) + c.kd * (c.velocity - v[i]) + c.effort;
-            let braked = v_next[i].abs() > c.max_velocity;
+            let braked = v_next[i] > c.max_velocity || v_next[i] < c.min_velocity;
             if !braked && self.overdriven[i] && law.abs() > limit {
                 tau_next[i] = limit.copysign(law);
             }
