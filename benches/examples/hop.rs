@@ -29,6 +29,7 @@ fn main() -> ExitCode {
             return run_worker(&folder, &component, |_| Some(Kind::of::<Relay>()));
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
+        Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
         Some(Program::Describe) | None => {}
     }
     let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);

@@ -40,6 +40,7 @@ mod catalogue;
 mod configuration;
 mod dynamics;
 mod end_effector;
+mod file;
 mod geometry;
 mod installed;
 mod inverse_kinematics;

@@ -3,12 +3,16 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::file::read_bounded;
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
     BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Position, Posture, Profile,
     ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
 };
+
+/// Longest file of a robot or its profile, bytes. Robots of a hundred joints take a tenth of a megabyte.
+const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A robot ready to use.
 #[derive(Clone, Debug)]
@@ -218,7 +222,8 @@ fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
 }
 
 fn read(path: &Path) -> Result<String, LoadError> {
-    let bytes = std::fs::read(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let bytes =
+        read_bounded(path, LONGEST).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     String::from_utf8(bytes).map_err(|error| {
         let (before, rest) = error.as_bytes().split_at(error.utf8_error().valid_up_to());
         let before = String::from_utf8_lossy(before);
@@ -240,9 +245,7 @@ fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|found| found == extension))
             // Packages have a package.xml, launch files and the like.
-            .filter(|path| {
-                extension == "urdf" || std::fs::read_to_string(path).is_ok_and(|text| is_mjcf(&text))
-            })
+            .filter(|path| extension == "urdf" || read(path).is_ok_and(|text| is_mjcf(&text)))
             .collect();
         found.sort();
         let namesake = found.iter().find(|path| path.file_stem() == folder.file_name());

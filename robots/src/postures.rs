@@ -6,7 +6,11 @@ use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::Model;
 use crate::configuration::write_pose;
+use crate::file::read_bounded;
 use crate::srdf::{GroupState, group_states};
+
+/// Longest SRDF file, bytes.
+const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A named configuration of an SRDF file. Joints it does not name stand at zero; names that the model does not have, of
 /// grippers and wheels that another variant of the robot carries, are left out.
@@ -42,9 +46,9 @@ impl Posture {
         let folders = [file.parent().map(Path::to_owned), {
             file.parent().and_then(Path::parent).map(|folder| folder.join("srdf"))
         }];
-        let places =
+        let mut places =
             folders.iter().flatten().flat_map(|folder| names.iter().flatten().map(|name| folder.join(name)));
-        let text = places.map(std::fs::read_to_string).find_map(Result::ok);
+        let text = places.find_map(|path| String::from_utf8(read_bounded(&path, LONGEST).ok()?).ok());
         text.map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
 

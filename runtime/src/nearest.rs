@@ -1,7 +1,13 @@
 //! Suggests the known name nearest to a misspelt one: "did you mean ...?".
 
+/// What is longer than this, in bytes, is no slip of the finger, and would take long to compare.
+const LONGEST: usize = 256;
+
 /// The known name nearest to what was written, if any is near enough to be meant.
 pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    if written.len() > LONGEST {
+        return None;
+    }
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
     let allowed = (wanted.chars().count() / 3).max(1);
@@ -55,5 +61,6 @@ mod tests {
         assert_eq!(nearest("joint_sate", known), Some("panda/joint_state"));
         assert_eq!(nearest("colour", known), None);
         assert_eq!(nearest("", known), None);
+        assert_eq!(nearest(&"rate".repeat(1_000_000), known), None);
     }
 }

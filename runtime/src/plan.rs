@@ -262,6 +262,25 @@ pub struct RestartPlan {
     pub within_ns: u64,
 }
 
+/// Limits of one component on standing still, on computing, and on losing steps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LivenessPlan {
+    /// Time without a step, although one was due, after which it has hung, ns.
+    pub hang_after_ns: u64,
+    /// Time for which it may compute without waiting before the kernel ends it, ns; `None` unless its class is
+    /// `SCHED_FIFO`.
+    pub cpu_limit_ns: Option<u64>,
+    /// Share of its steps, 0 to 1, above which losing them is a warning.
+    pub lost_steps: f64,
+}
+
+impl Default for LivenessPlan {
+    /// Limits that nothing reaches.
+    fn default() -> Self {
+        Self { hang_after_ns: u64::MAX, cpu_limit_ns: None, lost_steps: 1.0 }
+    }
+}
+
 /// Scheduling class of one component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -341,6 +360,8 @@ pub struct ComponentPlan {
     pub seed: u64,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,
+    /// Its limits on standing still, computing and losing steps.
+    pub liveness: LivenessPlan,
     /// Late steps, less the steps in time since, above which the graph goes to its safe state; any number if `None`.
     pub overruns_tolerated: Option<u32>,
     /// The consequence of a failed step.
@@ -354,6 +375,23 @@ pub struct ComponentPlan {
 }
 
 impl Plan {
+    /// The component that can keep its core from another for longest by computing without end, and the limit at which the
+    /// kernel ends it, ns. `None` if none can: those of lower priority never hold it up, and those under `SCHED_DEADLINE`
+    /// get their budget in every period and no more.
+    pub fn longest_hold_up(&self, component: usize) -> Option<(usize, u64)> {
+        let held = &self.components[component];
+        let priority = |component: &ComponentPlan| match component.class {
+            SchedulingClass::Fifo(priority) => priority,
+            SchedulingClass::Deadline { .. } => u8::MAX,
+            SchedulingClass::Normal => 0,
+        };
+        let others = self.components.iter().enumerate().filter(|(index, other)| {
+            *index != component && other.core == held.core && priority(other) >= priority(held)
+        });
+        let limits = others.filter_map(|(index, other)| Some((index, other.liveness.cpu_limit_ns?)));
+        limits.max_by_key(|(_, limit)| *limit)
+    }
+
     /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component that reads
     /// a topic through several ports is one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {

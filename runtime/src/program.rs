@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use crate::run_folder::RunFolder;
 use crate::worker::{
-    ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
+    CLEANER, ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
 };
 
 /// The request of motorium to a program, from its arguments.
@@ -15,6 +15,8 @@ pub enum Program {
     Describe,
     /// Guard a run.
     Guard(RunFolder),
+    /// Free the places of the dead processes of a run.
+    Cleaner(RunFolder),
     /// Run a component of a run.
     Worker {
         /// The run's folder.
@@ -30,6 +32,7 @@ impl Program {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
             [_, first, folder] if first == GUARD => Some(Self::Guard(RunFolder::open(folder.as_ref()))),
+            [_, first, folder] if first == CLEANER => Some(Self::Cleaner(RunFolder::open(folder.as_ref()))),
             [_, first, folder, component] if first == WORKER => {
                 Some(Self::Worker { folder: RunFolder::open(folder.as_ref()), component: component.clone() })
             }
@@ -44,6 +47,7 @@ pub fn main(kind: &Kind) -> ExitCode {
     match Program::from_arguments(&arguments) {
         Some(Program::Describe) => describe(kind),
         Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
+        Some(Program::Cleaner(folder)) => clean(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
         None => {
             eprintln!(
@@ -55,6 +59,18 @@ pub fn main(kind: &Kind) -> ExitCode {
             );
             ExitCode::from(2)
         }
+    }
+}
+
+/// Frees the places of the dead processes of a run.
+pub fn clean(folder: &RunFolder) -> ExitCode {
+    crate::transport::quieten();
+    match folder.domain() {
+        Ok(domain) => {
+            domain.clean();
+            ExitCode::SUCCESS
+        }
+        Err(_) => ExitCode::FAILURE,
     }
 }
 

@@ -131,7 +131,7 @@ fn with_launcher_and_guard_both_dead_the_components_end_by_themselves_and_doctor
 }
 
 /// The Panda with a user's own component between encoder and policy that goes wrong.
-fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
+pub(crate) fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("faulty.toml");
     let text = std::fs::read_to_string(panda_reach()).expect("the graph can be read");

@@ -1,12 +1,17 @@
 //! Whole graphs: real processes, real signals, real faults. One program, so that the tests share their helpers and are
 //! linked once; every test that starts processes takes the machine for itself.
 
+mod access;
 mod bridge;
 mod commands;
+mod corruption;
+mod exhaustion;
 mod exposition;
 mod faults;
 mod gaits;
+mod hangs;
 mod looking_on;
+mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod runs;

@@ -92,6 +92,22 @@ impl Run {
         Ended::of(&output)
     }
 
+    /// Number of steps that a component has done.
+    pub(crate) fn steps_of(&self, component: &str) -> u64 {
+        self.look(component, steps)
+    }
+
+    /// Whether a component applies its safe state.
+    pub(crate) fn is_safe(&self, component: &str) -> bool {
+        self.look(component, |block| block.safe.load(std::sync::atomic::Ordering::Relaxed) != 0)
+    }
+
+    fn look<T>(&self, component: &str, read: impl Fn(&motorium::region::ComponentBlock) -> T) -> T {
+        let plan = self.folder.plan().expect("the run has a plan");
+        let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
+        read(&self.folder.region().expect("the run has a region").components()[index])
+    }
+
     fn text(&mut self) -> String {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
         format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))

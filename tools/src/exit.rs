@@ -20,6 +20,11 @@ pub(crate) fn unfit() -> ExitCode {
     ExitCode::from(5)
 }
 
+/// The run ended in good order, but not as the graph asks.
+pub(crate) fn incomplete() -> ExitCode {
+    ExitCode::from(7)
+}
+
 /// Something has become plainly slower than it was.
 pub(crate) fn slower() -> ExitCode {
     ExitCode::from(6)

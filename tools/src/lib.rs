@@ -8,6 +8,7 @@ mod gate;
 mod metrics;
 mod out;
 mod overheads;
+mod printer;
 mod registry;
 mod report;
 mod runs;
@@ -25,6 +26,23 @@ pub fn command() -> clap::Command {
     <commands::Cli as clap::CommandFactory>::command()
 }
 
+/// An error and its causes in one line. Messages that hold the words of their cause are not followed by it.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |told, cause| {
+        let cause = cause.to_string();
+        match told.as_str() {
+            "" => cause,
+            before if before.contains(&cause) => told,
+            _ => format!("{told}: {cause}"),
+        }
+    })
+}
+
+/// The kinds of components and the robots that the command knows.
+pub fn registry() -> motorium::worker::Registry {
+    registry::registry()
+}
+
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
@@ -38,6 +56,7 @@ pub fn main() -> ExitCode {
             });
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
+        Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
         Some(Program::Describe) | None => {}
     }
     if let Some(part) = motorium_benches::Part::from_arguments(&arguments) {
@@ -48,8 +67,19 @@ pub fn main() -> ExitCode {
     match command.run() {
         Ok(code) => code,
         Err(error) => {
-            errln!("{}: {error:#}", style::error("error"));
+            errln!("{}: {}", style::error("error"), told(&error));
             exit::FAILED
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_cause_that_the_message_names_already_is_not_told_twice() {
+        let cause = || std::io::Error::from_raw_os_error(28);
+        let error =
+            anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");
+        assert_eq!(super::told(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io::{Stderr, Write as _};
 
-use motorium::launcher::{ComponentStatus, Event, Status};
+use motorium::launcher::{ComponentStatus, Status};
 use motorium::plan::Plan;
 use motorium::region::Misses;
 use ratatui::backend::CrosstermBackend;
@@ -13,7 +13,6 @@ use ratatui::widgets::{Paragraph, Row, Table, Widget as _};
 use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 
 use crate::report::microseconds;
-use crate::runs::event_line;
 
 /// The live table: below the lines of the run, redrawn in place.
 pub(crate) struct Screen {
@@ -28,16 +27,17 @@ impl Screen {
         Ok(Self { terminal })
     }
 
-    /// Shows an event. A terminal that cannot be drawn on is no reason to stop a robot.
-    pub(crate) fn show(&mut self, event: &Event<'_>) {
-        if let Event::Status(status) = event {
-            let _ = self.terminal.draw(|frame| draw(frame, status));
-        } else if let Some(line) = event_line(event) {
-            let plain = anstream::adapter::strip_str(&line).to_string();
-            let _ = self
-                .terminal
-                .insert_before(1, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
-        }
+    /// Draws the state of the graph. A terminal that cannot be drawn on is no reason to stop a robot.
+    pub(crate) fn state(&mut self, status: &Status) {
+        let _ = self.terminal.draw(|frame| draw(frame, status));
+    }
+
+    /// Prints a line above it.
+    pub(crate) fn line(&mut self, line: &str) {
+        let plain = anstream::adapter::strip_str(line).to_string();
+        let _ = self
+            .terminal
+            .insert_before(1, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
     }
 }
 
@@ -112,35 +112,27 @@ fn cells(component: &ComponentStatus) -> [String; 8] {
     ]
 }
 
-/// Plain lines: what happens, and once a second how things are.
+/// Plain lines: what happens, and how things are.
 pub(crate) struct Plain {
     quiet: bool,
-    next_ns: u64,
 }
 
 impl Plain {
     /// With `quiet`, standard output stays free for JSON.
     pub(crate) fn new(quiet: bool) -> Self {
-        Self { quiet, next_ns: 1_000_000_000 }
+        Self { quiet }
     }
 
-    pub(crate) fn show(&mut self, event: &Event<'_>) {
-        let text = match event {
-            Event::Status(status)
-                if status.elapsed_ns >= self.next_ns && status.elapsed_ns < u64::MAX / 2 =>
-            {
-                self.next_ns = (status.elapsed_ns / 1_000_000_000 + 1) * 1_000_000_000;
-                status_line(status)
-            }
-            _ => match event_line(event) {
-                Some(line) => line,
-                None => return,
-            },
-        };
-        // A closed pipe or a full disk must not stop a robot.
+    /// Prints the state of the graph as a line.
+    pub(crate) fn state(&self, status: &Status) {
+        self.line(&status_line(status));
+    }
+
+    /// Prints a line. A closed pipe or a full disk must not stop a robot.
+    pub(crate) fn line(&self, line: &str) {
         let _ = match self.quiet {
-            true => writeln!(anstream::stderr(), "{text}"),
-            false => writeln!(anstream::stdout(), "{text}"),
+            true => writeln!(anstream::stderr(), "{line}"),
+            false => writeln!(anstream::stdout(), "{line}"),
         };
     }
 }

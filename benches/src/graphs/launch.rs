@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use motorium::graph::{self, Machine};
 use motorium::launcher::{self, Event, Exit, Hosting, Options, Report};
 use motorium::region::Region;
-use motorium::run_folder::{RunFolder, runs_folder};
+use motorium::run_folder::RunFolder;
 use motorium::worker::Registry;
 
 use crate::host::Causes;
@@ -51,7 +51,7 @@ pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Res
     let mut region: Option<Region> = None;
     let mut trouble = None;
     let report = launcher::run(checked.plan, registry, &options, &mut |event| match event {
-        Event::Created { run, .. } => region = RunFolder::open(&runs_folder().join(run)).region().ok(),
+        Event::Created { run, .. } => region = RunFolder::find(run).and_then(|folder| folder.region().ok()),
         Event::Failed { component, reason, .. } => trouble = Some(format!("`{component}`: {reason}")),
         _ => {}
     })?;

@@ -171,8 +171,12 @@ impl PrimitiveFile {
     /// # Errors
     /// The file cannot be read, is cut short or malformed, of another version, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, PrimitiveFileError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| PrimitiveFileError::System { path: path.into(), source })?;
+        let system = |source| PrimitiveFileError::System { path: path.into(), source };
+        // Neither a device nor a pipe, which may have no end.
+        if !std::fs::metadata(path).map_err(system)?.is_file() {
+            return Err(system(std::io::Error::other("it is no regular file")));
+        }
+        let text = std::fs::read_to_string(path).map_err(system)?;
         let file: Self = serde_json::from_str(&text)
             .map_err(|source| PrimitiveFileError::Text { path: path.into(), source })?;
         if file.version != Self::VERSION {

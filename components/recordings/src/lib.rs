@@ -35,11 +35,13 @@
 mod csv;
 mod error;
 mod even;
+mod file;
 mod json;
 mod names;
 mod read;
 
 pub use error::{Place, RecordingError};
+pub use file::read_bounded;
 pub use read::{Selection, is_recording, read, read_all, read_text};
 
 use nalgebra::DMatrix;

@@ -5,8 +5,12 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 
 use crate::error::{Place, RecordingError};
+use crate::file::read_bounded;
 use crate::names::{Clock, Columns};
 use crate::{Recording, csv, json};
+
+/// Longest file, bytes: an hour of forty joints at 1 kHz as text.
+const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
 /// The part of a file that is read; [`Default`] takes all channels of position.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -96,8 +100,8 @@ fn single(path: &str, mut recordings: Vec<Recording>) -> Result<Recording, Recor
 
 fn read_file(path: &Path, selection: &Selection) -> Result<Vec<Recording>, RecordingError> {
     let name = path.display().to_string();
-    let bytes =
-        std::fs::read(path).map_err(|source| RecordingError::System { path: name.clone(), source })?;
+    let bytes = read_bounded(path, LONGEST)
+        .map_err(|source| RecordingError::System { path: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.iter().filter(|byte| **byte == b'\n').count();

@@ -16,6 +16,17 @@ pub(super) const SPIN: SpinChoice = SpinChoice::Auto;
 pub(super) const SPIN_SHARE: Share = Share(0.1);
 pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;
 pub(super) const IDLE_EXIT: TimeSpan = TimeSpan { ns: 0 };
+/// Periods without a step after which a component has hung.
+pub(super) const HANG_PERIODS: u64 = 20;
+/// The least time without a step after which a real-time component has hung.
+pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
+/// The same for one that shares its cores with everything else.
+pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
+/// Budgets (periods, where there is none) that a component may compute for without waiting.
+pub(super) const CPU_LIMIT_STEPS: u64 = 10;
+/// The least of that time.
+pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 10 * MILLISECOND };
+pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const SCHEDULE: Schedule = Schedule::Fifo;
 pub(super) const ON_OVERRUN: OnOverrun = OnOverrun::Skip;

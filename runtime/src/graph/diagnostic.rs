@@ -14,9 +14,14 @@ pub(super) struct Label {
     pub text: String,
 }
 
+/// Findings of one severity that are shown: who mends these sees the others next time.
+const SHOWN: usize = 20;
+
 /// One mistake: what was found, where, and what to try.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
+    /// The findings that it stands for: 1, but for the one that counts those not shown.
+    pub(super) count: usize,
     pub(super) severity: Severity,
     pub(super) message: String,
     pub(super) primary: Option<Label>,
@@ -101,25 +106,25 @@ impl Diagnostic {
 
     /// The main place.
     pub(super) fn at(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
-        self.primary = Some(Label { span: span.clone(), text: label.into() });
+        self.primary = Some(Label { span: span.clone(), text: shortened(label.into()) });
         self
     }
 
     /// Adds a related place.
     pub(super) fn and(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
-        self.secondary.push(Label { span: span.clone(), text: label.into() });
+        self.secondary.push(Label { span: span.clone(), text: shortened(label.into()) });
         self
     }
 
     /// A further fact.
     pub(super) fn note(&mut self, note: impl Into<String>) -> &mut Self {
-        self.notes.push(note.into());
+        self.notes.push(shortened(note.into()));
         self
     }
 
     /// Advice, in one sentence.
     pub(super) fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
-        self.advice = Some(advice.into());
+        self.advice = Some(shortened(advice.into()));
         self
     }
 }
@@ -154,8 +159,9 @@ impl Report {
 
     fn add(&mut self, severity: Severity, message: String) -> &mut Diagnostic {
         self.diagnostics.push(Diagnostic {
+            count: 1,
             severity,
-            message,
+            message: shortened(message),
             primary: None,
             secondary: Vec::new(),
             notes: Vec::new(),
@@ -172,13 +178,61 @@ impl Report {
     }
 
     /// Everything collected, in the order of the file; what has no place comes first. Beside errors there are no
-    /// warnings: what is left out of a graph by mistake makes many of them.
+    /// warnings: what is left out of a graph by mistake makes many of them. Of very many the first are given, and one that
+    /// counts the others.
     pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
-        if self.has_errors() {
-            self.diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
-        }
+        let severity = if self.has_errors() { Severity::Error } else { Severity::Warning };
+        self.diagnostics.retain(|diagnostic| diagnostic.severity == severity);
         self.diagnostics.sort_by_key(|diagnostic| diagnostic.primary.as_ref().map(|label| label.span.start));
         self.diagnostics.dedup();
+        if let Some(others) = self.diagnostics.len().checked_sub(SHOWN).filter(|others| *others > 1) {
+            self.diagnostics.truncate(SHOWN);
+            let what = if severity == Severity::Error { "errors" } else { "warnings" };
+            let last = self.add(severity, format!("and {} more {what}", grouped(others)));
+            last.advise("mend the first ones; many of the others often go with them");
+            last.count = others;
+        }
         self.diagnostics
+    }
+}
+
+/// A text without its middle if it is longer than anyone reads, as one that holds a very long name.
+fn shortened(text: String) -> String {
+    const LONGEST: usize = 1_000;
+    if text.len() <= LONGEST {
+        return text;
+    }
+    let (start, end) =
+        (text.floor_char_boundary(LONGEST / 2), text.ceil_char_boundary(text.len() - LONGEST / 4));
+    format!("{} [... {} bytes ...] {}", &text[..start], grouped(end - start), &text[end..])
+}
+
+/// A number with a comma between each three digits.
+fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let group = |(i, digit): (usize, char)| {
+        let comma = (i > 0 && (digits.len() - i) % 3 == 0).then_some(',');
+        comma.into_iter().chain([digit])
+    };
+    digits.chars().enumerate().flat_map(group).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{grouped, shortened};
+
+    #[test]
+    fn a_very_long_text_is_shown_without_its_middle() {
+        let short = "name ".repeat(200);
+        assert_eq!(shortened(short.clone()), short);
+        let long = shortened("µ".repeat(1_000_000));
+        assert!(long.len() < 1_000 && long.contains("[... 1,999,250 bytes ...]"), "{long}");
+    }
+
+    #[test]
+    fn a_comma_stands_between_each_three_digits() {
+        for (number, text) in [(2, "2"), (999, "999"), (5_007, "5,007"), (12_345_678, "12,345,678")] {
+            assert_eq!(grouped(number), text);
+        }
     }
 }

@@ -16,12 +16,12 @@ impl GraphError {
         Self { diagnostics }
     }
 
-    /// All errors, in the order of the file.
+    /// The errors, in the order of the file: of very many the first, and one that counts the others.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
     }
 
-    /// All errors as data.
+    /// The errors as data.
     pub fn reports(&self) -> Vec<DiagnosticReport> {
         self.diagnostics.iter().map(Diagnostic::report).collect()
     }
@@ -39,7 +39,7 @@ impl GraphError {
     }
 
     fn summary(&self) -> String {
-        let errors = self.diagnostics.len();
+        let errors: usize = self.diagnostics.iter().map(|diagnostic| diagnostic.count).sum();
         let file = self.diagnostics.first().map_or("", |diagnostic| diagnostic.sources.file().name.as_str());
         match errors {
             1 => format!("1 error in {file}"),

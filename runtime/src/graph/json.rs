@@ -7,6 +7,9 @@ use super::diagnostic::Report;
 use super::read::{Value, entries};
 use super::source::Span;
 
+/// Largest number of a configuration: what is beyond overflows in the first product, and is a slip of the keyboard.
+const LARGEST: f64 = 1e15;
+
 /// A TOML value as JSON; what JSON cannot hold is reported.
 pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
     Some(match value.get_ref() {
@@ -25,6 +28,13 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
         },
         DeValue::Float(number) => {
             let parsed: Option<f64> = number.as_str().parse().ok();
+            if let Some(found) = parsed.filter(|found| found.is_finite() && found.abs() > LARGEST) {
+                report
+                    .error(format!("{found:e} is larger than any length, angle, force or gain"))
+                    .at(&value.span(), format!("expected a number between -{LARGEST:e} and {LARGEST:e}"))
+                    .advise("check its exponent; leave the key out if it means \"no limit\"");
+                return None;
+            }
             match parsed.and_then(serde_json::Number::from_f64) {
                 Some(number) => Json::Number(number),
                 None => {

@@ -11,6 +11,7 @@
 mod defaults;
 mod diagnostic;
 mod error;
+mod file;
 mod json;
 mod machine;
 mod model;
@@ -65,7 +66,7 @@ pub fn load_for(
     registry: &Registry,
     machine: &Machine,
 ) -> Result<Checked, GraphError> {
-    match std::fs::read(path) {
+    match file::read(path) {
         Ok(bytes) => match String::from_utf8(bytes) {
             Ok(text) => check(path, text, overrides, registry, machine),
             Err(error) => Err(not_text(path, &error)),

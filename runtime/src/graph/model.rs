@@ -121,12 +121,18 @@ pub(super) struct RealtimeTable {
     /// Idle states that take longer than this to leave are kept from all cores while the graph runs.
     #[schemars(extend("default" = defaults::IDLE_EXIT))]
     pub idle_exit: Option<At<TimeSpan>>,
+    /// Time without a step after which a component has hung and is ended. If left out: 20 of its periods, but at least
+    /// 200 ms, or 1 s for a component that is not real-time.
+    pub hang_after: Option<At<TimeSpan>>,
+    /// Share of its steps above which a component that loses them is warned of.
+    #[schemars(extend("default" = defaults::LOST_STEPS))]
+    pub lost_steps: Option<At<Share>>,
 }
 
 impl<'i> Read<'i> for RealtimeTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = take_fields!(keys, spin, spin_share, on_denied, idle_exit);
+        let table = take_fields!(keys, spin, spin_share, on_denied, idle_exit, hang_after, lost_steps);
         keys.finish("`[realtime]`");
         Some(table)
     }
@@ -211,6 +217,13 @@ pub(super) struct ComponentTable<'i> {
     /// Consequence of a step that ran past the next release.
     #[schemars(extend("default" = defaults::ON_OVERRUN))]
     pub on_overrun: Option<At<OnOverrun>>,
+    /// Time without a step after which it has hung and is ended, in place of that in `[realtime]`.
+    pub hang_after: Option<At<TimeSpan>>,
+    /// Time for which it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. If left
+    /// out: 10 of its budgets (periods, without a budget), but at least 10 ms.
+    pub cpu_limit: Option<At<TimeSpan>>,
+    /// Share of its steps that it may lose without a warning, in place of that in `[realtime]`.
+    pub lost_steps: Option<At<Share>>,
     /// Late steps that are tolerated before the graph goes to its safe state; each step in time makes up for a late
     /// one. If left out: none with `on_overrun = "safe_stop"`, else any number.
     pub overruns_tolerated: Option<At<u32>>,
@@ -232,7 +245,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
             keys, kind, exec, robot, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
-            params, config, on_overrun, overruns_tolerated, on_error, on_failure, restart; meant: Vec::new()
+            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)

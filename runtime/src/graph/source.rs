@@ -9,7 +9,7 @@ use core::ops::Range;
 pub(super) type Span = Range<usize>;
 
 /// One text.
-#[derive(Clone, PartialEq)]
+#[derive(Clone, PartialEq, Eq)]
 pub(super) struct Source {
     /// Its name in messages: the path of the file, or `--set`.
     pub name: String,
@@ -58,7 +58,8 @@ impl Source {
 }
 
 /// All texts of one graph; the file is the first.
-#[derive(Debug, Clone, PartialEq)]
+// `Eq`, so that two `Arc`s of the same texts are compared by their addresses.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Sources(Vec<Source>);
 
 impl Sources {

@@ -17,6 +17,10 @@ impl Launch<'_> {
         if !self.await_phase(Phase::Ready, signals, observe)? {
             return Ok(false);
         }
+        self.region.header().order(Command::Connect);
+        if !self.await_phase(Phase::Connected, signals, observe)? {
+            return Ok(false);
+        }
         self.lost = self.losses();
         if !self.lost.is_empty() {
             let line = format!(
@@ -26,8 +30,7 @@ impl Launch<'_> {
             );
             observe(Event::Lost(&line));
         }
-        self.region.header().order(Command::Connect);
-        self.await_phase(Phase::Connected, signals, observe)
+        Ok(true)
     }
 
     fn await_phase(
@@ -40,7 +43,7 @@ impl Launch<'_> {
         for index in 0..self.children.len() {
             loop {
                 self.relay_output(observe);
-                if signals.raised() > 0 {
+                if signals.is_raised() {
                     return Ok(false);
                 }
                 let block = &self.region.components()[index];
@@ -52,7 +55,10 @@ impl Launch<'_> {
                     let how = child.ended().unwrap_or("failed").to_string();
                     self.relay_output(observe);
                     let block = &self.region.components()[index];
-                    let reason = block.failure().map_or(how, |(_, message)| message);
+                    let reason = match block.failure() {
+                        Some((_, message)) => message,
+                        None => crate::os::with_shortage(how, self.folder.path()),
+                    };
                     return Err(LaunchError::Component { name, reason });
                 }
                 if phase as u32 >= wanted as u32 {
@@ -115,6 +121,11 @@ impl Launch<'_> {
     pub(super) fn relay_output(&self, observe: &mut dyn FnMut(Event<'_>)) {
         for child in &self.children {
             for line in child.printed() {
+                observe(Event::Output { component: child.name(), line: &line });
+            }
+            let dropped = child.dropped();
+            if dropped > 0 {
+                let line = format!("({dropped} lines were dropped: they came too fast)");
                 observe(Event::Output { component: child.name(), line: &line });
             }
         }

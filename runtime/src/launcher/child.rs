@@ -1,18 +1,21 @@
 //! One component under the launcher: a process, or a thread of this one.
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::Path;
 use std::process::{self, Command, Stdio};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rustix::process::Signal;
 
 use super::LaunchError;
-use crate::os::{Watch, interrupt_thread};
+use crate::os::{Watch, interrupt_thread, with_shortage};
 use crate::run_folder::RunFolder;
 use crate::worker::{GUARD, Kind, Outcome, WORKER, Worker};
 
@@ -21,6 +24,7 @@ pub(super) struct Child {
     name: String,
     body: Body,
     lines: Receiver<String>,
+    dropped: Arc<AtomicU64>,
     ended: Option<String>,
 }
 
@@ -35,7 +39,7 @@ impl Child {
         let mut command = Command::new(program);
         command.arg(WORKER).arg(folder.path()).arg(name);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        Self::spawn(command, program, name)
+        Self::spawn(command, program, folder, name)
     }
 
     /// Starts the guard as the head of a process group of its own: a signal to the launcher's group spares it.
@@ -43,25 +47,54 @@ impl Child {
         let mut command = Command::new(program);
         command.arg(GUARD).arg(folder.path()).process_group(0);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit());
-        Self::spawn(command, program, "guard")
+        Self::spawn(command, program, folder, "guard")
     }
 
-    fn spawn(mut command: Command, program: &Path, name: &str) -> Result<Self, LaunchError> {
-        let failed = |error: std::io::Error| LaunchError::Start {
-            name: name.to_string(),
-            program: program.to_path_buf(),
-            reason: error.to_string(),
+    fn spawn(
+        mut command: Command,
+        program: &Path,
+        folder: &RunFolder,
+        name: &str,
+    ) -> Result<Self, LaunchError> {
+        let failed = |error: std::io::Error| {
+            let mut reason = error.to_string();
+            if error.raw_os_error() == Some(libc::EAGAIN) {
+                reason += "; this user has as many processes and threads as it may: raise the limit with `ulimit -u`, or \
+                           `TasksMax=` of the service";
+            }
+            let reason = with_shortage(reason, folder.path());
+            LaunchError::Start { name: name.to_string(), program: program.to_path_buf(), reason }
         };
         let mut process = command.spawn().map_err(failed)?;
-        let watch = Watch::new(process.id()).map_err(failed)?;
-        let (sender, lines) = channel();
-        if let Some(output) = process.stdout.take() {
-            relay(output, sender.clone());
+        let watch = match Watch::new(process.id()) {
+            Ok(watch) => watch,
+            Err(error) => {
+                let _ = process.kill();
+                let _ = process.wait();
+                return Err(failed(error));
+            }
+        };
+        let (sender, lines) = sync_channel(LINES);
+        let dropped = Arc::new(AtomicU64::new(0));
+        let relayed = process
+            .stdout
+            .take()
+            .map_or(Ok(()), |output| relay(output, sender.clone(), dropped.clone()))
+            .and_then(|()| {
+                process.stderr.take().map_or(Ok(()), |output| relay(output, sender, dropped.clone()))
+            });
+        let mut child = Self {
+            name: name.to_string(),
+            body: Body::Process { process, watch },
+            lines,
+            dropped,
+            ended: None,
+        };
+        if let Err(error) = relayed {
+            child.kill();
+            return Err(failed(error));
         }
-        if let Some(output) = process.stderr.take() {
-            relay(output, sender);
-        }
-        Ok(Self { name: name.to_string(), body: Body::Process { process, watch }, lines, ended: None })
+        Ok(child)
     }
 
     /// Starts a component as a thread of this process.
@@ -73,8 +106,9 @@ impl Child {
             .name(name.to_string())
             .spawn(move || (kind.run)(worker))
             .map_err(|error| failed(error.to_string()))?;
-        let (_, lines) = channel();
-        Ok(Self { name: name.to_string(), body: Body::Thread(Some(thread)), lines, ended: None })
+        let (_, lines) = sync_channel(0);
+        let dropped = Arc::default();
+        Ok(Self { name: name.to_string(), body: Body::Thread(Some(thread)), lines, dropped, ended: None })
     }
 
     pub(super) fn name(&self) -> &str {
@@ -99,6 +133,11 @@ impl Child {
     /// Lines it has printed since the last call.
     pub(super) fn printed(&self) -> impl Iterator<Item = String> + '_ {
         self.lines.try_iter()
+    }
+
+    /// Number of lines since the last call that were dropped, because they came faster than they could be passed on.
+    pub(super) fn dropped(&self) -> u64 {
+        self.dropped.swap(0, Relaxed)
     }
 
     /// The kind of its end as text, once it has ended; reaps the process.
@@ -148,6 +187,17 @@ impl Child {
         self.ended().is_some()
     }
 
+    /// Kills it if it is a process, without waiting for its end; false for a thread, which cannot be killed.
+    pub(super) fn end(&mut self) -> bool {
+        match &mut self.body {
+            Body::Process { process, .. } => {
+                let _ = process.kill();
+                true
+            }
+            Body::Thread(_) => false,
+        }
+    }
+
     /// Kills and reaps it if it is a process that still runs.
     pub(super) fn kill(&mut self) {
         if self.ended().is_none()
@@ -160,15 +210,35 @@ impl Child {
     }
 }
 
-fn relay(output: impl std::io::Read + Send + 'static, sender: Sender<String>) {
-    std::thread::spawn(move || {
-        for line in BufReader::new(output).lines() {
-            let Ok(line) = line else { return };
-            if sender.send(line).is_err() {
+/// Lines of a component that are kept until they are passed on.
+const LINES: usize = 1024;
+/// Longest line that is passed on in one piece, bytes.
+const LONGEST_LINE: u64 = 16 * 1024;
+
+/// Passes on the lines of a component from a thread of its own, which never waits: a component must not be held up by the
+/// readers of its output.
+fn relay(
+    output: impl std::io::Read + Send + 'static,
+    sender: SyncSender<String>,
+    dropped: Arc<AtomicU64>,
+) -> std::io::Result<()> {
+    let thread = std::thread::Builder::new().name("relay".to_string());
+    let mut output = BufReader::new(output);
+    let spawned = thread.spawn(move || {
+        let mut line = Vec::new();
+        loop {
+            line.clear();
+            let read = output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
+            if !matches!(read, Ok(bytes) if bytes > 0) {
                 return;
+            }
+            let end = line.len() - usize::from(line.ends_with(b"\n"));
+            if sender.try_send(String::from_utf8_lossy(&line[..end]).into_owned()).is_err() {
+                dropped.fetch_add(1, Relaxed);
             }
         }
     });
+    spawned.map(drop)
 }
 
 fn signal_name(signal: i32) -> &'static str {
@@ -178,7 +248,7 @@ fn signal_name(signal: i32) -> &'static str {
         libc::SIGABRT => " (SIGABRT)",
         libc::SIGBUS => " (SIGBUS)",
         libc::SIGTERM => " (SIGTERM)",
-        libc::SIGXCPU => " (SIGXCPU)",
+        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without waiting",
         _ => "",
     }
 }

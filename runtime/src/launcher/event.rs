@@ -52,6 +52,33 @@ pub enum Event<'a> {
         /// Time from the detection of the cause to the last actuator's safe state, ns.
         after_ns: u64,
     },
+    /// Not all actuators reached their safe state.
+    NotSafe {
+        /// Actuators without a process.
+        dead: &'a [&'a str],
+        /// Living ones that did not report their safe state in time.
+        late: &'a [&'a str],
+        /// Those in their safe state.
+        safe: &'a [&'a str],
+    },
+    /// A component loses more of its steps than the graph allows.
+    LosesSteps {
+        /// The component.
+        component: &'a str,
+        /// Share of its steps that it lost in the last second.
+        share: f64,
+    },
+    /// In lockstep: a step has not ended, and simulated time stands still.
+    Waiting {
+        /// The component.
+        component: &'a str,
+        /// Index of the step.
+        tick: u64,
+        /// Time since its beginning, ns.
+        for_ns: u64,
+    },
+    /// The run ends, but not as the graph asks.
+    Warning(&'a str),
     /// The status of the graph.
     Status(&'a Status),
 }

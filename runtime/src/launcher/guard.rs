@@ -7,18 +7,24 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
+use super::hang::{SILENCE_NS, describe};
+use super::shutdown::Reached;
+use super::watchdog::{Counters, Watchdog};
 use crate::os::{Watch, monotonic_ns};
 use crate::plan::Plan;
-use crate::region::{Command, Phase, Region};
+use crate::region::{Command, Region};
 use crate::run_folder::RunFolder;
+
+/// Time between two looks at the launcher.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Waits for the end of the launcher, and ends the run in its place. A launcher that ends in good order kills its guard
 /// first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGTSTP] {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
     }
     let (plan, region) = match (folder.plan(), folder.region()) {
@@ -28,16 +34,23 @@ pub fn main(folder: &RunFolder) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    if let Ok(launcher) = Watch::new(region.header().launcher.load(Relaxed)) {
-        while !launcher.wait(None) {}
+    // Held in its own right: the run is alive until the guard has seen to its end.
+    let mut folder = folder.clone();
+    if let Err(error) = folder.hold() {
+        eprintln!("motorium guard: {error}");
     }
+    let folder = &folder;
+    let cause = match Watch::new(region.header().launcher.load(Relaxed)) {
+        Ok(launcher) => await_cause(&plan, &region, folder, &launcher),
+        Err(_) => "was killed".to_string(),
+    };
     let noticed = monotonic_ns();
     let workers = workers(&plan, &region, folder);
     region.header().safe_stop_ns.store(noticed, Relaxed);
     region.header().order(Command::SafeStop);
     workers.iter().for_each(|(_, watch)| watch.signal(Signal::USR2));
     std::thread::sleep(Duration::from_nanos(plan.safety.settle_ns));
-    let safe = describe_safety(&plan, &region, noticed);
+    let safe = describe_safety(&plan, &region, &workers, noticed);
     region.header().order(Command::Stop);
     let until = Instant::now() + Duration::from_secs(1);
     for (_, watch) in &workers {
@@ -50,7 +63,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     }
     let removed = folder.remove().len();
     eprintln!(
-        "motorium: the launcher of {} was killed; {safe}; {} components stopped, {removed} shared memory objects removed",
+        "motorium: the launcher of {} {cause}; {safe}; {} components stopped, {removed} shared memory objects removed",
         folder.id(),
         workers.len()
     );
@@ -74,19 +87,102 @@ fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Wat
         .collect()
 }
 
-fn describe_safety(plan: &Plan, region: &Region, noticed: u64) -> String {
+/// Waits until the launcher has died, or is stopped while a component needs it. Returns the cause as text.
+///
+/// A launcher that is stopped or hangs is told once. The graph goes on without it as long as all components step; when one
+/// dies or hangs, nobody else can act on it, and the guard kills the launcher and ends the run.
+fn await_cause(plan: &Plan, region: &Region, folder: &RunFolder, launcher: &Watch) -> String {
+    let header = region.header();
+    let mut last_look = monotonic_ns();
+    let mut silent: Option<Silence> = None;
+    loop {
+        let now = monotonic_ns();
+        header.guard_alive_ns.store(now, Relaxed);
+        let held_up = now.saturating_sub(last_look) > SILENCE_NS / 2;
+        last_look = now;
+        let alive_ns = header.launcher_alive_ns.load(Relaxed);
+        // Only a launcher that supervises in real time says that it is alive.
+        let is_silent = alive_ns != 0
+            && !held_up
+            && header.command() == Command::Run
+            && now.saturating_sub(alive_ns) > SILENCE_NS;
+        match &mut silent {
+            None if is_silent => {
+                eprintln!(
+                    "motorium: the launcher of {} does not respond (stopped?); the guard looks after the graph",
+                    folder.id()
+                );
+                silent = Some(Silence::new(plan, region, folder, now));
+            }
+            Some(_) if !is_silent => {
+                eprintln!("motorium: the launcher of {} responds again", folder.id());
+                silent = None;
+            }
+            Some(silence) => {
+                if let Some(needs) = silence.needs_launcher(plan, region, now) {
+                    launcher.signal(Signal::KILL);
+                    launcher.wait(Some(Duration::from_millis(500)));
+                    return format!("did not respond when {needs}");
+                }
+            }
+            None => {}
+        }
+        if launcher.wait(Some(LOOK)) {
+            return "was killed".to_string();
+        }
+    }
+}
+
+/// The guard's own view on the components, while the launcher does not respond.
+struct Silence {
+    workers: Vec<(String, Watch)>,
+    watchdogs: Vec<Watchdog>,
+}
+
+impl Silence {
+    fn new(plan: &Plan, region: &Region, folder: &RunFolder, now: u64) -> Self {
+        let watchdogs = plan.components.iter().map(|component| Watchdog::new(plan, component, now));
+        Self { workers: workers(plan, region, folder), watchdogs: watchdogs.collect() }
+    }
+
+    /// The first component that has died or hung since, as text.
+    fn needs_launcher(&mut self, plan: &Plan, region: &Region, now: u64) -> Option<String> {
+        let died = self.workers.iter().find(|(_, watch)| watch.has_ended());
+        if let Some((name, _)) = died {
+            return Some(format!("component `{name}` ended"));
+        }
+        self.watchdogs.iter_mut().enumerate().find_map(|(index, watchdog)| {
+            let name = &plan.components[index].name;
+            // What had ended before needs nobody.
+            self.workers.iter().find(|(worker, _)| worker == name)?;
+            let hang = watchdog.check(&Counters::read(plan, region, index), now)?;
+            Some(format!("component `{name}` {}", describe(plan, region, index, hang)))
+        })
+    }
+}
+
+fn describe_safety(plan: &Plan, region: &Region, workers: &[(String, Watch)], noticed: u64) -> String {
+    let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
+    let state = state.as_str().unwrap_or_default();
     let mut words = Vec::new();
     for (component, block) in plan.components.iter().zip(region.components()) {
         if !component.actuator {
             continue;
         }
-        let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
-        let state = state.as_str().unwrap_or_default();
-        words.push(if block.safe.load(Relaxed) != 0 && block.phase() != Phase::Faulted {
-            let after = block.safe_since_ns.load(Relaxed) as i64 - noticed as i64;
-            format!("`{}` in its safe state ({state}) {:.1} ms after", component.name, after as f64 * 1e-6)
-        } else {
-            format!("`{}` was not there to reach its safe state", component.name)
+        let name = &component.name;
+        let worker = workers.iter().find(|(worker, _)| worker == name);
+        let ended = worker.is_none_or(|(_, watch)| watch.has_ended());
+        words.push(match Reached::of(block, ended, noticed) {
+            Reached::Safe { since_ns } if since_ns < noticed => {
+                let before = (noticed - since_ns) as f64 * 1e-6;
+                format!("`{name}` in its safe state ({state}) {before:.1} ms before the guard noticed")
+            }
+            Reached::Safe { since_ns } => {
+                let after = (since_ns - noticed) as f64 * 1e-6;
+                format!("`{name}` in its safe state ({state}) {after:.1} ms after")
+            }
+            Reached::Not => format!("`{name}` did not reach its safe state"),
+            Reached::Dead => format!("`{name}` was not there to reach its safe state"),
         });
     }
     if words.is_empty() { "the graph has no actuators".to_string() } else { words.join(", ") }

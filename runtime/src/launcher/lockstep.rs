@@ -10,6 +10,25 @@ use crate::os::{futex_wait, futex_wake, monotonic_ns};
 use crate::plan::Activation;
 use crate::region::{Command, Phase};
 
+/// Time of a tick from which on it is told, ns.
+const TELL_AFTER_NS: u64 = 1_000_000_000;
+
+/// The outcome of a tick.
+enum Ticked {
+    /// It is done, or its component is no longer there.
+    Done,
+    /// The graph cannot go on.
+    Fatal(String),
+    /// A signal came.
+    Interrupted,
+}
+
+impl Ticked {
+    fn after_wait(signals: &Signals) -> Self {
+        if signals.is_raised() { Self::Interrupted } else { Self::Done }
+    }
+}
+
 impl Launch<'_> {
     /// Runs simulated time to the end of the run, a signal, or a failure. Returns the exit and the simulated time, ns.
     pub(super) fn run_lockstep(
@@ -30,8 +49,7 @@ impl Launch<'_> {
             })
             .collect();
         let mut seen = vec![0; next.len()];
-        let mut supervision: Vec<Supervision> =
-            self.children.iter().map(|_| Supervision::default()).collect();
+        let mut supervision = self.supervision(monotonic_ns());
         let end = self.plan.duration_ns.unwrap_or(u64::MAX);
         let mut next_status = 0;
         loop {
@@ -39,26 +57,30 @@ impl Launch<'_> {
             if time >= end {
                 return (Exit::Finished, end);
             }
-            if signals.raised() > 0 {
+            if signals.is_raised() {
                 return (Exit::Interrupted, time);
             }
             let mut stop = (self.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
             for &index in &order {
                 if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
-                    stop = self.tick(index, time, &mut supervision[index], services, observe);
+                    match self.tick(index, time, &mut supervision[index], services, signals, observe) {
+                        Ticked::Done => {}
+                        Ticked::Fatal(reason) => stop = Some(reason),
+                        Ticked::Interrupted => return (Exit::Interrupted, time),
+                    }
                 }
             }
             if let Some(reason) = stop {
                 observe(Event::SafeStop { reason: &reason });
-                let time = self.settle_lockstep(time, &mut supervision, services, observe);
+                let time = self.settle_lockstep(time, &mut supervision, services, signals, observe);
                 return (Exit::SafeStop { reason }, time);
             }
             let now = monotonic_ns();
             if now >= next_status {
                 next_status = now + 50_000_000;
                 self.relay_output(observe);
-                self.monitor_guard(observe);
+                self.monitor_guard(0, observe);
                 for (index, supervision) in supervision.iter_mut().enumerate() {
                     self.tell_tolerated(index, supervision, observe);
                 }
@@ -91,8 +113,11 @@ impl Launch<'_> {
         time: u64,
         supervision: &mut [Supervision],
         services: &Services,
+        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> u64 {
+        // A second signal ends the settling too.
+        signals.forget();
         self.region.header().order(Command::SafeStop);
         let end = time + self.plan.safety.settle_ns;
         for (index, supervision) in supervision.iter_mut().enumerate() {
@@ -100,7 +125,8 @@ impl Launch<'_> {
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
             while actuator && !supervision.is_gone() && next <= end {
-                if self.tick(index, next, supervision, services, observe).is_some() {
+                let ticked = self.tick(index, next, supervision, services, signals, observe);
+                if !matches!(ticked, Ticked::Done) {
                     break;
                 }
                 next += period;
@@ -109,44 +135,63 @@ impl Launch<'_> {
         end
     }
 
-    /// Hands out one tick and waits for it to be done. Returns why the graph cannot go on, if it cannot.
+    /// Hands out one tick and waits for it to be done, however long that takes: a tick takes no simulated time. A signal
+    /// ends the wait.
     fn tick(
         &mut self,
         index: usize,
         time: u64,
         supervision: &mut Supervision,
         services: &Services,
+        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> Option<String> {
+    ) -> Ticked {
         let block = &self.region.components()[index];
-        if block.phase() != Phase::Running && !self.await_running(index, supervision, services, observe) {
-            return None;
+        if block.phase() != Phase::Running
+            && !self.await_running(index, supervision, services, signals, observe)
+        {
+            return Ticked::after_wait(signals);
         }
         let block = &self.region.components()[index];
         let given = block.tick_given.load(Relaxed).wrapping_add(1);
         block.tick_time_ns.store(time, Relaxed);
         block.tick_given.store(given, Release);
         futex_wake(&block.tick_given);
+        let began = monotonic_ns();
+        let mut told = false;
         loop {
             let block = &self.region.components()[index];
             let done = block.tick_done.load(Acquire);
             if done == given {
-                return None;
+                return Ticked::Done;
             }
             futex_wait(&block.tick_done, done, Some(Duration::from_millis(20)));
             if block.tick_done.load(Acquire) == given {
-                return None;
+                return Ticked::Done;
             }
-            match self.monitor(index, supervision, services, observe) {
+            if signals.is_raised() {
+                return Ticked::Interrupted;
+            }
+            let for_ns = monotonic_ns() - began;
+            if !told && for_ns > TELL_AFTER_NS {
+                told = true;
+                let component = &self.plan.components[index].name;
+                observe(Event::Waiting { component, tick: block.steps.load(Relaxed), for_ns });
+            }
+            if told {
+                self.relay_output(observe);
+            }
+            match self.monitor(index, supervision, services, signals, observe) {
                 // The tick in which it died is lost; its successor starts with the next one.
                 Some(AfterEnd::Restarted) => {
                     let block = &self.region.components()[index];
                     block.tick_done.store(given, Release);
-                    self.await_running(index, supervision, services, observe);
-                    return None;
+                    self.await_running(index, supervision, services, signals, observe);
+                    return Ticked::after_wait(signals);
                 }
-                Some(AfterEnd::Ignored) => return None,
-                Some(AfterEnd::Fatal(reason)) => return Some(reason),
+                Some(AfterEnd::Ignored) => return Ticked::Done,
+                Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
+                None if supervision.is_gone() => return Ticked::after_wait(signals),
                 None => {}
             }
         }
@@ -158,17 +203,18 @@ impl Launch<'_> {
         index: usize,
         supervision: &mut Supervision,
         services: &Services,
+        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> bool {
-        while !supervision.is_gone() {
+        while !supervision.is_gone() && !signals.is_raised() {
             let block = &self.region.components()[index];
             let phase = block.phase();
             if phase == Phase::Running {
-                self.monitor(index, supervision, services, observe);
+                self.monitor(index, supervision, services, signals, observe);
                 return true;
             }
             futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
-            self.monitor(index, supervision, services, observe);
+            self.monitor(index, supervision, services, signals, observe);
         }
         false
     }

@@ -10,14 +10,19 @@ mod child;
 mod cores;
 mod event;
 pub mod guard;
+mod hang;
 mod idle_states;
 mod lockstep;
+mod lost_steps;
+mod places;
 mod report;
+mod reserve;
 mod restart;
 mod shutdown;
 mod status;
 mod stop_reason;
 mod supervise;
+mod watchdog;
 
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -33,11 +38,16 @@ use crate::run_folder::{RunFolder, RunFolderError};
 use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicMemory, TopicService};
 use crate::worker::Registry;
 use child::Child;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 use idle_states::IdleStates;
+use places::Places;
+use reserve::Spare;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use event::Event;
-pub use report::{ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report};
+pub use report::{
+    ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report, steps_per_second,
+};
 pub use status::{ComponentStatus, Status};
 
 /// Options of a launch.
@@ -88,6 +98,18 @@ pub enum LaunchError {
         /// Its error, or the kind of its end.
         reason: String,
     },
+    /// A resource of this machine or of this process does not suffice. Nothing was made.
+    #[error("too little of {what}: the graph needs {need}, there is {found}; {advice}")]
+    Exhausted {
+        /// The resource.
+        what: &'static str,
+        /// The amount that the graph needs.
+        need: String,
+        /// The amount there is.
+        found: String,
+        /// Advice, in one sentence.
+        advice: String,
+    },
     /// The system denied the launcher something that it needs.
     #[error("{what}: {reason}")]
     System {
@@ -112,6 +134,7 @@ pub fn run(
     observe: &mut dyn FnMut(Event<'_>),
 ) -> Result<Report, LaunchError> {
     crate::transport::quieten();
+    reserve::check(&plan)?;
     let signals = shutdown::Signals::catch()
         .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
     let (folder, region) = RunFolder::create(&plan)?;
@@ -123,8 +146,13 @@ pub fn run(
         region,
         children: Vec::new(),
         guard: None,
+        guard_since_ns: 0,
+        ended_ns: None,
         lost: Vec::new(),
+        warnings: Vec::new(),
         idle_states: IdleStates::default(),
+        spare: Spare::none(),
+        places: Places::default(),
     };
     let result = launch.live(&signals, observe);
     launch.clean_up();
@@ -140,17 +168,36 @@ struct Launch<'a> {
     region: Region,
     children: Vec<Child>,
     guard: Option<Child>,
+    /// Time from which on the guard is expected to be alive, ns.
+    guard_since_ns: u64,
+    /// Time at which the components were told to stop, ns.
+    ended_ns: Option<u64>,
     lost: Vec<String>,
+    warnings: Vec<String>,
     idle_states: IdleStates,
+    spare: Spare,
+    places: Places,
 }
 
 /// Everything in shared memory that must outlive the components.
 struct Services {
-    node: Node<Shared>,
-    _topics: Vec<TopicService>,
-    _parameters: Vec<ParameterService>,
+    node: Option<Node<Shared>>,
+    topics: Vec<TopicService>,
+    parameters: Vec<ParameterService>,
     /// The topics that components wait for.
     waited_for: Vec<Rc<TopicMemory>>,
+}
+
+impl Drop for Services {
+    /// Lets go of the services without a look at their words in shared memory, which a component may have damaged; the files
+    /// and objects are removed by their names.
+    fn drop(&mut self) {
+        self.topics.drain(..).for_each(TopicService::abandon);
+        self.parameters.drain(..).for_each(ParameterService::abandon);
+        if let Some(node) = self.node.take() {
+            node.abandon();
+        }
+    }
 }
 
 impl Launch<'_> {
@@ -165,6 +212,7 @@ impl Launch<'_> {
             self.start_guard()?;
         }
         let services = self.create_services()?;
+        self.spare = Spare::reserve(&self.folder)?;
         observe(Event::Created { run: self.folder.id(), plan: &self.plan });
         for index in 0..self.plan.components.len() {
             let child = self.start(index)?;
@@ -211,18 +259,18 @@ impl Launch<'_> {
 
     fn create_services(&self) -> Result<Services, LaunchError> {
         let node = self.folder.domain()?.node()?;
-        let mut topics = Vec::new();
-        let mut waited_for = Vec::new();
+        let (topics, parameters, waited_for) = (Vec::new(), Vec::new(), Vec::new());
+        let mut services = Services { node: None, topics, parameters, waited_for };
         for topic in &self.plan.topics {
             let service = TopicService::create(&node, topic)?;
-            waited_for.extend(service.waited_for());
-            topics.push(service);
+            services.waited_for.extend(service.waited_for());
+            services.topics.push(service);
         }
-        let mut parameters = Vec::new();
         for component in &self.plan.components {
-            parameters.extend(ParameterService::create(&node, component)?);
+            services.parameters.extend(ParameterService::create(&node, component)?);
         }
-        Ok(Services { node, _topics: topics, _parameters: parameters, waited_for })
+        services.node = Some(node);
+        Ok(services)
     }
 
     fn start(&self, index: usize) -> Result<Child, LaunchError> {
@@ -243,6 +291,7 @@ impl Launch<'_> {
     fn start_guard(&mut self) -> Result<(), LaunchError> {
         let guard = Child::guard(&self.options.program, &self.folder)?;
         self.region.header().guard.store(guard.pid(), Relaxed);
+        self.guard_since_ns = monotonic_ns();
         self.guard = Some(guard);
         Ok(())
     }
@@ -258,6 +307,7 @@ impl Launch<'_> {
         for child in &mut self.children {
             child.kill();
         }
+        self.end_cleaner();
         self.folder.remove();
         if let Some(guard) = &mut self.guard {
             guard.kill();

@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CoreReport, Launch};
-use crate::plan::{ClockKind, Plan};
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
@@ -49,6 +50,10 @@ pub struct Report {
     pub exit: Exit,
     /// The requests that the system denied, as text; empty if it granted all.
     pub lost: Vec<String>,
+    /// What did not go as the graph asks although the run ended in good order, as text: components that no longer stepped
+    /// at the end, or lost too many steps.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where no limit was
     /// requested (lockstep, no real-time component) or the system denied it.
     #[serde(default)]
@@ -75,7 +80,7 @@ pub struct ComponentReport {
     pub pid: u32,
     /// Steps done.
     pub steps: u64,
-    /// Steps per second between its first and its last step.
+    /// Steps per second since its first step; to the run's end, or to now, for one that no longer steps.
     pub rate_hz: f64,
     /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns.
     pub lateness_ns: Percentiles,
@@ -177,6 +182,7 @@ impl Launch<'_> {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
+        let end_ns = if lockstep { duration_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         Report {
             version: REPORT_VERSION,
             graph: self.plan.name.clone(),
@@ -186,8 +192,9 @@ impl Launch<'_> {
             state_hash: lockstep.then(|| self.state_hash()),
             exit,
             lost: self.lost.clone(),
+            warnings: self.warnings.clone(),
             idle_exit_ns: self.idle_states.exit_ns,
-            components: components.map(|(plan, block)| component(&plan.name, block)).collect(),
+            components: components.map(|(plan, block)| component(plan, block, end_ns)).collect(),
             latencies: latencies(&self.plan, &self.region),
             edges: edges(&self.plan, &self.region),
             cores: Vec::new(),
@@ -211,21 +218,29 @@ impl Launch<'_> {
     }
 }
 
-/// Steps per second between the first and the last step.
-fn rate_hz(block: &ComponentBlock) -> f64 {
+/// Steps per second of a component, at `now_ns` on the run's clock.
+fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
-    let intervals = block.steps.load(Relaxed).saturating_sub(1);
-    if last > first { intervals as f64 * 1e9 / (last - first) as f64 } else { 0.0 }
+    steps_per_second(block.begun.load(Relaxed), first, last, now_ns, plan.period_ns())
+}
+
+/// Steps per second, from the steps begun and the time between the first and the last of them; to `now_ns` where the last
+/// was more than two periods ago, so that a component that no longer steps does not keep its rate. All times in ns.
+pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
+    let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
+    let end_ns = if still_steps { last_ns } else { now_ns };
+    let span_ns = end_ns.saturating_sub(first_ns);
+    if begun > 1 && span_ns > 0 { (begun - 1) as f64 * 1e9 / span_ns as f64 } else { 0.0 }
 }
 
 /// The report of one component, from its counters.
-pub(super) fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
+pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> ComponentReport {
     let counts = block.counts_allocations.load(Relaxed) != 0;
     ComponentReport {
-        name: name.to_string(),
+        name: plan.name.clone(),
         pid: block.pid.load(Relaxed),
         steps: block.steps.load(Relaxed),
-        rate_hz: rate_hz(block),
+        rate_hz: rate_hz(plan, block, now_ns),
         lateness_ns: block.lateness.percentiles(),
         execution_ns: block.execution.percentiles(),
         cpu_ns: block.cpu.percentiles(),
@@ -242,5 +257,26 @@ pub(super) fn component(name: &str, block: &ComponentBlock) -> ComponentReport {
         fifo_priority: block.fifo_priority.load(Relaxed),
         deadline: block.deadline.load(Relaxed) != 0,
         memory_locked: block.memory_locked.load(Relaxed) != 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn the_rate_of_a_component_that_steps_does_not_depend_on_the_moment_of_looking() {
+        for now in [10_000_000_000, 10_000_900_000, 10_001_900_000] {
+            assert_eq!(steps_per_second(9_001, S, 10 * S, now, 1_000_000), 1_000.0);
+        }
+    }
+
+    #[test]
+    fn the_rate_of_a_component_that_no_longer_steps_falls() {
+        assert_eq!(steps_per_second(1_001, S, 2 * S, 5 * S, 1_000_000), 250.0);
+        assert_eq!(steps_per_second(0, 0, 0, 5 * S, 1_000_000), 0.0);
+        assert_eq!(steps_per_second(1, S, S, 5 * S, 1_000_000), 0.0);
     }
 }

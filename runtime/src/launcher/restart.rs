@@ -2,26 +2,50 @@
 
 use crate::plan::{RestartPlan, RestartWhen};
 
+/// A component that fails sooner than this after it began to step again has failed quickly, ns.
+const QUICK_NS: u64 = 1_000_000_000;
+/// Delay of a restart after the first quick failure, ns; each further one doubles it.
+const FIRST_DELAY_NS: u64 = 20_000_000;
+/// The longest delay, ns.
+const LONGEST_DELAY_NS: u64 = 1_000_000_000;
+
 /// The restarts of one component so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
     restarts_ns: Vec<u64>,
+    was_restarted: bool,
+    /// Failures in a row, each soon after a restart.
+    quick: u32,
 }
 
 impl History {
-    /// Decides on a component that ended at `now_ns`; a granted restart is added to the history.
-    pub(super) fn grant(&mut self, policy: &RestartPlan, failed: bool, now_ns: u64) -> bool {
+    /// Decides on a component that ended at `now_ns`; a granted restart is added to the history. Returns its delay, ns:
+    /// none for the first and for a component that stepped for a second before it failed, and twice as long from one quick
+    /// failure to the next.
+    pub(super) fn grant(
+        &mut self,
+        policy: &RestartPlan,
+        failed: bool,
+        stepping_since_ns: Option<u64>,
+        now_ns: u64,
+    ) -> Option<u64> {
         let wanted = match policy.when {
             RestartWhen::Never => false,
             RestartWhen::Failure => failed,
             RestartWhen::Always => true,
         };
         self.restarts_ns.retain(|restart| now_ns.saturating_sub(*restart) < policy.window_ns);
-        if wanted && self.restarts_ns.len() < policy.at_most as usize {
-            self.restarts_ns.push(now_ns);
-            return true;
+        if !wanted || self.restarts_ns.len() >= policy.at_most as usize {
+            return None;
         }
-        false
+        self.restarts_ns.push(now_ns);
+        let lasted = stepping_since_ns.is_some_and(|since| now_ns.saturating_sub(since) >= QUICK_NS);
+        let is_first = !core::mem::replace(&mut self.was_restarted, true);
+        self.quick = if lasted || is_first { 0 } else { self.quick.saturating_add(1) };
+        Some(match self.quick {
+            0 => 0,
+            quick => (FIRST_DELAY_NS << (quick - 1).min(10)).min(LONGEST_DELAY_NS),
+        })
     }
 }
 
@@ -35,18 +59,35 @@ mod tests {
     #[test]
     fn restarts_are_limited_within_the_window_and_granted_again_after_it() {
         let mut history = History::default();
-        assert!(history.grant(&POLICY, true, 0));
-        assert!(history.grant(&POLICY, true, 10));
-        assert!(!history.grant(&POLICY, true, 20));
-        assert!(history.grant(&POLICY, true, 1_005));
-        assert!(!history.grant(&POLICY, true, 1_006));
+        let mut is_granted = |now_ns| history.grant(&POLICY, true, Some(0), now_ns).is_some();
+        assert!(is_granted(0));
+        assert!(is_granted(10));
+        assert!(!is_granted(20));
+        assert!(is_granted(1_005));
+        assert!(!is_granted(1_006));
     }
 
     #[test]
     fn an_orderly_end_is_restarted_only_by_the_policy_always() {
         let mut history = History::default();
-        assert!(!history.grant(&POLICY, false, 0));
-        assert!(history.grant(&RestartPlan { when: RestartWhen::Always, ..POLICY }, false, 0));
-        assert!(!history.grant(&RestartPlan { when: RestartWhen::Never, ..POLICY }, true, 0));
+        assert_eq!(history.grant(&POLICY, false, Some(0), 0), None);
+        let always = RestartPlan { when: RestartWhen::Always, ..POLICY };
+        assert!(history.grant(&always, false, Some(0), 0).is_some());
+        let never = RestartPlan { when: RestartWhen::Never, ..POLICY };
+        assert_eq!(history.grant(&never, true, Some(0), 0), None);
+    }
+
+    #[test]
+    fn one_that_fails_again_and_again_waits_longer_each_time_until_it_has_stepped_for_a_second() {
+        let policy = RestartPlan { at_most: 100, window_ns: u64::MAX, ..POLICY };
+        let mut history = History::default();
+        let second = 1_000_000_000;
+        let mut delay_ms = |since: Option<u64>, now: u64| {
+            history.grant(&policy, true, since, now).map(|delay| delay / 1_000_000)
+        };
+        assert_eq!(delay_ms(Some(0), 1), Some(0), "the first failure");
+        let storm: Vec<Option<u64>> = (0..8).map(|n| delay_ms(None, (6 + n) * second)).collect();
+        assert_eq!(storm, [20, 40, 80, 160, 320, 640, 1_000, 1_000].map(Some));
+        assert_eq!(delay_ms(Some(20 * second), 21 * second), Some(0), "it has recovered");
     }
 }

@@ -1,5 +1,6 @@
 //! The end of a run: signals, the safe state, the orderly stop.
 
+use std::cell::Cell;
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -7,16 +8,21 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
 use super::{Event, Launch, STOP_WITHIN, Services};
 use crate::os::monotonic_ns;
 use crate::plan::ClockKind;
-use crate::region::{Command, Phase};
+use crate::region::{Command, ComponentBlock, Phase};
+
+/// The signals that end a run.
+const SIGNALS: [i32; 3] = [SIGINT, SIGTERM, SIGHUP];
 
 /// Signals that ask the launcher to end the run.
 pub(super) struct Signals {
     count: Arc<AtomicUsize>,
+    forgotten: Cell<usize>,
     stream: UnixStream,
     registered: Vec<signal_hook::SigId>,
 }
@@ -27,17 +33,33 @@ impl Signals {
         let (stream, sender) = UnixStream::pair()?;
         stream.set_nonblocking(true)?;
         let mut registered = Vec::new();
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in SIGNALS {
             let raised = count.clone();
             registered.push(signal_hook_registry_count(signal, raised)?);
             registered.push(signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?);
         }
-        Ok(Self { count, stream, registered })
+        // Ctrl-Z must not stop what looks after a robot.
+        registered.push(signal_hook::flag::register(SIGTSTP, Arc::default())?);
+        Ok(Self { count, forgotten: Cell::new(0), stream, registered })
     }
 
-    /// Number of signals so far.
-    pub(super) fn raised(&self) -> usize {
-        self.count.load(Relaxed)
+    /// Whether a signal has come.
+    pub(super) fn is_raised(&self) -> bool {
+        self.count.load(Relaxed) > self.forgotten.get()
+    }
+
+    /// Waits for a further signal from here on.
+    pub(super) fn forget(&self) {
+        self.forgotten.set(self.count.load(Relaxed));
+    }
+
+    /// Whether a signal has come or comes within a time, ns.
+    pub(super) fn arrives_within(&self, ns: u64) -> bool {
+        if !self.is_raised() {
+            let timeout = Timespec { tv_sec: 0, tv_nsec: ns as _ };
+            let _ = poll(&mut [PollFd::new(self.stream(), PollFlags::IN)], Some(&timeout));
+        }
+        self.is_raised()
     }
 
     /// A stream that becomes readable at a signal.
@@ -53,6 +75,8 @@ impl Drop for Signals {
         for id in self.registered.drain(..) {
             signal_hook::low_level::unregister(id);
         }
+        // From here on there is no run to be ended in good order: the signals mean what they mean to any program.
+        crate::os::default_signals(&SIGNALS);
     }
 }
 
@@ -63,6 +87,38 @@ fn signal_hook_registry_count(signal: i32, count: Arc<AtomicUsize>) -> std::io::
         signal_hook::low_level::register(signal, move || {
             count.fetch_add(1, Relaxed);
         })
+    }
+}
+
+/// What became of an actuator after a safe stop was ordered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reached {
+    /// It lives, has stepped since, and applies its safe state.
+    Safe {
+        /// Time at which it entered it, ns.
+        since_ns: u64,
+    },
+    /// It lives, and has not said so.
+    Not,
+    /// It has no process, or has failed: its last words tell nothing.
+    Dead,
+}
+
+impl Reached {
+    /// As its part of the control block says, if it has not ended.
+    pub(super) fn of(block: &ComponentBlock, ended: bool, noticed: u64) -> Self {
+        let stepped = block.last_step_ns.load(Relaxed) >= noticed;
+        let is_safe = stepped && block.safe.load(Relaxed) != 0;
+        match block.phase() {
+            // Killed: its phase is that of its last moment.
+            Phase::Running if ended => Self::Dead,
+            // One that has stayed there for the settling time may have left by itself.
+            Phase::Running | Phase::Stopped if is_safe => {
+                Self::Safe { since_ns: block.safe_since_ns.load(Relaxed) }
+            }
+            Phase::Running => Self::Not,
+            _ => Self::Dead,
+        }
     }
 }
 
@@ -86,22 +142,46 @@ impl Launch<'_> {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
+        if !told {
+            self.tell_unsafe(noticed, observe);
+        }
     }
 
-    /// Time from `noticed` until the last living actuator was in its safe state, once all are.
-    fn all_actuators_safe_since(&self, noticed: u64) -> Option<u64> {
+    /// The actuators by what became of them since a safe stop was ordered at `noticed`.
+    fn actuators(&mut self, noticed: u64) -> Vec<(usize, Reached)> {
+        let components = self.plan.components.iter().enumerate().filter(|(_, component)| component.actuator);
+        let actuators: Vec<usize> = components.map(|(index, _)| index).collect();
+        let reached = |index: usize| {
+            let ended = self.children[index].ended().is_some();
+            Reached::of(&self.region.components()[index], ended, noticed)
+        };
+        actuators.iter().copied().zip(actuators.iter().copied().map(reached)).collect()
+    }
+
+    /// Time from `noticed` until the last actuator was in its safe state; `None` unless all live and are.
+    fn all_actuators_safe_since(&mut self, noticed: u64) -> Option<u64> {
         let mut last = noticed;
-        let mut any = false;
-        for (component, block) in self.plan.components.iter().zip(self.region.components()) {
-            if component.actuator && block.phase() == Phase::Running {
-                if block.safe.load(Relaxed) == 0 {
-                    return None;
-                }
-                any = true;
-                last = last.max(block.safe_since_ns.load(Relaxed));
-            }
+        let actuators = self.actuators(noticed);
+        for (_, reached) in &actuators {
+            let Reached::Safe { since_ns } = reached else { return None };
+            last = last.max(*since_ns);
         }
-        any.then(|| last - noticed)
+        (!actuators.is_empty()).then(|| last - noticed)
+    }
+
+    /// Names the actuators that are not in their safe state.
+    fn tell_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        let actuators = self.actuators(noticed);
+        let names = |wanted: fn(&Reached) -> bool| -> Vec<&str> {
+            let those = actuators.iter().filter(|(_, reached)| wanted(reached));
+            those.map(|(index, _)| self.plan.components[*index].name.as_str()).collect()
+        };
+        let dead = names(|reached| matches!(reached, Reached::Dead));
+        let late = names(|reached| matches!(reached, Reached::Not));
+        let safe = names(|reached| matches!(reached, Reached::Safe { .. }));
+        if !actuators.is_empty() {
+            observe(Event::NotSafe { dead: &dead, late: &late, safe: &safe });
+        }
     }
 
     /// Ends all components: the actuators reach their safe state first, then all components are asked to stop, and
@@ -115,6 +195,7 @@ impl Launch<'_> {
             std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
         }
         self.region.header().order(Command::Stop);
+        self.ended_ns = Some(monotonic_ns());
         let until = Instant::now() + STOP_WITHIN;
         for index in 0..self.children.len() {
             while self.children[index].ended().is_none() && Instant::now() < until {

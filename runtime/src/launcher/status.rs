@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{ComponentReport, EdgeReport, LatencyReport, Launch, report};
 use crate::os::monotonic_ns;
-use crate::plan::Plan;
+use crate::plan::{ClockKind, Plan};
 use crate::region::{Phase, Region};
 
 /// The status of a running graph.
@@ -38,6 +38,13 @@ impl Status {
     /// Reads the status of a run.
     pub fn read(plan: &Plan, region: &Region) -> Self {
         let start = region.header().start_ns.load(Relaxed);
+        let now = match plan.clock {
+            ClockKind::Realtime => monotonic_ns(),
+            ClockKind::Lockstep => {
+                let ticks = region.components().iter().map(|block| block.tick_time_ns.load(Relaxed));
+                ticks.max().unwrap_or(0)
+            }
+        };
         let components = plan
             .components
             .iter()
@@ -45,7 +52,7 @@ impl Status {
             .map(|(component, block)| ComponentStatus {
                 phase: block.phase(),
                 safe: block.safe.load(Relaxed) != 0,
-                report: report::component(&component.name, block),
+                report: report::component(component, block, now),
             })
             .collect();
         Self {

@@ -23,7 +23,7 @@ fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
         let strict = component.on_overrun == OnOverrun::SafeStop;
         let tolerated = component.overruns_tolerated.or(strict.then_some(0))?;
         // a stale input is no overrun of its own
-        let late = misses.late_wake + misses.long_step + misses.stolen;
+        let late = misses.late_wake.saturating_add(misses.long_step).saturating_add(misses.stolen);
         (late > u64::from(tolerated)).then(|| {
             let causes = [
                 (misses.long_step, "too long"),

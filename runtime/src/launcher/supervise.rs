@@ -4,11 +4,20 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use super::lost_steps::LostSteps;
 use super::restart::History;
+use super::watchdog::Watchdog;
 use super::{Event, Exit, Launch, Services, shutdown::Signals, stop_reason};
 use crate::os::monotonic_ns;
-use crate::plan::OnFailure;
+use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};
 use crate::region::{Command, Phase};
+
+/// Longest time between two looks at what no descriptor tells: lines that were printed, orders of components, ns.
+const LOOK_NS: u64 = 20_000_000;
+/// Time between two states for the display, ns.
+const STATUS_NS: u64 = 50_000_000;
+/// Time in which a signal to end the run may arrive after that to a component, ns.
+const SIGNAL_NS: u64 = 50_000_000;
 
 /// The consequence of a component's end.
 pub(super) enum AfterEnd {
@@ -21,19 +30,52 @@ pub(super) enum AfterEnd {
 }
 
 /// The supervision state of one component.
-#[derive(Default)]
 pub(super) struct Supervision {
+    pub(super) watchdog: Watchdog,
+    pub(super) lost_steps: LostSteps,
     history: History,
-    /// Time of its end while it restarts, ns.
-    down_since_ns: Option<u64>,
+    /// Its last end, while it restarts.
+    down: Option<Down>,
+    /// Time at which it began to step, ns.
+    stepping_since_ns: u64,
+    /// It has hung, and its process was killed.
+    was_ended: bool,
     gone: bool,
     tolerated: u64,
 }
 
+/// A component between its end and its next step.
+struct Down {
+    since_ns: u64,
+    /// Steps done until then.
+    steps: u64,
+    /// Start of the new process, ns: now, or later after failures in a row.
+    start_ns: u64,
+    is_started: bool,
+}
+
 impl Supervision {
+    pub(super) fn new(plan: &Plan, component: &ComponentPlan, now_ns: u64) -> Self {
+        Self {
+            watchdog: Watchdog::new(plan, component, now_ns),
+            lost_steps: LostSteps::new(component.liveness.lost_steps, now_ns),
+            history: History::default(),
+            down: None,
+            stepping_since_ns: now_ns,
+            was_ended: false,
+            gone: false,
+            tolerated: 0,
+        }
+    }
+
     /// Whether it has ended for good.
     pub(super) fn is_gone(&self) -> bool {
         self.gone
+    }
+
+    /// Whether it has ended and does not step again yet.
+    pub(super) fn is_down(&self) -> bool {
+        self.down.is_some()
     }
 }
 
@@ -45,18 +87,22 @@ impl Launch<'_> {
         signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Exit {
+        crate::os::wake_soon();
         let start = self.region.header().start_ns.load(Relaxed);
         let end = self.plan.duration_ns.map(|duration| start + duration);
-        let mut supervision: Vec<Supervision> =
-            self.children.iter().map(|_| Supervision::default()).collect();
+        let mut supervision = self.supervision(start);
         let mut next_status = start;
+        let mut due = start;
         loop {
             let now = monotonic_ns();
-            if signals.raised() > 0 {
-                return Exit::Interrupted;
+            self.region.header().launcher_alive_ns.store(now, Relaxed);
+            let late = now.saturating_sub(due);
+            self.forgive_own_delay(&mut supervision, late, now);
+            if signals.is_raised() {
+                return self.ended(Exit::Interrupted, &supervision, observe);
             }
             if end.is_some_and(|end| now >= end) {
-                return Exit::Finished;
+                return self.ended(Exit::Finished, &supervision, observe);
             }
             self.relay_output(observe);
             if self.region.header().command() == Command::SafeStop {
@@ -64,28 +110,41 @@ impl Launch<'_> {
                 self.safe_stop(&reason, observe);
                 return Exit::SafeStop { reason };
             }
+            due = end.unwrap_or(u64::MAX).min(now + LOOK_NS).min(next_status);
             for (index, supervision) in supervision.iter_mut().enumerate() {
-                let verdict = self.monitor(index, supervision, services, observe);
+                let verdict = self.monitor(index, supervision, services, signals, observe);
                 if let Some(AfterEnd::Fatal(reason)) = verdict {
+                    if signals.is_raised() {
+                        break;
+                    }
                     self.safe_stop(&reason, observe);
                     return Exit::SafeStop { reason };
                 }
+                due = due.min(self.next_check(index, supervision, now));
+                self.count_lost_steps(index, supervision, now, observe);
             }
-            if supervision.iter().all(|supervision| supervision.gone) {
-                return Exit::Finished;
+            if !signals.is_raised() && supervision.iter().all(|supervision| supervision.gone) {
+                return self.ended(Exit::Finished, &supervision, observe);
             }
-            self.monitor_guard(observe);
+            self.monitor_guard(late, observe);
+            self.look_at_places(observe);
             if now >= next_status {
-                next_status = now + 50_000_000;
+                next_status = now + STATUS_NS;
                 observe(Event::Status(&self.status()));
             }
-            self.wait_for_something(signals, end.map(|end| end.saturating_sub(now)));
+            self.wait_for_something(signals, due);
         }
     }
 
+    /// The state of supervision of every component at the start.
+    pub(super) fn supervision(&self, start_ns: u64) -> Vec<Supervision> {
+        let plan = &self.plan;
+        plan.components.iter().map(|component| Supervision::new(plan, component, start_ns)).collect()
+    }
+
     /// Waits until a process ends, a signal comes, or the next check is due.
-    fn wait_for_something(&self, signals: &Signals, remaining_ns: Option<u64>) {
-        let wait = remaining_ns.unwrap_or(u64::MAX).min(20_000_000);
+    fn wait_for_something(&self, signals: &Signals, due_ns: u64) {
+        let wait = due_ns.saturating_sub(monotonic_ns()).min(LOOK_NS);
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
         let mut polled = vec![PollFd::new(signals.stream(), PollFlags::IN)];
         for child in self.children.iter().chain(&self.guard) {
@@ -96,12 +155,13 @@ impl Launch<'_> {
         let _ = poll(&mut polled, Some(&timeout));
     }
 
-    /// Checks whether a component ended or came back, and acts by its policy.
+    /// Checks whether a component ended, hung or came back, and acts by its policy.
     pub(super) fn monitor(
         &mut self,
         index: usize,
         supervision: &mut Supervision,
         services: &Services,
+        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<AfterEnd> {
         if supervision.gone {
@@ -109,47 +169,53 @@ impl Launch<'_> {
         }
         self.tell_tolerated(index, supervision, observe);
         let now = monotonic_ns();
-        let component = &self.plan.components[index];
-        let block = &self.region.components()[index];
-        if let Some(down) = supervision.down_since_ns {
-            if block.phase() == Phase::Running && self.children[index].ended().is_none() {
-                supervision.down_since_ns = None;
-                observe(Event::Restarted { component: &component.name, after_ns: now - down });
-            } else if now - down > component.restart.within_ns && self.children[index].ended().is_none() {
-                let took = component.restart.within_ns / 1_000_000;
-                block.set_failure(
-                    block.steps.load(Relaxed),
-                    &format!("not stepping {took} ms after its restart"),
-                );
-                self.children[index].kill();
+        if supervision.down.is_some() {
+            if let Some(error) = self.bring_back(index, supervision, now, observe) {
+                return Some(AfterEnd::Fatal(error));
             }
+        } else if let Some(reason) = self.end_if_hung(index, supervision, now, observe) {
+            return Some(AfterEnd::Fatal(reason));
+        }
+        if supervision.down.as_ref().is_some_and(|down| !down.is_started) {
+            return None;
         }
         let how = self.children[index].ended()?.to_string();
-        supervision.down_since_ns = None;
         let block = &self.region.components()[index];
         let failed = block.phase() != Phase::Stopped;
+        if !failed && signals.arrives_within(SIGNAL_NS) {
+            // Everything was asked to end at once, and this component was the first to do so.
+            supervision.gone = true;
+            return None;
+        }
         let (tick, reason) = match block.failure() {
             Some((tick, message)) if failed => (tick, message),
-            _ => (block.steps.load(Relaxed), how),
+            _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
         };
+        let steps = block.steps.load(Relaxed);
         self.relay_output(observe);
         let name = self.plan.components[index].name.clone();
         let policy = self.plan.components[index].restart;
-        if supervision.history.grant(&policy, failed, now) {
-            observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "restarting" });
-            // The dead process holds its places in the topics until they are cleaned up.
-            services.node.try_cleanup_dead_nodes();
+        let stepping_since = supervision.down.is_none().then_some(supervision.stepping_since_ns);
+        if let Some(delay_ns) = supervision.history.grant(&policy, failed, stepping_since, now) {
+            let consequence = match delay_ns / 1_000_000 {
+                0 => "restarting".to_string(),
+                delay_ms => format!("restarting in {delay_ms} ms"),
+            };
+            observe(Event::Failed { component: &name, tick, reason: &reason, consequence: &consequence });
             let block = &self.region.components()[index];
             block.restarts.fetch_add(1, Relaxed);
             block.forget_failure();
             block.enter(Phase::Created);
-            return match self.start(index) {
-                Ok(child) => {
-                    self.children[index] = child;
-                    supervision.down_since_ns = Some(now);
-                    Some(AfterEnd::Restarted)
-                }
-                Err(error) => Some(AfterEnd::Fatal(error.to_string())),
+            supervision.was_ended = false;
+            // The time that it takes to come back counts from its first end.
+            let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
+            supervision.down = Some(Down { since_ns, steps, start_ns: now + delay_ns, is_started: false });
+            // The dead process holds its places in the topics until they are cleaned up.
+            self.free_places(services);
+            self.spare.release();
+            return match self.bring_back(index, supervision, now, observe) {
+                None => Some(AfterEnd::Restarted),
+                Some(error) => Some(AfterEnd::Fatal(error)),
             };
         }
         supervision.gone = true;
@@ -162,6 +228,64 @@ impl Launch<'_> {
         }
         observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "safe stop" });
         Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
+    }
+
+    /// Starts the new process of a component when its time has come, and sees whether it steps again. Returns the error
+    /// of a process that cannot be started.
+    fn bring_back(
+        &mut self,
+        index: usize,
+        supervision: &mut Supervision,
+        now: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<String> {
+        let down = supervision.down.as_mut()?;
+        if !down.is_started {
+            if now >= down.start_ns {
+                match self.start(index) {
+                    Ok(child) => self.children[index] = child,
+                    Err(error) => return Some(error.to_string()),
+                }
+                down.is_started = true;
+            }
+            return None;
+        }
+        let component = &self.plan.components[index];
+        let block = &self.region.components()[index];
+        let within = component.restart.within_ns;
+        let is_alive = self.children[index].ended().is_none();
+        let steps_again = block.phase() == Phase::Running
+            && (self.plan.clock == ClockKind::Lockstep
+                || block.steps.load(Relaxed) > down.steps
+                || supervision.watchdog.waits_for_trigger());
+        if steps_again && is_alive {
+            observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
+            // Without it the next restart finds what others have left.
+            let _ = self.spare.take_back();
+            supervision.down = None;
+            supervision.stepping_since_ns = now;
+            supervision.watchdog.forgive(now);
+            supervision.lost_steps.forgive(now);
+        } else if is_alive && now.saturating_sub(down.start_ns) > within && !supervision.was_ended {
+            supervision.was_ended = true;
+            let took = within / 1_000_000;
+            let steps = block.steps.load(Relaxed);
+            block.set_failure(steps, &format!("not stepping {took} ms after its restart"));
+            self.children[index].end();
+        }
+        None
+    }
+
+    /// Time at which a component is to be checked again although nothing has happened, ns.
+    fn next_check(&self, index: usize, supervision: &Supervision, now: u64) -> u64 {
+        match &supervision.down {
+            _ if supervision.gone => u64::MAX,
+            None => supervision.watchdog.due_ns(),
+            Some(down) if !down.is_started => down.start_ns,
+            // Until it steps again nothing but its counters tells.
+            Some(down) => (now + 1_000_000)
+                .min(down.start_ns.saturating_add(self.plan.components[index].restart.within_ns)),
+        }
     }
 
     /// Reports the first error of a component that its policy tolerates.
@@ -181,20 +305,6 @@ impl Launch<'_> {
                 observe(Event::Failed { component, tick, reason: &reason, consequence });
             }
             block.forget_failure();
-        }
-    }
-
-    /// Replaces a guard that was killed.
-    pub(super) fn monitor_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        let Some(guard) = &mut self.guard else { return };
-        let Some(how) = guard.ended().map(str::to_string) else { return };
-        let consequence = match self.start_guard() {
-            Ok(()) => "started again",
-            Err(_) => "could not be started again: the run goes on unguarded",
-        };
-        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence });
-        if consequence != "started again" {
-            self.guard = None;
         }
     }
 }

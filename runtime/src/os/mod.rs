@@ -4,15 +4,26 @@
 
 mod cpu_time;
 mod idle;
+mod lock;
 pub mod machine;
 mod prefetch;
 mod process;
+mod random;
 mod realtime;
+mod shortage;
 mod wait;
 
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
 pub use idle::IdleLimit;
+pub use lock::{Lock, is_held};
 pub use prefetch::{prefetch_read, prefetch_write};
-pub use process::{Watch, install_interrupt, interrupt_thread, thread_id};
-pub use realtime::{Applied, Denied, Request, apply, page_faults, prefault_stack, times_asleep};
+pub use process::{
+    Watch, default_signals, discard_output, install_interrupt, interrupt_thread, process_state, thread_id,
+};
+pub use random::random_bytes;
+pub use realtime::{
+    Applied, Denied, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack, times_asleep,
+    wake_soon,
+};
+pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
 pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

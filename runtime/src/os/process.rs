@@ -39,6 +39,32 @@ pub fn interrupt_thread(thread: i32) {
     }
 }
 
+/// Gives signals back their default action.
+pub fn default_signals(signals: &[i32]) {
+    for signal in signals {
+        // SAFETY: a system call on integers; the default action runs no code of this process.
+        unsafe { libc::signal(*signal, libc::SIG_DFL) };
+    }
+}
+
+/// State of a thread as the kernel shows it: `R` runs or is ready, `S` sleeps, `D` waits for a device, `T` was stopped by a
+/// signal, `t` by a debugger, `Z` has ended. `None` if there is no such thread.
+pub fn process_state(pid: u32, thread: u32) -> Option<char> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{thread}/stat")).ok()?;
+    // the name stands in parentheses and may hold any character
+    stat.rsplit_once(')')?.1.trim_start().chars().next()
+}
+
+/// Lets what this process prints from now on go nowhere.
+pub fn discard_output() {
+    use std::os::fd::AsRawFd as _;
+    let Ok(nowhere) = std::fs::File::options().write(true).open("/dev/null") else { return };
+    for standard in [libc::STDOUT_FILENO, libc::STDERR_FILENO] {
+        // SAFETY: a system call on integers; both descriptors are open, and nothing owns the standard ones.
+        unsafe { libc::dup2(nowhere.as_raw_fd(), standard) };
+    }
+}
+
 /// A handle on another process that reports its end, even if its number is reused.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
@@ -75,5 +101,16 @@ impl Watch {
 impl AsFd for Watch {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_asks_is_running_and_one_that_never_was_has_no_state() {
+        assert_eq!(process_state(std::process::id(), thread_id() as u32), Some('R'));
+        assert_eq!(process_state(u32::MAX, 1), None);
     }
 }

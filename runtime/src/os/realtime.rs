@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::plan::SchedulingClass;
 
+/// Time from `SIGXCPU` to `SIGKILL`, us.
+const CAUGHT_US: u64 = 20_000;
+
 /// The real-time settings that a process requests.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
@@ -53,6 +56,9 @@ pub enum Denied {
     /// Other cores than requested.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
+    /// No limit on computing without waiting.
+    #[error("a limit on computing without waiting ({0})")]
+    CpuLimit(String),
     /// Memory that is not locked.
     #[error("locked memory ({0})")]
     Memory(String),
@@ -138,6 +144,46 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     // SAFETY: `attributes` is initialised and outlives the call; 0 is the calling thread.
     let result = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Ends this process when one of its `SCHED_FIFO` threads computes for longer than this without waiting: the kernel sends
+/// `SIGXCPU`, and `SIGKILL` if that is caught. The kernel counts in its ticks (4 ms at 250 Hz), so that it may take up to
+/// two of them longer.
+///
+/// # Errors
+/// The kernel refused: a lower limit is already in force.
+pub fn limit_cpu(ns: u64) -> io::Result<()> {
+    use rustix::process::{Resource, Rlimit, setrlimit};
+    let soft_us = ns.div_ceil(1_000);
+    let limit = Rlimit { current: Some(soft_us), maximum: Some(soft_us + CAUGHT_US) };
+    Ok(setrlimit(Resource::Rttime, limit)?)
+}
+
+/// Gives the calling thread back to the system's time sharing; for what is no step, such as saving results.
+pub fn leave_realtime() {
+    let parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.
+    unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
+}
+
+/// Has the calling thread, at normal priority, wake before others of that priority: its turns are as short as the kernel
+/// allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits nearly all the time.
+pub fn wake_soon() {
+    const SHORTEST_TURN_NS: u64 = 100_000;
+    // SAFETY: zero is a valid value of the plain struct.
+    let mut attributes: libc::sched_attr = unsafe { core::mem::zeroed() };
+    attributes.size = size_of::<libc::sched_attr>() as u32;
+    attributes.sched_policy = libc::SCHED_OTHER as u32;
+    attributes.sched_flags = libc::SCHED_FLAG_RESET_ON_FORK as u64;
+    // SAFETY: a system call on integers; 0 is this process and thread.
+    attributes.sched_nice = unsafe { libc::getpriority(libc::PRIO_PROCESS, 0) };
+    attributes.sched_runtime = SHORTEST_TURN_NS;
+    // SAFETY: `attributes` is initialised and outlives the call; 0 is the calling thread. A failure changes nothing.
+    unsafe {
+        libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0);
+        // Timers of threads at normal priority may be late by this much, ns.
+        libc::prctl(libc::PR_SET_TIMERSLACK, 1_000);
+    }
 }
 
 /// Scheduling policy of the calling thread.

@@ -79,6 +79,10 @@ pub struct Header {
     latch: AtomicU32,
     /// Number of times that `resume` released the latches.
     resumes: AtomicU32,
+    /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
+    pub launcher_alive_ns: AtomicU64,
+    /// Time at which the guard last looked after the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
+    pub guard_alive_ns: AtomicU64,
 }
 
 impl Header {
@@ -162,7 +166,7 @@ pub struct Misses {
 impl Misses {
     /// Missed steps of all causes.
     pub fn missed(&self) -> u64 {
-        self.late_wake + self.long_step + self.stolen + self.late_input
+        [self.long_step, self.stolen, self.late_input].into_iter().fold(self.late_wake, u64::saturating_add)
     }
 }
 
@@ -196,11 +200,13 @@ pub struct ComponentBlock {
     pub tick_done: AtomicU32,
     /// Lockstep: simulated time of the given tick, ns. Written by the launcher.
     pub tick_time_ns: AtomicU64,
+    /// Steps begun, through restarts: one more than `steps` while it steps.
+    pub begun: AtomicU64,
     /// Steps done, through restarts.
     pub steps: AtomicU64,
     /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
-    /// Start of the last step, on the run's clock, ns.
+    /// Start of the step that began last, on the run's clock, ns.
     pub last_step_ns: AtomicU64,
     late_wake: AtomicU64,
     long_step: AtomicU64,
@@ -403,6 +409,8 @@ mod tests {
             guard: AtomicU32::new(0),
             latch: AtomicU32::new(0),
             resumes: AtomicU32::new(0),
+            launcher_alive_ns: AtomicU64::new(0),
+            guard_alive_ns: AtomicU64::new(0),
         };
         for (order, expected) in [
             (Command::Connect, Command::Connect),

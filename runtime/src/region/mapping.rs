@@ -3,6 +3,7 @@
 #![allow(unsafe_code)] // the one place where mapped bytes become blocks
 
 use std::fs::OpenOptions;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
@@ -12,7 +13,7 @@ use super::{ComponentBlock, EdgeBlock, Header, LatencyBlock, TopicBlock};
 use crate::plan::Plan;
 
 /// First word of every control block; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_0003;
+const MAGIC: u64 = 0x6d6f_746f_7269_0004;
 
 /// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +37,7 @@ pub enum RegionError {
 }
 
 /// Numbers of blocks in a control block.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Counts {
     components: usize,
     topics: usize,
@@ -45,6 +46,15 @@ struct Counts {
 }
 
 impl Counts {
+    fn of(plan: &Plan) -> Self {
+        Self {
+            components: plan.components.len(),
+            topics: plan.topics.len(),
+            latencies: plan.latencies.len(),
+            edges: plan.edges().len(),
+        }
+    }
+
     fn bytes(self) -> usize {
         self.edges_at() + self.edges * size_of::<EdgeBlock>()
     }
@@ -70,19 +80,25 @@ pub struct Region {
 }
 
 impl Region {
+    /// The size of the control block of a plan, bytes.
+    pub fn bytes(plan: &Plan) -> usize {
+        Counts::of(plan).bytes()
+    }
+
+    /// Whether it has the blocks of this plan. One whose words were damaged may not.
+    pub fn fits(&self, plan: &Plan) -> bool {
+        self.counts == Counts::of(plan)
+    }
+
     /// Makes the control block of a run.
     ///
     /// # Errors
     /// The file cannot be made: no space, no permission, or it exists.
     pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
-        let counts = Counts {
-            components: plan.components.len(),
-            topics: plan.topics.len(),
-            latencies: plan.latencies.len(),
-            edges: plan.edges().len(),
-        };
+        let counts = Counts::of(plan);
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
+        let file =
+            OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path).map_err(io)?;
         let size = counts.bytes();
         // Reserve the memory now: a sparse file on a full file system would kill a writer with SIGBUS later.
         rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, size as u64)

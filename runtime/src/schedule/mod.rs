@@ -23,6 +23,7 @@
 mod admission;
 mod analysis;
 mod explain;
+mod neighbours;
 mod timeline;
 
 #[cfg(test)]
@@ -34,6 +35,7 @@ pub use admission::{
 pub use analysis::assign;
 pub use analysis::overheads::{Overheads, RtLimit};
 pub use analysis::tasks::{Place, Release, Reservation, Stage, StaticPlan, Step, Task};
+pub use neighbours::beside;
 pub use timeline::{CoreTimeline, Lane, Segment, Timeline, timeline};
 
 use crate::plan::{ClockKind, Plan};

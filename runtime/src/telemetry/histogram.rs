@@ -97,11 +97,13 @@ impl Histogram {
 
     /// The smallest bucket bound that at least this share of all values does not exceed, ns.
     pub fn quantile(&self, share: f64) -> u64 {
-        let total: u64 = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).sum();
+        // Saturating: the words are shared memory, where damage must not end who looks at it.
+        let total =
+            self.buckets.iter().fold(0_u64, |total, bucket| total.saturating_add(bucket.load(Relaxed)));
         let wanted = (share * total as f64).ceil() as u64;
-        let mut seen = 0;
+        let mut seen = 0_u64;
         for (i, bucket) in self.buckets.iter().enumerate() {
-            seen += bucket.load(Relaxed);
+            seen = seen.saturating_add(bucket.load(Relaxed));
             if seen >= wanted && seen > 0 {
                 return upper_bound(i).min(self.max.load(Relaxed));
             }

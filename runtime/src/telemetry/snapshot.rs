@@ -14,7 +14,7 @@ pub struct Snapshot {
 impl Snapshot {
     /// Number of values: exactly what the buckets hold together.
     pub fn count(&self) -> u64 {
-        self.buckets.iter().map(|(_, count)| count).sum()
+        self.buckets.iter().fold(0, |total, (_, count)| total.saturating_add(*count))
     }
 
     /// Sum of all values, ns.
@@ -40,9 +40,9 @@ impl Snapshot {
     /// The smallest bucket bound that at least this share of all values does not exceed, ns.
     pub fn quantile(&self, share: f64) -> u64 {
         let wanted = (share * self.count() as f64).ceil() as u64;
-        let mut seen = 0;
+        let mut seen = 0_u64;
         let reached = self.buckets.iter().find(|(_, count)| {
-            seen += count;
+            seen = seen.saturating_add(*count);
             seen >= wanted
         });
         reached.map_or(0, |(bound, _)| (*bound).min(self.max))

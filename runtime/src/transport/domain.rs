@@ -1,12 +1,27 @@
 //! One iceoryx2 domain per run, in the run's own folder.
 
+#![allow(unsafe_code)] // iceoryx2's counter of nodes is made before iceoryx2 makes it for all users
+
 use std::path::{Path, PathBuf};
 
 use iceoryx2::config::Config;
-use iceoryx2::node::{Node, NodeBuilder};
-use iceoryx2::prelude::{FileName, Path as IoxPath, SemanticString, SignalHandlingMode};
+use iceoryx2::node::{Node, NodeBuilder, NodeState};
+use iceoryx2::prelude::{CallbackProgression, FileName, Path as IoxPath, SemanticString, SignalHandlingMode};
+use iceoryx2::service::Service;
+use iceoryx2_bb_elementary::package_version::PackageVersion;
+use iceoryx2_cal::dynamic_storage::{DynamicStorage, DynamicStorageBuilder as _};
+use iceoryx2_cal::named_concept::{
+    NamedConceptBuilder as _, NamedConceptConfiguration as _, NamedConceptMgmt,
+};
 
 use super::Shared;
+use crate::os::with_shortage;
+
+/// The folder of all shared memory objects.
+pub const SHARED_MEMORY: &str = "/dev/shm";
+
+/// The type of iceoryx2's counter of nodes, of which it computes the name of the object.
+const COUNTER_TYPE: &str = "iceoryx2::node::global_management_segment::State";
 
 /// The domain of one run. Two domains never see each other.
 #[derive(Debug, Clone)]
@@ -52,6 +67,43 @@ impl Domain {
         Ok(Self { config, root, prefix })
     }
 
+    /// Makes the counter of nodes, readable and writable by its owner alone. iceoryx2 opens what it finds, and would else
+    /// make one that any user of the machine can write, and so keep every process from joining.
+    ///
+    /// # Errors
+    /// Shared memory is full or forbidden.
+    pub(crate) fn prepare(&self) -> Result<(), DomainError> {
+        type Counter = <Shared as Service>::PersistentDynamicStorage<u32>;
+        let refuse =
+            |reason| DomainError::Node { root: self.root.clone(), reason: with_shortage(reason, &self.root) };
+        let global = &self.config.global;
+        let version = PackageVersion::get();
+        let suffix = format!(
+            ".{}_{}_{}{}",
+            version.major(),
+            version.minor(),
+            version.patch(),
+            global.node.global_mgmt_suffix
+        );
+        let file = |text: &str| FileName::new(text.as_bytes()).map_err(|error| refuse(format!("{error:?}")));
+        let mut config = <Counter as NamedConceptMgmt>::Configuration::default()
+            .prefix(&global.prefix)
+            .suffix(&file(&suffix)?)
+            .path_hint(global.root_path());
+        // SAFETY: iceoryx2's own type is a structure of one 32-bit counter, laid out as this number.
+        unsafe { Counter::__internal_set_type_name_in_config(&mut config, COUNTER_TYPE) };
+        <Counter as DynamicStorage<u32>>::Builder::new(&file("node")?)
+            .config(&config)
+            .has_ownership(false)
+            .initializer(|counter, _| {
+                counter.write(0);
+                true
+            })
+            .create()
+            .map(drop)
+            .map_err(|error| refuse(format!("{error:?}")))
+    }
+
     /// A node of this process in the domain. Signals stay the program's own business.
     ///
     /// # Errors
@@ -61,23 +113,66 @@ impl Domain {
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Shared>()
-            .map_err(|error| DomainError::Node { root: self.root.clone(), reason: error.to_string() })
+            .map_err(|error| DomainError::Node {
+                root: self.root.clone(),
+                reason: with_shortage(error.to_string(), &self.root),
+            })
+    }
+
+    /// Whether processes that have ended still hold places in the topics and parameters. Looks at files and their locks
+    /// alone, not at the words of iceoryx2 in shared memory.
+    pub fn has_dead(&self) -> bool {
+        let mut found = false;
+        // What cannot be listed now is listed next time.
+        let _ = Node::<Shared>::list(&self.config, |state| {
+            found |= matches!(state, NodeState::Dead(_));
+            if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
+        });
+        found
+    }
+
+    /// Frees the places of processes that have ended. It walks through words in shared memory that others have written: if
+    /// these were damaged, this process may crash.
+    pub fn clean(&self) {
+        let _ = Node::<Shared>::list(&self.config, |state| {
+            if let NodeState::Dead(dead) = state {
+                // One that cannot be removed now is found again.
+                let _ = dead.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        });
+    }
+
+    /// The object that keeps shared memory free for restarts.
+    pub(crate) fn spare_file(&self) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
     /// Removes all that is left of the domain, once nobody uses it any more. Returns what was removed.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
-        for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&self.prefix)
-                && std::fs::remove_file(entry.path()).is_ok()
-            {
-                removed.push(entry.path());
+        // The lock goes last: objects without one belong to nobody.
+        for path in self.objects().filter(|path| *path != self.lock_file()).chain([self.lock_file()]) {
+            if std::fs::remove_file(&path).is_ok() {
+                removed.push(path);
             }
         }
         if std::fs::remove_dir_all(&self.root).is_ok() {
             removed.push(self.root.clone());
         }
         removed
+    }
+
+    /// The shared memory objects of the domain.
+    pub fn objects(&self) -> impl Iterator<Item = PathBuf> + '_ {
+        let entries = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+        let ours = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with(&self.prefix);
+        entries.filter(move |entry| ours(&entry.file_name())).map(|entry| entry.path())
+    }
+
+    /// The file whose lock tells that the domain's shared memory objects are in use.
+    pub fn lock_file(&self) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("{}lock", self.prefix))
     }
 
     /// What begins the names of the domain's shared memory objects.

@@ -27,7 +27,7 @@ mod trigger;
 
 pub use context::Context;
 pub(crate) use context::Signals;
-pub use domain::{Domain, DomainError};
+pub use domain::{Domain, DomainError, SHARED_MEMORY};
 pub(crate) use input::InputPlace;
 pub use input::{Input, Reading};
 pub(crate) use latest::TopicMemory;

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::service::port_factory::blackboard;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
 use super::topic::{refused, service_name};
 use super::{Domain, PortError, Shared};
@@ -85,7 +86,7 @@ impl<T: AnyParameter> Parameter<T> {
 /// A blackboard of one component's parameters, held by the launcher.
 #[derive(Debug)]
 pub(crate) struct ParameterService {
-    _service: blackboard::PortFactory<Shared, u64>,
+    service: blackboard::PortFactory<Shared, u64>,
 }
 
 impl ParameterService {
@@ -104,7 +105,14 @@ impl ParameterService {
             builder = builder.add(key as u64, RawValue::of(parameter.initial));
         }
         let service = builder.create().map_err(|error| refused(name, "creating its parameters")(&error))?;
-        Ok(Some(Self { _service: service }))
+        Ok(Some(Self { service }))
+    }
+}
+
+impl ParameterService {
+    /// Lets go of the blackboard without a look at what iceoryx2 keeps in shared memory: its words may have been damaged.
+    pub(crate) fn abandon(self) {
+        self.service.abandon();
     }
 }
 

@@ -58,8 +58,7 @@ impl Tap {
         let source = match topic.pattern {
             TopicPattern::State => {
                 let memory = TopicMemory::open(&node, topic)?;
-                let full =
-                    &"its four places for those who look on are taken; is another `topic echo` running?";
+                let full = &"its four places for those who look on are taken by programs that run";
                 Source::State(Box::new(
                     latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?,
                 ))

@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
 
+use std::path::Path;
 use std::rc::Rc;
 
 use iceoryx2::node::Node;
@@ -9,10 +10,12 @@ use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier, ServiceName};
 use iceoryx2::service::marker::CustomPayloadMarker;
 use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
 use super::latest::{SIDE_PINS, TopicMemory};
-use super::{Context, Shared, Trigger};
+use super::{Context, SHARED_MEMORY, Shared, Trigger};
 use crate::declare::TopicPattern;
+use crate::os::with_shortage;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 
@@ -62,7 +65,10 @@ pub(super) fn refused(
     action: &'static str,
 ) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {
     let topic = topic.to_string();
-    move |reason| PortError::Refused { topic: topic.clone(), action, reason: reason.to_string() }
+    move |reason| {
+        let reason = with_shortage(reason.to_string(), Path::new(SHARED_MEMORY));
+        PortError::Refused { topic: topic.clone(), action, reason }
+    }
 }
 
 pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortError> {
@@ -73,7 +79,7 @@ pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortEr
 /// The services of one topic, held by the launcher so that they outlive every component.
 #[derive(Debug)]
 pub(crate) struct TopicService {
-    _samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
+    samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
     memory: Rc<TopicMemory>,
     wakes: bool,
 }
@@ -105,14 +111,20 @@ impl TopicService {
             .subscriber_max_borrowed_samples(2)
             .history_size(1)
             .enable_safe_overflow(true)
-            // one spare: a killed publisher holds its place until it is cleaned up
-            .max_publishers(2)
+            // spare ones: a killed publisher holds its place until it is cleaned up
+            .max_publishers(4)
             .max_subscribers(2 * parties)
             .max_nodes(2 * parties + 4)
             .create_with_attributes(&attributes)
             .map_err(|error| refused(name, "creating")(&error))?;
         let memory = Rc::new(TopicMemory::create(node, topic)?);
-        Ok(Self { _samples: samples, memory, wakes: !topic.triggers.is_empty() })
+        Ok(Self { samples, memory, wakes: !topic.triggers.is_empty() })
+    }
+
+    /// Lets go of the topic without a look at what iceoryx2 keeps in shared memory: its words may have been damaged. All of
+    /// it is removed with the domain.
+    pub(crate) fn abandon(self) {
+        self.samples.abandon();
     }
 
     /// The topic, if components wait for it: to interrupt them, so that they look at the run's command.

@@ -35,15 +35,15 @@ impl Trigger {
 
     /// Waits for the topic to be published, for a command of the launcher, or for a signal.
     pub fn wait(&self) {
-        self.wait_or_sleep();
+        self.wait_until(None);
     }
 
-    /// As [`wait`](Self::wait); whether it went to sleep.
-    pub(crate) fn wait_or_sleep(&self) -> bool {
+    /// As [`wait`](Self::wait), at most until the clock reaches `until_ns`; whether it went to sleep.
+    pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();
         let sleeps = self.memory.newest() == seen && !self.poll(seen);
         if sleeps {
-            self.memory.sleep(seen);
+            self.memory.sleep(seen, until_ns);
         }
         self.seen.set(self.memory.newest());
         sleeps

@@ -8,15 +8,17 @@ mod failure;
 mod grid;
 mod lockstep;
 mod margin;
+mod output;
 mod protocol;
 mod realtime;
 mod registry;
+mod rest;
 mod stepper;
 mod verdict;
 mod watcher;
 
 pub use failure::Failure;
-pub use protocol::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
+pub use protocol::{CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
 pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
 
 use std::rc::Rc;
@@ -25,7 +27,7 @@ use std::time::Duration;
 
 use crate::component::{Component, Setup};
 use crate::os::{self, Request};
-use crate::plan::{Activation, ClockKind, OnDenied, Plan};
+use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::transport::Context;
@@ -58,6 +60,12 @@ impl Worker {
     pub fn open(folder: RunFolder, component: &str) -> Result<Self, String> {
         let plan = folder.plan().map_err(|error| error.to_string())?;
         let region = folder.region().map_err(|error| error.to_string())?;
+        if !region.fits(&plan) {
+            return Err(format!(
+                "the control block of {} is not that of its plan: it was damaged",
+                folder.id()
+            ));
+        }
         let index = plan
             .components
             .iter()
@@ -116,10 +124,11 @@ fn live<C: Component>(
     } else {
         None
     };
-    let denied = apply_realtime(plan, index, region, own_process);
-    if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
-        let list: Vec<_> = denied.iter().map(ToString::to_string).collect();
-        return Err(at_setup(format!("denied by the system: {}", list.join(", "))));
+    let realtime = plan.clock == ClockKind::Realtime && own_process;
+    if realtime {
+        stand_aside(plan, component);
+    } else {
+        apply_realtime(plan, index, region, false);
     }
 
     let config = serde_json::from_value(component.config.clone())
@@ -139,6 +148,13 @@ fn live<C: Component>(
         port.connect().map_err(|error| at_setup(format!("connecting its ports: {error}")))?;
     }
     drop(ports);
+    if realtime {
+        let denied = apply_realtime(plan, index, region, true);
+        if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
+            let list: Vec<_> = denied.iter().map(ToString::to_string).collect();
+            return Err(at_setup(format!("denied by the system: {}", list.join(", "))));
+        }
+    }
     os::prefault_stack();
     block.enter(Phase::Connected);
     if await_command(&context, |command| command != Command::Configure && command != Command::Connect) {
@@ -147,7 +163,9 @@ fn live<C: Component>(
         match (plan.clock, &component.activation, trigger) {
             (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper)?,
             (ClockKind::Realtime, Activation::Triggered { .. }, Some(trigger)) => {
-                realtime::run_triggered(&mut stepper, &trigger)?;
+                let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
+                let rest = rest::Rest::new(component);
+                realtime::run_triggered(&mut stepper, &trigger, longest_wait, rest)?;
             }
             (ClockKind::Realtime, Activation::Periodic { period_ns, phase_ns }, _) => {
                 realtime::run_periodic(
@@ -155,6 +173,7 @@ fn live<C: Component>(
                     *period_ns,
                     *phase_ns,
                     margin::Margin::new(component.spin),
+                    rest::Rest::new(component),
                 )?;
             }
             (ClockKind::Realtime, Activation::Triggered { .. }, None) => {
@@ -162,7 +181,21 @@ fn live<C: Component>(
             }
         }
     }
+    // Saving a result is no step. An actuator keeps its priority: stopping a drive must not wait for others.
+    if realtime && !component.actuator {
+        os::leave_realtime();
+    }
     stepper.finish(folder)
+}
+
+/// Keeps a component that is being configured off the real-time cores, at normal priority: one that is restarted must not
+/// hold up those that step.
+fn stand_aside(plan: &Plan, component: &ComponentPlan) {
+    let class = crate::plan::SchedulingClass::Normal;
+    let lock_memory = component.class != class;
+    let cores = plan.scheduling.shared_cores.clone();
+    // What is denied here is denied again, and reported, before the first step.
+    let _ = os::apply(&Request { class, cores, lock_memory });
 }
 
 /// Waits for the launcher's command; false if the run ends instead.
@@ -180,6 +213,7 @@ fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
     }
 }
 
+/// Asks for the class, the core and the locked memory of a component, and notes what holds.
 fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool) -> Vec<os::Denied> {
     let component = &plan.components[index];
     let block = &region.components()[index];
@@ -190,7 +224,12 @@ fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool)
     let realtime = plan.clock == ClockKind::Realtime && own_process;
     let class = if realtime { component.class } else { crate::plan::SchedulingClass::Normal };
     let lock_memory = class != crate::plan::SchedulingClass::Normal;
-    let (applied, denied) = os::apply(&Request { class, cores, lock_memory });
+    let (applied, mut denied) = os::apply(&Request { class, cores, lock_memory });
+    if let Some(limit_ns) = component.liveness.cpu_limit_ns.filter(|_| applied.fifo_priority > 0)
+        && let Err(error) = os::limit_cpu(limit_ns)
+    {
+        denied.push(os::Denied::CpuLimit(error.to_string()));
+    }
     block.fifo_priority.store(u32::from(applied.fifo_priority), Relaxed);
     block.deadline.store(u32::from(applied.deadline), Relaxed);
     block.cores.store(applied.cores.iter().filter(|c| **c < 32).fold(0, |mask, c| mask | 1 << c), Relaxed);

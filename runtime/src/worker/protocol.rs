@@ -12,6 +12,9 @@ pub const WORKER: &str = "motorium-worker";
 /// First argument of a program that is to guard a run: followed by the run's folder.
 pub const GUARD: &str = "motorium-guard";
 
+/// First argument of a program that is to free the places of a run's dead processes: followed by the run's folder.
+pub const CLEANER: &str = "motorium-cleaner";
+
 /// The request to a program to describe its component: JSON on standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::Failure;
 use super::grid::Grid;
 use super::margin::Margin;
+use super::rest::Rest;
 use super::stepper::{Stepper, Timing};
 use crate::component::Component;
 use crate::os::{monotonic_ns, sleep_until, yield_core};
@@ -21,6 +22,7 @@ pub(super) fn run_periodic<C: Component>(
     period_ns: u64,
     phase_ns: u64,
     mut margin: Margin,
+    mut rest: Rest,
 ) -> Result<(), Failure> {
     let origin = stepper.context().clock().start_ns() + phase_ns;
     // A component that joins late starts at a release in the future.
@@ -28,7 +30,8 @@ pub(super) fn run_periodic<C: Component>(
     let mut last_end = 0;
     stepper.open_accounts();
     loop {
-        let Some(wake_ns) = wait_until(stepper, grid.release_ns(), &mut margin) else { return Ok(()) };
+        let wake_ns = wait_until(stepper, grid.release_ns(), &mut margin, &mut rest);
+        let Some(wake_ns) = wake_ns else { return Ok(()) };
         let (release_ns, deadline_ns) = (grid.release_ns(), grid.deadline_ns());
         let timing = Timing { release_ns, wake_ns, deadline_ns, behind: last_end > release_ns };
         let end = stepper.step(timing)?;
@@ -42,7 +45,12 @@ pub(super) fn run_periodic<C: Component>(
 }
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
-fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &mut Margin) -> Option<u64> {
+fn wait_until<C: Component>(
+    stepper: &mut Stepper<C>,
+    release_ns: u64,
+    margin: &mut Margin,
+    rest: &mut Rest,
+) -> Option<u64> {
     // Under SCHED_DEADLINE a yield gives away the rest of the period, and those it has woken come after it anyway.
     let mut let_others_run = stepper.context().block().deadline.load(Relaxed) != 0;
     let mut spinning: Option<(u64, u64)> = None;
@@ -57,6 +65,12 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
             }
             *last = now;
         }
+        if rest.is_due(now) {
+            rest.take();
+            stepper.slept();
+            spinning = None;
+            continue;
+        }
         if now >= release_ns && let_others_run {
             stepper.spun(margin.ns(), spinning.map_or(0, |(began, _)| now - began));
             return Some(now);
@@ -66,6 +80,7 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
             sleep_until(sleep_to);
             stepper.slept();
             let woken = monotonic_ns();
+            rest.slept(woken);
             if woken >= sleep_to {
                 margin.woke(woken - sleep_to);
             }
@@ -82,27 +97,46 @@ fn wait_until<C: Component>(stepper: &mut Stepper<C>, release_ns: u64, margin: &
     }
 }
 
-/// Steps whenever a topic is published, until the run ends.
+/// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as for an actuator, a step begins after
+/// that time also if nothing was published, and at once when the run is stopping.
 pub(super) fn run_triggered<C: Component>(
     stepper: &mut Stepper<C>,
     trigger: &Trigger,
+    longest_wait_ns: Option<u64>,
+    mut rest: Rest,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
+    if stepper.context().incarnation() > 0 {
+        // What was published while it started again is not what it lost.
+        trigger.is_due();
+    }
     let mut seen = trigger.first_seen();
     let mut last_end = 0;
+    let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
     stepper.open_accounts();
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
-        if trigger.wait_or_sleep() {
+        let slept = trigger.wait_until(until_ns);
+        let mut wake_ns = monotonic_ns();
+        if slept {
             stepper.slept();
+            rest.slept(wake_ns);
+        } else if rest.is_due(wake_ns) {
+            rest.take();
+            stepper.slept();
+            wake_ns = monotonic_ns();
         }
-        let wake_ns = monotonic_ns();
         if stepper.context().must_leave() {
             return Ok(());
         }
-        let (published, release_ns) = trigger.newest();
+        let (published, mut release_ns) = trigger.newest();
         if published == seen {
-            continue;
+            let overdue = until_ns.is_some_and(|until| wake_ns >= until);
+            if !overdue && (until_ns.is_none() || !stepper.context().must_turn_safe()) {
+                continue;
+            }
+            // Without news the step is due now: its command has grown stale, or the run is stopping.
+            release_ns = wake_ns;
         }
         // Publications that came while the last step still ran are one wake-up; the newest sample is the one read.
         let skipped = published.saturating_sub(seen).saturating_sub(1);
@@ -114,6 +148,7 @@ pub(super) fn run_triggered<C: Component>(
         let timing = Timing { release_ns, wake_ns, deadline_ns: release_ns + period_ns, behind };
         let end = stepper.step(timing)?;
         last_end = end;
+        until_ns = longest_wait_ns.map(|longest| wake_ns + longest);
         stepper.account(timing, end);
     }
 }

@@ -60,7 +60,10 @@ impl<C: Component> Stepper<C> {
         plan: &ComponentPlan,
     ) -> Self {
         let period = Duration::from_nanos(plan.period_ns());
-        context.block().counts_allocations.store(u32::from(counts_allocations()), Relaxed);
+        let block = context.block();
+        block.counts_allocations.store(u32::from(counts_allocations()), Relaxed);
+        // A predecessor may have died within a step.
+        block.begun.store(block.steps.load(Relaxed), Relaxed);
         let accounts = Accounts::new(plan);
         Self {
             component,
@@ -100,6 +103,12 @@ impl<C: Component> Stepper<C> {
             self.faults_before = os::page_faults();
         }
         context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
+        // What the watchdog reads: a step has begun.
+        block.last_step_ns.store(timing.wake_ns, Relaxed);
+        block.begun.store(steps + 1, Relaxed);
+        if steps == 0 {
+            block.first_step_ns.store(timing.wake_ns, Relaxed);
+        }
         let before = allocations();
         self.parameters.refresh();
         let component = &mut self.component;
@@ -114,10 +123,6 @@ impl<C: Component> Stepper<C> {
 
         self.own_steps += 1;
         block.steps.store(steps + 1, Relaxed);
-        if steps == 0 {
-            block.first_step_ns.store(timing.wake_ns, Relaxed);
-        }
-        block.last_step_ns.store(timing.wake_ns, Relaxed);
         if self.own_steps > WARM_UP {
             self.count_allocations(before, after);
         }

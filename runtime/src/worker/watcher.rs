@@ -1,4 +1,5 @@
-//! The watcher thread of a component's process: it receives signals and notices the death of the launcher.
+//! The watcher thread of a component's process: it receives signals, notices the death of the launcher, and makes room
+//! for output that nobody reads.
 
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
@@ -7,20 +8,26 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use rustix::event::{PollFd, PollFlags, poll};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR2};
 
+use super::output::Output;
 use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
 use crate::transport::{Context, Signals};
+
+/// Time between two looks at the room that is left for output.
+const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
 
 /// Starts the watcher of the calling (stepping) thread. It runs at normal priority on any core.
 pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     let signals = context.signals().clone();
     let launcher = Watch::new(context.region().header().launcher.load(Relaxed))?;
-    // Ctrl-C reaches every process of the terminal, but only the launcher decides what it means.
+    // Ctrl-C reaches every process of the terminal, but only the launcher decides what it means. Ctrl-Z must not stop a
+    // process that moves a robot.
     let ignored = Arc::new(std::sync::atomic::AtomicBool::new(false));
-    signal_hook::flag::register(SIGINT, ignored.clone())?;
-    signal_hook::flag::register(SIGHUP, ignored)?;
+    for signal in [SIGINT, SIGHUP, SIGTSTP, SIGTTIN, SIGTTOU] {
+        signal_hook::flag::register(signal, ignored.clone())?;
+    }
     let (mut commands, sender) = UnixStream::pair()?;
     commands.set_nonblocking(true)?;
     signal_hook::low_level::pipe::register(SIGUSR2, sender.try_clone()?)?;
@@ -28,6 +35,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     signal_hook::flag::register(SIGTERM, signals.terminated())?;
     signal_hook::low_level::pipe::register(SIGTERM, sender)?;
     let stepping = thread_id();
+    let mut output = Output::open();
     std::thread::Builder::new().name("watcher".to_string()).spawn(move || {
         let mut launcher_alive = true;
         loop {
@@ -36,13 +44,26 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
             if !launcher_alive {
                 polled.truncate(1);
             }
-            if poll(&mut polled, None).is_err() {
-                continue;
+            let timeout = launcher_alive.then_some(&LOOK);
+            match poll(&mut polled, timeout) {
+                Ok(0) => {
+                    output.relieve();
+                    let dropped = output.take_dropped();
+                    if dropped > 0 {
+                        eprintln!("({dropped} bytes of output were dropped: nobody read them)");
+                    }
+                    continue;
+                }
+                Ok(_) => {}
+                Err(_) => continue,
             }
             if launcher_alive && polled[1].revents().contains(PollFlags::IN) {
                 launcher_alive = false;
+                // First: a step that prints from now on must not wait for a reader.
+                output.close();
                 signals.launcher_died(monotonic_ns());
             }
+            signals.note_termination(monotonic_ns());
             let mut drain = [0; 64];
             while matches!(commands.read(&mut drain), Ok(n) if n > 0) {}
             tell(&signals, stepping);

@@ -3,6 +3,7 @@
 mod files;
 mod keys;
 mod kinds;
+mod limits;
 mod mutations;
 mod overrides;
 mod programs;

@@ -29,6 +29,14 @@ enum Fault {
     ConfigurePanic,
     /// The step allocates.
     Allocate,
+    /// The step sleeps for ever.
+    Hang,
+    /// The step computes for ever.
+    Loop,
+    /// The step publishes nothing.
+    Mute,
+    /// The step prints a line.
+    Print,
 }
 
 /// Which fault, and when.
@@ -43,11 +51,15 @@ struct FaultyConfig {
     /// Only in the first process, not after a restart.
     #[serde(default)]
     once: bool,
+    /// Declares itself an actuator.
+    #[serde(default)]
+    actuator: bool,
 }
 
 struct Faulty {
     input: Input<JointState>,
     output: Output<JointState>,
+    stream: Output<JointState>,
     config: FaultyConfig,
     restarted: bool,
     steps: u64,
@@ -58,9 +70,13 @@ impl Component for Faulty {
     const SUMMARY: &'static str = "passes a joint state through until it goes wrong";
     type Config = FaultyConfig;
 
-    fn declare(_: &FaultyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(config: &FaultyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointState>("input", "joint state");
         declare.output::<JointState>("output", "the same joint state");
+        if config.actuator {
+            declare.actuator();
+        }
+        declare.stream_output::<JointState>("stream", 4, "the same joint state, each value of it");
         declare.float("gain", 1.0, 0.0..=10.0, "", "factor on the positions");
         Ok(())
     }
@@ -74,12 +90,16 @@ impl Component for Faulty {
         let restarted = setup.checkpoint(1)?.resume().is_some();
         setup.checkpoint(1)?.save([1.0]);
         let (input, output) = (setup.input("input")?, setup.output("output")?);
-        Ok(Self { input, output, config, restarted, steps: 0 })
+        let stream = setup.output("stream")?;
+        Ok(Self { input, output, stream, config, restarted, steps: 0 })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         self.steps += 1;
         let Some(state) = self.input.latest() else { return Ok(()) };
+        let mut value = self.stream.loan()?;
+        *value = *state;
+        value.publish()?;
         let mut output = self.output.loan()?;
         *output = *state;
         let due = tick.index >= self.config.at && !(self.config.once && self.restarted);
@@ -97,6 +117,16 @@ impl Component for Faulty {
                     }
                 }
                 Fault::Allocate => drop(core::hint::black_box(vec![tick.index])),
+                Fault::Hang => loop {
+                    std::thread::sleep(std::time::Duration::from_secs(1));
+                },
+                Fault::Loop => loop {
+                    core::hint::spin_loop();
+                },
+                Fault::Mute => return Ok(()),
+                Fault::Print => {
+                    println!("step {} of one that prints, which is a line of some length", tick.index)
+                }
                 Fault::None | Fault::Configure | Fault::ConfigurePanic => {}
             }
         }

@@ -6,15 +6,15 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{self, Event, Exit, Hosting, Options};
-use motorium::plan::ClockKind;
+use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{self, RtLimit};
 
 use super::check::problems;
 use super::loading::GraphArgs;
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
-use crate::screen::{Plain, Screen};
-use crate::{exit, overheads, registry, report, style};
+use crate::printer::Printer;
+use crate::{exit, overheads, registry, report, runs, style};
 
 /// Launch a graph: every component as its own process.
 ///
@@ -32,7 +32,7 @@ pub(crate) struct Run {
     /// Host all components in this process instead of one each
     #[arg(long)]
     in_process: bool,
-    /// Run even if the budgets of the graph cannot hold
+    /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
     /// Print the report as JSON on standard output
@@ -80,6 +80,9 @@ impl Run {
             }
             errln!("started all the same (`--force`)");
         }
+        if let Some(code) = self.beside_others(&checked.plan) {
+            return Ok(code);
+        }
         let mut metrics = self.metrics.map(Server::bind).transpose()?;
         if let Some(server) = &metrics {
             errln!("metrics at {}", server.url());
@@ -99,30 +102,50 @@ impl Run {
         let lockstep = plan.clock == ClockKind::Lockstep;
         let live =
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
-        let report = if live {
-            let mut screen = Screen::new(&plan)?;
-            launcher::run(plan, &registry, &options, &mut |event| {
-                serve(&event);
-                screen.show(&event);
-            })?
-        } else {
-            let mut plain = Plain::new(self.json);
-            launcher::run(plan, &registry, &options, &mut |event| {
-                serve(&event);
-                plain.show(&event);
-            })?
-        };
+        let mut printer = if live { Printer::screen(&plan)? } else { Printer::plain(self.json)? };
+        let ran = launcher::run(plan, &registry, &options, &mut |event| {
+            serve(&event);
+            printer.show(&event);
+        });
+        // What went wrong comes after the last lines.
+        printer.finish();
+        let report = ran?;
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {
             out!("{}", report::summary(&report));
         }
         Ok(match &report.exit {
-            Exit::Finished | Exit::Interrupted => ExitCode::SUCCESS,
+            Exit::Finished | Exit::Interrupted if report.warnings.is_empty() => ExitCode::SUCCESS,
+            Exit::Finished | Exit::Interrupted => exit::incomplete(),
             Exit::SafeStop { reason } => {
                 errln!("{}: safe stop: {reason}", style::error("error"));
                 exit::safe_stop()
             }
         })
+    }
+
+    /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to be started.
+    fn beside_others(&self, plan: &Plan) -> Option<ExitCode> {
+        let others = runs::living();
+        let others: Vec<_> =
+            others.into_iter().filter(|(_, other)| other.clock == ClockKind::Realtime).collect();
+        if plan.clock != ClockKind::Realtime || others.is_empty() {
+            return None;
+        }
+        let together = schedule::beside(plan, &others);
+        let admission = schedule::admit(&together, &overheads::known().overheads, RtLimit::detect());
+        if !admission.refuses() {
+            return None;
+        }
+        err!("{}", problems(&admission));
+        let names: Vec<String> = others.iter().map(|(run, _)| format!("`{run}`")).collect();
+        errln!("the graph does not hold its times beside what runs already: {}", names.join(", "));
+        if self.force {
+            errln!("started all the same (`--force`)");
+            return None;
+        }
+        errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
+        Some(exit::FAILED)
     }
 }

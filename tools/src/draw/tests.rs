@@ -50,6 +50,7 @@ fn component(
         actuator,
         seed: 0,
         on_overrun: OnOverrun::Skip,
+        liveness: Default::default(),
         overruns_tolerated: None,
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,

@@ -17,6 +17,8 @@ pub(crate) struct Sample {
     pub(crate) taken_ns: u64,
     /// Time since the start on the run's clock, ns; 0 before it.
     pub(crate) elapsed_ns: u64,
+    /// The same moment on the clock of the run's stamps, ns.
+    pub(crate) now_ns: u64,
     /// Last command of the launcher.
     pub(crate) command: Command,
     /// In the order of the graph.
@@ -39,6 +41,7 @@ pub(crate) struct ComponentSample {
     /// Of an actuator.
     pub(crate) gate: Option<GateReport>,
     pub(crate) pid: u32,
+    pub(crate) begun: u64,
     pub(crate) steps: u64,
     pub(crate) first_step_ns: u64,
     pub(crate) last_step_ns: u64,
@@ -83,6 +86,7 @@ impl Sample {
         let started = region.header().start_ns.load(Relaxed) > 0;
         Self {
             taken_ns: monotonic_ns(),
+            now_ns: run.now_ns(),
             elapsed_ns: if started { run.now_ns().saturating_sub(start) } else { 0 },
             command: region.header().command(),
             components: region.components().iter().map(ComponentSample::of).collect(),
@@ -113,6 +117,7 @@ impl ComponentSample {
             safe: block.safe.load(Relaxed) != 0,
             gate: block.gate.report(),
             pid,
+            begun: load(&block.begun),
             steps: load(&block.steps),
             first_step_ns: load(&block.first_step_ns),
             last_step_ns: load(&block.last_step_ns),

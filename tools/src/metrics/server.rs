@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
 use motorium::plan::Plan;
-use motorium::run_folder::{RunFolder, runs_folder};
+use motorium::run_folder::RunFolder;
 
 use super::Address;
 use super::exposition::{CONTENT_TYPE, Exposition};
@@ -52,7 +52,7 @@ impl Server {
 
     /// Serves the metrics of a run that this process has just made, until the process ends.
     pub(crate) fn serve_created(self, id: &str, plan: &Plan) -> anyhow::Result<()> {
-        let folder = RunFolder::open(&runs_folder().join(id));
+        let folder = RunFolder::find(id).ok_or_else(|| anyhow::anyhow!("the run {id} is over"))?;
         let region = folder.region()?;
         Ok(self.serve(LivingRun { folder, plan: plan.clone(), region })?)
     }

@@ -33,6 +33,32 @@ pub(crate) fn event_line(event: &Event<'_>) -> Option<String> {
         Event::Safe { after_ns } => {
             format!("all actuators in their safe state after {:.2} ms", *after_ns as f64 * 1e-6)
         }
+        Event::NotSafe { dead, late, safe } => {
+            let names =
+                |names: &[&str]| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+            let parts = [(dead, "dead"), (late, "not in its safe state"), (safe, "in its safe state")];
+            let parts: Vec<String> = parts
+                .iter()
+                .filter(|(those, _)| !those.is_empty())
+                .map(|(those, what)| format!("{} {what}", names(those)))
+                .collect();
+            format!(
+                "{} not all actuators are in their safe state: {}",
+                style::error("unsafe:"),
+                parts.join("; ")
+            )
+        }
+        Event::LosesSteps { component, share } => format!(
+            "{} `{component}` lost {:.1} % of its steps in the last second",
+            style::warning("warning:"),
+            100.0 * share
+        ),
+        Event::Waiting { component, tick, for_ns } => format!(
+            "{} `{component}` has been in tick {tick} for {:.1} s; simulated time stands still until it ends (Ctrl-C stops)",
+            style::warning("waiting:"),
+            *for_ns as f64 * 1e-9
+        ),
+        Event::Warning(what) => format!("{} {what}", style::warning("warning:")),
         Event::Status(_) => return None,
     };
     Some(line)

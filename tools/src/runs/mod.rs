@@ -30,6 +30,11 @@ impl RunArg {
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
         let folder = pick(self.run.as_deref())?;
         let (plan, region) = (folder.plan()?, folder.region()?);
+        anyhow::ensure!(
+            region.fits(&plan),
+            "the control block of run {} is not that of its plan: its shared memory was damaged",
+            folder.id()
+        );
         Ok(LivingRun { folder, plan, region })
     }
 }
@@ -47,6 +52,12 @@ pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     }
     let chosen = choose::choose(run, &candidates)?;
     Ok(folders.swap_remove(chosen))
+}
+
+/// The runs of this user that are alive at this moment: their ids and plans.
+pub(crate) fn living() -> Vec<(String, Plan)> {
+    let runs = RunFolder::list().into_iter().filter(RunFolder::is_alive);
+    runs.filter_map(|folder| Some((folder.id().to_string(), folder.plan().ok()?))).collect()
 }
 
 /// A run that goes on, opened for looking on.

@@ -95,10 +95,10 @@ fn default_tasks() -> Vec<TaskConfig> {
 
 fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
     let limits = &config.limits;
-    in_range("max_lead", config.max_lead, 1e-6..=f64::MAX)?;
+    in_range("max_lead", config.max_lead, 1e-6..=1e3)?;
     in_range("damping", config.damping, 1e-12..=1.0)?;
-    in_range("limits.position.rate", limits.position.rate, 1e-3..=f64::MAX)?;
-    in_range("limits.position.margin", limits.position.margin, 0.0..=f64::MAX)?;
+    in_range("limits.position.rate", limits.position.rate, 1e-3..=1e6)?;
+    in_range("limits.position.margin", limits.position.margin, 0.0..=1e3)?;
     in_range("limits.velocity.fraction", limits.velocity.fraction, 1e-6..=1.0)?;
     for component in config.gravity {
         in_range("gravity", component, -1000.0..=1000.0)?;

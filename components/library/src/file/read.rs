@@ -1,12 +1,15 @@
 //! Reading.
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
+use motorium_recordings::read_bounded;
 use nalgebra::DMatrix;
 
 use super::{HEAD, Head, MAGIC, VERSION, checksum};
 use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrary, SampledSpring};
+
+/// Longest file of a library, bytes.
+const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
 /// A file that is no library.
 #[derive(Debug, thiserror::Error)]
@@ -230,12 +233,12 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 /// The system refuses, or the file is invalid.
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
-    let mut file = std::fs::File::open(path).map_err(io)?;
-    let length = usize::try_from(file.metadata().map_err(io)?.len()).unwrap_or(usize::MAX);
+    let content = read_bounded(path, LONGEST).map_err(io)?;
     // words, so that the numbers in it are aligned
-    let mut words = vec![0_u64; length.div_ceil(8)];
-    let bytes = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..length];
-    file.read_exact(bytes).map_err(io)?;
+    let mut words = vec![0_u64; content.len().div_ceil(8)];
+    let bytes = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..content.len()];
+    bytes.copy_from_slice(&content);
+    drop(content);
     let at = |source: FileError| FileError::In { path: path.to_path_buf(), source: Box::new(source) };
     View::new(bytes).and_then(|view| view.to_library()).map_err(at)
 }

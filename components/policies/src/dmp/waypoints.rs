@@ -218,10 +218,24 @@ pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, Con
     Ok(Isometry3::from_parts(Translation3::from(position), turn))
 }
 
+/// Farthest goal along an axis, m: robots do not walk that far in one run.
+const FARTHEST: f64 = 1e5;
+
+/// A place that a robot may be led to.
+fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
+    match values.iter().find(|value| value.abs() > FARTHEST) {
+        Some(value) => {
+            Err(ConfigError::key(key, format!("{value} m, expected at most {FARTHEST} m along each axis"))
+                .advise("positions are written in metres"))
+        }
+        None => finite(values, key),
+    }
+}
+
 fn place(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
     match (goal.position, goal.offset) {
-        (Some(position), None) => Ok(Place::At(finite(position, key("position"))?)),
-        (None, Some(offset)) => Ok(Place::Beside(finite(offset, key("offset"))?)),
+        (Some(position), None) => Ok(Place::At(near(position, key("position"))?)),
+        (None, Some(offset)) => Ok(Place::Beside(near(offset, key("offset"))?)),
         (Some(_), Some(_)) => Err(ConfigError::key(key("offset"), "both `position` and `offset` are given")
             .advise("keep one of them")),
         (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(

@@ -120,7 +120,10 @@ impl SettingsError {
     }
 }
 
-/// One number for each of `joints` joints, all finite and at least 0.
+/// Largest noise or resolution, in the unit of the setting: no sensor of a robot reads that far off.
+const LARGEST: f64 = 1e6;
+
+/// One number for each of `joints` joints, all from 0 to [`LARGEST`].
 pub(super) fn resolve(
     name: &'static str,
     numbers: &PerJoint,
@@ -129,10 +132,8 @@ pub(super) fn resolve(
     let resolved = numbers
         .resolve(joints)
         .map_err(|PerJointError { found, expected }| SettingsError::Count { name, found, expected })?;
-    match numbers.values().iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-        Some(&value) => {
-            Err(SettingsError::OutOfRange { name, value, expected: "a finite number of at least 0" })
-        }
+    match numbers.values().iter().find(|value| !(0.0..=LARGEST).contains(*value)) {
+        Some(&value) => Err(SettingsError::OutOfRange { name, value, expected: "a number from 0 to 1e6" }),
         None => Ok(resolved),
     }
 }

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
+use crate::file::read_bounded;
+
 /// A triangle mesh, in the axes of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
@@ -18,6 +20,9 @@ pub struct TriangleMesh {
     /// Indices of the corners of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
+
+/// Longest file of a mesh, bytes.
+const LONGEST: u64 = 512 * 1024 * 1024;
 
 impl TriangleMesh {
     /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
@@ -31,8 +36,8 @@ impl TriangleMesh {
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let error = |line, problem| MeshError { path: path.to_owned(), line, problem };
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        let bytes =
-            std::fs::read(path).map_err(|source| error(None, MeshProblem::Read(source.to_string())))?;
+        let bytes = read_bounded(path, LONGEST)
+            .map_err(|source| error(None, MeshProblem::Read(source.to_string())))?;
         let text = || std::str::from_utf8(&bytes).map_err(|_| (0, MeshProblem::NotText));
         let mesh = match extension.as_deref() {
             Some("stl") => stl::parse(&bytes),

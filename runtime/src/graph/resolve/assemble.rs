@@ -11,7 +11,8 @@ use crate::graph::model::{GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, ParameterPlan, Plan, PortPlan, RestartPlan, SafetyPlan, TopicPlan,
+    Activation, ComponentPlan, LivenessPlan, ParameterPlan, Plan, PortPlan, RestartPlan, SafetyPlan,
+    TopicPlan,
 };
 use crate::state::Digest;
 
@@ -21,6 +22,8 @@ pub(super) struct Parts<'g, 'i> {
     pub wiring: Wiring,
     pub timing: Timing,
     pub scheduling: Scheduling,
+    /// By component.
+    pub liveness: Vec<LivenessPlan>,
     pub parameters: Vec<Vec<ParameterPlan>>,
     pub latencies: Latencies,
     /// Values kept for taps, by topic.
@@ -78,6 +81,7 @@ impl Parts<'_, '_> {
             actuator: declaration.actuator,
             seed: derive_seed(seed, draft.name),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
+            liveness: self.liveness[index],
             overruns_tolerated: good(&draft.table.overruns_tolerated).copied(),
             on_error: good_or(&draft.table.on_error, defaults::ON_ERROR),
             on_failure: good_or(&draft.table.on_failure, defaults::ON_FAILURE),

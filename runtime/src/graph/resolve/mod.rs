@@ -8,6 +8,7 @@ mod declare;
 mod exec;
 mod history;
 mod latency;
+mod liveness;
 mod order;
 mod parameters;
 mod robots;
@@ -88,6 +89,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     topics::check(&drafts, &wiring, report);
     let timing = timing::resolve(&drafts, &wiring, report);
     let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
+    let liveness = liveness::resolve(graph, &drafts, &timing, report);
     let parameters = parameters::resolve(&drafts, report);
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
@@ -101,6 +103,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         wiring,
         timing,
         scheduling,
+        liveness,
         parameters,
         latencies,
         histories,

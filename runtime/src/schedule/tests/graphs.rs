@@ -128,6 +128,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             actuator: false,
             seed: 0,
             on_overrun: node.on_overrun,
+            liveness: Default::default(),
             overruns_tolerated: None,
             on_error: OnError::Fail,
             on_failure: OnFailure::SafeStop,

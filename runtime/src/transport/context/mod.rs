@@ -155,20 +155,25 @@ impl Context {
 
     /// Whether actuators must be in their safe state whatever the command says.
     pub(crate) fn is_stopping(&self) -> bool {
-        self.signals.launcher_died_ns() != 0 || self.signals.is_terminated()
+        self.signals.on_its_own_since_ns().is_some()
     }
 
-    /// Whether the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last case
-    /// an actuator first stays in its safe state for the settling time.
+    /// Whether an actuator that is not in its safe state is to enter it without waiting for a command.
+    pub(crate) fn must_turn_safe(&self) -> bool {
+        let stopping = self.is_stopping() || self.region.header().command() != Command::Run;
+        stopping && self.block().safe.load(Relaxed) == 0
+    }
+
+    /// Whether the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last two
+    /// cases an actuator in real time first stays in its safe state for the settling time.
     pub(crate) fn must_leave(&self) -> bool {
         self.signals.acknowledge();
         if self.region.header().command() == Command::Stop {
             return true;
         }
-        let orphaned_ns = self.signals.launcher_died_ns();
-        if orphaned_ns != 0 {
-            return !self.actuator || crate::os::monotonic_ns() > orphaned_ns + self.settle_ns;
-        }
-        self.signals.is_terminated()
+        self.signals.on_its_own_since_ns().is_some_and(|since_ns| {
+            let settles = self.actuator && !self.clock.is_lockstep();
+            !settles || crate::os::monotonic_ns() > since_ns.saturating_add(self.settle_ns)
+        })
     }
 }

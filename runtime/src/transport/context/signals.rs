@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 pub(crate) struct Signals {
     /// Set when this process was asked to end.
     terminated: Arc<AtomicBool>,
+    /// Time at which that was noticed, `CLOCK_MONOTONIC` ns; 0 before.
+    terminated_ns: AtomicU64,
     /// Time at which the launcher was found dead, `CLOCK_MONOTONIC` ns; 0 while it lives.
     launcher_died_ns: AtomicU64,
     /// Number of messages sent.
@@ -27,13 +29,27 @@ impl Signals {
         self.terminated.load(Relaxed)
     }
 
+    /// Notes the time of a request to end, if there was one.
+    pub(crate) fn note_termination(&self, now_ns: u64) {
+        if self.is_terminated() && self.terminated_ns.load(Relaxed) == 0 {
+            self.terminated_ns.store(now_ns, Relaxed);
+        }
+    }
+
+    /// Time since which actuators are to be in their safe state although the launcher has not said so, ns: this process
+    /// was asked to end, or the launcher died. `u64::MAX` while the time of a request is still to be noted.
+    pub(super) fn on_its_own_since_ns(&self) -> Option<u64> {
+        let noted = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|ns| *ns != 0);
+        let asked = || self.is_terminated().then(|| noted(&self.terminated_ns).unwrap_or(u64::MAX));
+        match (noted(&self.launcher_died_ns), asked()) {
+            (Some(died), Some(asked)) => Some(died.min(asked)),
+            (died, asked) => died.or(asked),
+        }
+    }
+
     /// Notes that the launcher is dead, at `now_ns`.
     pub(crate) fn launcher_died(&self, now_ns: u64) {
         self.launcher_died_ns.store(now_ns, Relaxed);
-    }
-
-    pub(super) fn launcher_died_ns(&self) -> u64 {
-        self.launcher_died_ns.load(Relaxed)
     }
 
     /// Sends a message; returns its number.
@@ -51,5 +67,24 @@ impl Signals {
     /// Notes that the stepping thread has seen all messages sent so far.
     pub(super) fn acknowledge(&self) {
         self.seen.store(self.sent.load(Acquire), Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_settling_time_begins_with_the_first_of_a_request_to_end_and_the_launchers_death() {
+        let signals = Signals::default();
+        assert_eq!(signals.on_its_own_since_ns(), None);
+        signals.note_termination(5);
+        assert_eq!(signals.on_its_own_since_ns(), None, "nobody asked");
+        signals.terminated().store(true, Relaxed);
+        assert_eq!(signals.on_its_own_since_ns(), Some(u64::MAX), "not noted yet");
+        signals.note_termination(7);
+        signals.note_termination(9);
+        signals.launcher_died(8);
+        assert_eq!(signals.on_its_own_since_ns(), Some(7));
     }
 }

@@ -5,6 +5,7 @@
 use core::ptr::NonNull;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
+use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2_bb_posix::access_mode::AccessMode;
@@ -18,7 +19,7 @@ use super::notify::{self, Futex};
 use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
 use crate::declare::TopicPattern;
-use crate::os::{futex_wait, futex_wake};
+use crate::os::{futex_wait, futex_wake, monotonic_ns};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
 use crate::transport::{PortError, Shared, topic::refused};
@@ -187,7 +188,7 @@ impl TopicMemory {
         match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
             // Systems before Linux 5.14 do not know the advice: pages are found when they are first used.
             Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
-            Err(_) => Err(std::io::Error::other("the memory could not be reserved: /dev/shm is full")),
+            Err(error) => Err(std::io::Error::other(format!("its memory could not be reserved: {error}"))),
         }
     }
 
@@ -255,17 +256,18 @@ impl TopicMemory {
     /// Wakes all who wait for the next publication.
     #[inline]
     pub(crate) fn notify(&self) {
-        notify::notify::<Native>(self.head(), &SystemFutex);
+        notify::notify::<Native>(self.head(), &SystemFutex::FOREVER);
     }
 
     /// Makes all who wait look up although nothing was published.
     pub(crate) fn interrupt(&self) {
-        notify::interrupt::<Native>(self.head(), &SystemFutex);
+        notify::interrupt::<Native>(self.head(), &SystemFutex::FOREVER);
     }
 
-    /// Sleeps until something was published or interrupted after `seen`, or a signal arrives.
-    pub(crate) fn sleep(&self, seen: Newest) {
-        notify::sleep::<Native>(self.head(), &SystemFutex, seen);
+    /// Sleeps until something was published or interrupted after `seen`, a signal arrives, or the clock reaches
+    /// `until_ns`.
+    pub(crate) fn sleep(&self, seen: Newest, until_ns: Option<u64>) {
+        notify::sleep::<Native>(self.head(), &SystemFutex { until_ns }, seen);
     }
 
     /// Remembers the core of the publication to come.
@@ -323,9 +325,19 @@ impl Words<Native> for TopicMemory {
 }
 
 /// The futex of the system on the low half of a word.
-struct SystemFutex;
+struct SystemFutex {
+    /// End of the longest sleep, ns on `CLOCK_MONOTONIC`.
+    until_ns: Option<u64>,
+}
 
 impl SystemFutex {
+    const FOREVER: Self = Self { until_ns: None };
+
+    /// Time left to sleep; `None` without an end.
+    fn left(&self) -> Option<Duration> {
+        self.until_ns.map(|until| Duration::from_nanos(until.saturating_sub(monotonic_ns())))
+    }
+
     fn low_half(word: &AtomicU64) -> &AtomicU32 {
         let half = (word as *const AtomicU64).cast::<AtomicU32>();
         // SAFETY: the half lies in the word and is aligned; the kernel alone reads it.
@@ -335,8 +347,12 @@ impl SystemFutex {
 
 impl Futex<Native> for SystemFutex {
     fn sleep(&self, word: &AtomicU64, seen: u64) {
-        while !futex_wait(Self::low_half(word), seen as u32, None) && word.load(Acquire) as u32 == seen as u32
+        let mut left = self.left();
+        while left != Some(Duration::ZERO)
+            && !futex_wait(Self::low_half(word), seen as u32, left)
+            && word.load(Acquire) as u32 == seen as u32
         {
+            left = self.left();
         }
     }
 

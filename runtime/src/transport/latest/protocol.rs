@@ -27,6 +27,7 @@ impl Newest {
     /// A publication of this number in this slot, not interrupted.
     #[inline]
     pub(crate) fn new(number: u64, slot: usize) -> Self {
+        let number = number & ((1 << NUMBER_BITS) - 1);
         Self((slot as u64) << (INTERRUPT_BITS + NUMBER_BITS) | (number << INTERRUPT_BITS))
     }
 
@@ -231,7 +232,8 @@ pub(crate) fn newest_with_time<A: Atomics>(head: &Head<A>) -> (Newest, u64) {
     }
 }
 
-/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned.
+/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned. A word that
+/// names a slot that is not there was damaged: there is no news in it.
 ///
 /// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at once.
 #[inline]
@@ -245,7 +247,7 @@ pub(crate) fn pin_newest<A: Atomics>(
     if wanted.number() == last || wanted.number() == 0 {
         return None;
     }
-    loop {
+    while wanted.slot() < words.slots() {
         fetch(wanted.slot());
         A::store_fenced(&pin.slot, wanted.slot() as u32 + 1, Site::Pin, Site::Pinned);
         let again = newest(words.head());
@@ -254,6 +256,7 @@ pub(crate) fn pin_newest<A: Atomics>(
         }
         wanted = again;
     }
+    None
 }
 
 /// Pins a slot if it holds this publication; whether it does.

@@ -8,6 +8,9 @@ use crate::os::Watch;
 use crate::state::Stamp;
 use std::sync::atomic::Ordering::{Relaxed, Release};
 
+/// Tries to pin a publication before it counts as not there yet.
+const TRIES: usize = 64;
+
 /// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does nothing for it.
 #[derive(Debug)]
 pub(crate) struct Tap {
@@ -33,8 +36,15 @@ impl Tap {
 
     /// Hands the next publication to `read`, stamp and bytes, where it lies; false if there is none yet.
     pub(crate) fn next(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
-        while self.last < self.memory.newest().number() {
-            let Some((number, slot)) = self.find() else { continue };
+        // A try fails when the writer takes the slot; words that were damaged make all of them fail.
+        for _ in 0..TRIES {
+            let newest = self.memory.newest().number();
+            if self.last >= newest {
+                // Only a damaged word can have named a later one.
+                self.last = self.last.min(newest);
+                return false;
+            }
+            let Some((number, slot)) = self.find(newest) else { continue };
             if !pin_marked(&self.memory, &self.memory.pins()[self.pin], slot, number) {
                 continue;
             }
@@ -53,7 +63,7 @@ impl Tap {
     }
 
     /// The oldest publication after the last one read that is still there, and its slot.
-    fn find(&self) -> Option<(u64, usize)> {
+    fn find(&self, newest: u64) -> Option<(u64, usize)> {
         let wanted = self.last + 1;
         let (slots, memory) = (self.memory.slots(), &self.memory);
         let mut oldest: Option<(u64, usize)> = None;
@@ -62,7 +72,7 @@ impl Tap {
             if number == wanted {
                 return Some((number, slot));
             }
-            if number > wanted && oldest.is_none_or(|(least, _)| number < least) {
+            if number > wanted && number <= newest && oldest.is_none_or(|(least, _)| number < least) {
                 oldest = Some((number, slot));
             }
         }

@@ -38,6 +38,7 @@ fn component(name: &str) -> ComponentPlan {
         actuator: false,
         seed: 0,
         on_overrun: OnOverrun::Skip,
+        liveness: Default::default(),
         overruns_tolerated: None,
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,

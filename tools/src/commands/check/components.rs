@@ -1,13 +1,26 @@
 //! The components of a graph as a table.
 
-use motorium::plan::{Activation, ComponentPlan, Plan, PortPlan, Program, SchedulingClass};
+use std::fmt::Write as _;
+
+use motorium::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, Program, SchedulingClass};
 use motorium::units::{Rate, TimeSpan};
 
 use crate::report::table;
 
 /// A table of all components.
 pub(super) fn describe(plan: &Plan) -> String {
-    let mut components = table(["component", "kind", "steps", "budget", "core", "class", "reads", "writes"]);
+    let mut components = table([
+        "component",
+        "kind",
+        "steps",
+        "budget",
+        "core",
+        "class",
+        "hung after",
+        "CPU limit",
+        "reads",
+        "writes",
+    ]);
     for component in &plan.components {
         let names = |ports: &[PortPlan]| {
             let wired: Vec<_> =
@@ -31,11 +44,41 @@ pub(super) fn describe(plan: &Plan) -> String {
             component.budget_ns.map_or_else(|| "-".to_string(), |ns| TimeSpan { ns }.to_string()),
             core,
             class,
+            TimeSpan { ns: component.liveness.hang_after_ns }.to_string(),
+            component.liveness.cpu_limit_ns.map_or_else(|| "-".to_string(), |ns| TimeSpan { ns }.to_string()),
             names(&component.inputs),
             names(&component.outputs),
         ]);
     }
-    format!("{}\n", components.trim_fmt())
+    format!("{}\n{}", components.trim_fmt(), safe_within(plan))
+}
+
+/// The time within which each actuator reaches its safe state, whatever loops on its core.
+fn safe_within(plan: &Plan) -> String {
+    let mut text = String::new();
+    if plan.clock != ClockKind::Realtime {
+        return text;
+    }
+    for (index, component) in plan.components.iter().enumerate().filter(|(_, component)| component.actuator) {
+        let time = |ns: u64| TimeSpan { ns };
+        let (stale_after, period) = (plan.safety.stale_after_ns, component.period_ns());
+        let by = plan.longest_hold_up(index);
+        let held_up = by.map_or(0, |(_, limit_ns)| limit_ns);
+        let name = &component.name;
+        let _ = write!(
+            text,
+            "`{name}` is in its safe state within {} of a failure: {} until a command is stale, {} period",
+            time(stale_after + period + held_up),
+            time(stale_after),
+            time(period)
+        );
+        if let Some((other, limit_ns)) = by {
+            let other = &plan.components[other].name;
+            let _ = write!(text, ", {} CPU limit of `{other}` (and two ticks of the kernel)", time(limit_ns));
+        }
+        text.push('\n');
+    }
+    text
 }
 
 fn program(component: &ComponentPlan) -> String {

@@ -6,6 +6,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use motorium::os::is_held;
 use motorium::run_folder::RunFolder;
 
 use super::finding::Finding;
@@ -14,7 +15,8 @@ use super::finding::Finding;
 const OURS: &str = "mt_";
 /// Prefix of the names of objects of other programs that use iceoryx2.
 const FOREIGN: &str = "iox2_";
-/// A younger run that names no launcher yet may just be starting.
+
+/// A younger object may belong to a run that is just being made.
 const YOUNG: Duration = Duration::from_secs(5);
 
 /// Objects left behind.
@@ -35,12 +37,12 @@ impl Leftovers {
         let ours = objects(shared, OURS, Some(user));
         let foreign = objects(shared, FOREIGN, None);
         let all = RunFolder::list();
-        let known: Vec<String> = all.iter().map(|run| format!("{OURS}{}_", run.id())).collect();
-        let objects = orphans(ours, &known);
-        let runs = all
-            .into_iter()
-            .filter(|run| (run.names_launcher() || is_old(run.path())) && !run.is_alive())
-            .collect();
+        // The folder of a run may lie where this container does not see it: its lock beside the objects tells then.
+        let elsewhere = held(&ours);
+        let known: Vec<String> =
+            all.iter().map(|run| format!("{OURS}{}_", run.id())).chain(elsewhere).collect();
+        let objects = orphans(ours, &known).into_iter().filter(|path| is_old(path)).collect();
+        let runs = all.into_iter().filter(RunFolder::is_abandoned).collect();
         Self { runs, objects, foreign }
     }
 
@@ -81,6 +83,21 @@ fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
     found
 }
 
+/// What begins the names of the objects of runs that somebody holds.
+fn held(objects: &[PathBuf]) -> Vec<String> {
+    let locks = objects.iter().filter(|path| is_held(path));
+    locks
+        .filter_map(|path| Some(path.file_name()?.to_str()?.strip_suffix("lock")?.to_string()))
+        .filter(|prefix| prefix.ends_with('_'))
+        .collect()
+}
+
+/// Whether a file is too old to belong to a run that is just being made.
+fn is_old(path: &Path) -> bool {
+    let made = fs::metadata(path).and_then(|metadata| metadata.modified());
+    made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))
+}
+
 /// The objects whose names begin with none of the known prefixes.
 fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
     let is_known = |path: &Path| {
@@ -88,11 +105,6 @@ fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
         known.iter().any(|prefix| name.starts_with(prefix))
     };
     objects.into_iter().filter(|path| !is_known(path)).collect()
-}
-
-fn is_old(path: &Path) -> bool {
-    let made = fs::metadata(path).and_then(|metadata| metadata.modified());
-    made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))
 }
 
 fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Finding {
@@ -176,7 +188,19 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_was_just_made_is_not_taken_for_one_left_behind() {
+    fn objects_of_a_run_that_somebody_holds_are_known_although_its_folder_is_not_seen() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = folder.path().join("mt_reach-1_lock");
+        let held_by_us = motorium::os::Lock::hold(&lock).unwrap();
+        fs::write(folder.path().join("mt_reach-2_lock"), "").unwrap();
+        let objects = objects(folder.path(), OURS, None);
+        assert_eq!(held(&objects), ["mt_reach-1_"]);
+        drop(held_by_us);
+        assert!(held(&objects).is_empty());
+    }
+
+    #[test]
+    fn what_was_just_made_is_not_taken_for_something_left_behind() {
         let folder = tempfile::tempdir().unwrap();
         assert!(!is_old(folder.path()));
         assert!(!is_old(Path::new("/nowhere")));

@@ -13,10 +13,14 @@ import iceoryx2
 
 def join(run):
     """A node in the domain of a running graph: by the run's name, or by the beginning of it."""
-    runs = pathlib.Path(f"/dev/shm/motorium-{os.getuid()}")
-    found = sorted(folder for folder in runs.glob(f"{run}*") if (folder / "iox2").is_dir())
+    user = os.getuid()
+    places = [pathlib.Path(os.environ.get("XDG_RUNTIME_DIR", f"/run/user/{user}")) / "motorium"]
+    places.append(pathlib.Path(f"/dev/shm/motorium-{user}"))
+    found = sorted(
+        folder for runs in places if runs.is_dir() for folder in runs.glob(f"{run}*") if (folder / "iox2").is_dir()
+    )
     if len(found) != 1:
-        raise LookupError(f"{len(found)} runs in {runs} begin with {run!r}")
+        raise LookupError(f"{len(found)} runs in {places[0]} and {places[1]} begin with {run!r}")
     config = iceoryx2.config.default()
     config.global_cfg.root_path = iceoryx2.Path.new(str(found[0] / "iox2"))
     config.global_cfg.prefix = iceoryx2.FileName.new(f"mt_{found[0].name}_")

@@ -1,5 +1,7 @@
 //! Two looks at a run, and what lies between them.
 
+use motorium::launcher;
+use motorium::plan::ComponentPlan;
 use motorium::region::{Command, Misses, Phase};
 use motorium::telemetry::Snapshot;
 
@@ -19,6 +21,7 @@ impl Top {
         let components = plan.components.iter().zip(pairs);
         let latencies = plan.latencies.iter().zip(now.latencies.iter().zip(&before.latencies));
         let edges = plan.edges().into_iter().zip(now.edges.iter().zip(&before.edges));
+        let times = (now.now_ns, before.now_ns);
         Self {
             version: TOP_VERSION,
             run: run.folder.id().to_string(),
@@ -28,7 +31,7 @@ impl Top {
             elapsed_s: now.elapsed_ns as f64 * 1e-9,
             interval_s: wall_ns as f64 * 1e-9,
             components: components
-                .map(|(plan, (now, before))| component(plan.name.clone(), plan.core, now, before, wall_ns))
+                .map(|(plan, (now, before))| component(plan, (now, times.0), (before, times.1), wall_ns))
                 .collect(),
             latencies: latencies
                 .map(|(latency, (now, before))| LatencyTop {
@@ -73,24 +76,25 @@ fn edge_span(age: &Snapshot) -> EdgeSpan {
 }
 
 fn component(
-    name: String,
-    core: Option<usize>,
-    now: &ComponentSample,
-    before: &ComponentSample,
+    plan: &ComponentPlan,
+    (now, now_ns): (&ComponentSample, u64),
+    (before, before_ns): (&ComponentSample, u64),
     wall_ns: u64,
 ) -> ComponentTop {
+    let run_hz = rate(plan, now, now_ns);
+    let interval_hz = interval_rate(plan, (now, now_ns), (before, before_ns)).unwrap_or(run_hz);
     let share = |ns: u64| ns as f64 / wall_ns as f64;
     let cpu = now.cpu.since(&before.cpu);
     // The thread of a process that was started again counts from its own beginning.
     let ran =
         now.usage.zip(before.usage).and_then(|(now, before)| now.thread_ns.checked_sub(before.thread_ns));
     ComponentTop {
-        name,
+        name: plan.name.clone(),
         phase: now.phase,
         safe: now.safe,
         gate: now.gate.clone(),
         pid: now.pid,
-        core,
+        core: plan.core,
         core_share: ran.filter(|_| now.pid == before.pid).map(share),
         step_share: share(cpu.sum()),
         resident_bytes: now.usage.map(|usage| usage.resident_bytes),
@@ -98,10 +102,10 @@ fn component(
         spin_ns: now.spin_ns,
         stalls: now.stalls,
         restarts: now.restarts,
-        run: whole(now),
+        run: whole(now, run_hz),
         interval: ComponentSpan {
             steps: now.steps.saturating_sub(before.steps),
-            rate_hz: interval_rate(now, before),
+            rate_hz: interval_hz,
             lateness_ns: now.lateness.since(&before.lateness).percentiles(),
             execution_ns: now.execution.since(&before.execution).percentiles(),
             cpu_ns: cpu.percentiles(),
@@ -115,10 +119,10 @@ fn component(
     }
 }
 
-fn whole(now: &ComponentSample) -> ComponentSpan {
+fn whole(now: &ComponentSample, rate_hz: f64) -> ComponentSpan {
     ComponentSpan {
         steps: now.steps,
-        rate_hz: rate(now.steps.saturating_sub(1), now.last_step_ns.saturating_sub(now.first_step_ns)),
+        rate_hz,
         lateness_ns: now.lateness.percentiles(),
         execution_ns: now.execution.percentiles(),
         cpu_ns: now.cpu.percentiles(),
@@ -131,17 +135,26 @@ fn whole(now: &ComponentSample) -> ComponentSpan {
     }
 }
 
-/// Steps a second, from the number of intervals between steps and their time.
-fn rate(intervals: u64, ns: u64) -> f64 {
-    if ns > 0 { intervals as f64 * 1e9 / ns as f64 } else { 0.0 }
+/// Steps per second since the first one.
+fn rate(plan: &ComponentPlan, now: &ComponentSample, now_ns: u64) -> f64 {
+    let (first, last) = (now.first_step_ns, now.last_step_ns);
+    launcher::steps_per_second(now.begun, first, last, now_ns, plan.period_ns())
 }
 
-/// From the last step before the interval to the last one in it: looking on late does not blur it.
-fn interval_rate(now: &ComponentSample, before: &ComponentSample) -> f64 {
-    if before.steps == 0 {
-        return whole(now).rate_hz;
+/// From the last step before the interval to the last one in it: looking late does not blur it. To the end of the interval
+/// for a component that no longer steps. `None` if it had not stepped before.
+fn interval_rate(
+    plan: &ComponentPlan,
+    (now, now_ns): (&ComponentSample, u64),
+    (before, before_ns): (&ComponentSample, u64),
+) -> Option<f64> {
+    if before.begun == 0 {
+        return None;
     }
-    rate(now.steps.saturating_sub(before.steps), now.last_step_ns.saturating_sub(before.last_step_ns))
+    let overdue = |last_ns: u64, at_ns: u64| at_ns.saturating_sub(last_ns) > 2 * plan.period_ns();
+    let from = if overdue(before.last_step_ns, before_ns) { before_ns } else { before.last_step_ns };
+    let steps = now.begun.saturating_sub(before.begun);
+    Some(launcher::steps_per_second(steps + 1, from, now.last_step_ns, now_ns, plan.period_ns()))
 }
 
 fn allocations(now: &ComponentSample, before: &ComponentSample, which: fn((u64, u64)) -> u64) -> Option<u64> {
@@ -226,22 +239,26 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let run = silent_run(folder.path());
         let block = &run.region.components()[0];
-        let stepped = |steps: u64, last: u64| {
-            block.steps.store(steps, Relaxed);
-            block.last_step_ns.store(last, Relaxed);
+        const MS: u64 = 1_000_000;
+        let stepped = |steps: u64, last_ms: u64| {
+            block.begun.store(steps, Relaxed);
+            block.last_step_ns.store(last_ms * MS, Relaxed);
         };
-        block.first_step_ns.store(1_000_000_000, Relaxed);
-        let rates = |before: &Sample| {
-            let top = Top::between(&run, before, &Sample::take(&run));
+        let look = |at_ms: u64| Sample { now_ns: at_ms * MS, ..Sample::take(&run) };
+        block.first_step_ns.store(1_000 * MS, Relaxed);
+        let rates = |before: &Sample, at_ms: u64| {
+            let top = Top::between(&run, before, &look(at_ms));
             (top.components[0].run.rate_hz, top.components[0].interval.rate_hz)
         };
-        let silent = Sample::take(&run);
-        stepped(101, 2_000_000_000);
-        assert_eq!(rates(&silent), (100.0, 100.0), "the first steps of all came in this interval");
-        let early = Sample::take(&run);
-        assert_eq!(rates(&early), (100.0, 0.0), "it stands still");
-        stepped(201, 2_100_000_000);
-        assert_eq!(rates(&early).1, 1000.0);
+        let silent = look(900);
+        stepped(1_001, 2_000);
+        assert_eq!(rates(&silent, 2_001), (1_000.0, 1_000.0), "the first steps of all came in this interval");
+        let early = look(2_001);
+        stepped(1_101, 2_100);
+        assert_eq!(rates(&early, 2_101).1, 1_000.0);
+        assert_eq!(rates(&early, 2_200).1, 500.0, "it has stood still for half of the time");
+        assert_eq!(rates(&look(2_200), 2_300).1, 0.0, "and for all of it");
+        assert_eq!(rates(&silent, 3_200).0, 500.0);
     }
 
     #[test]

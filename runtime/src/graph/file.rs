@@ -1,0 +1,63 @@
+//! Reading a graph file: a file of bounded size, and nothing that never ends.
+
+use std::fs::File;
+use std::io::{Error, Read as _};
+use std::path::Path;
+
+/// Longest graph file, bytes.
+const LONGEST: u64 = 16 * 1024 * 1024;
+
+/// The content of a regular file of at most [`LONGEST`] bytes.
+///
+/// # Errors
+/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a file.
+pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    // Asked before it is opened: opening a pipe waits for its other end.
+    let metadata = std::fs::metadata(path)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+        return Err(Error::other(format!("it is {found}, expected a regular file")));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(LONGEST + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LONGEST {
+        let found = metadata.len().max(bytes.len() as u64);
+        return Err(Error::other(format!("it has {found} bytes, expected at most {LONGEST} (16 MiB)")));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_regular_file_of_bounded_size_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("graph.toml");
+        std::fs::write(&file, "name").unwrap();
+        assert_eq!(read(&file).unwrap(), b"name");
+        let pipe = folder.path().join("pipe");
+        rustix::fs::mknodat(
+            rustix::fs::CWD,
+            &pipe,
+            rustix::fs::FileType::Fifo,
+            rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR,
+            0,
+        )
+        .unwrap();
+        for (path, words) in [
+            (folder.path(), "a folder"),
+            (&*pipe, "a device or a pipe"),
+            (Path::new("/dev/zero"), "a device"),
+        ] {
+            let text = read(path).unwrap_err().to_string();
+            assert!(text.contains(words) && text.contains("expected a regular file"), "{text}");
+        }
+        File::create(&file).unwrap().set_len(LONGEST).unwrap();
+        assert_eq!(read(&file).unwrap().len() as u64, LONGEST);
+        File::create(&file).unwrap().set_len(1 << 40).unwrap();
+        let text = read(&file).unwrap_err().to_string();
+        assert!(text.contains("1099511627776 bytes, expected at most 16777216"), "{text}");
+    }
+}

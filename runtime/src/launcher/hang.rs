@@ -1,0 +1,171 @@
+//! Components and guards that have hung, and steps that were lost.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::supervise::Supervision;
+use super::watchdog::{Counters, Hang};
+use super::{Event, Exit, Hosting, Launch};
+use crate::os::{monotonic_ns, process_state};
+use crate::plan::Plan;
+use crate::region::Region;
+use crate::units::TimeSpan;
+
+/// Silence after which a launcher or a guard counts as stopped, ns.
+pub(super) const SILENCE_NS: u64 = 1_000_000_000;
+
+/// A hang as text.
+pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -> String {
+    let block = &region.components()[index];
+    let hang_after = TimeSpan { ns: plan.components[index].liveness.hang_after_ns };
+    let milliseconds = |ns: u64| TimeSpan { ns: ns / 1_000_000 * 1_000_000 };
+    let what = match hang {
+        Hang::InStep { for_ns } => format!("its step has not ended after {}", milliseconds(for_ns)),
+        Hang::BetweenSteps { for_ns } => format!("no step for {}", milliseconds(for_ns)),
+    };
+    let doing = match process_state(block.pid.load(Relaxed), block.thread.load(Relaxed)) {
+        Some('T' | 't') => ": it was stopped by a signal or a debugger",
+        Some('R') => ": it computes, or waits for its core",
+        Some('S') => ": it waits for something",
+        Some('D') => ": it waits for a device",
+        _ => "",
+    };
+    format!("hung: {what} (`hang_after` is {hang_after}){doing}")
+}
+
+impl Launch<'_> {
+    /// A launcher that was itself held up for long must not take those for hung that were held up with it.
+    pub(super) fn forgive_own_delay(&self, supervision: &mut [Supervision], late: u64, now: u64) {
+        for supervision in supervision {
+            if late > supervision.watchdog.hang_after_ns() / 2 {
+                supervision.watchdog.forgive(now);
+                supervision.lost_steps.forgive(now);
+            }
+        }
+    }
+
+    /// Kills the process of a component that has hung; its end then follows its policy. A thread cannot be killed: the
+    /// reason for which the graph cannot go on is returned.
+    pub(super) fn end_if_hung(
+        &mut self,
+        index: usize,
+        supervision: &mut Supervision,
+        now: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<String> {
+        let counters = Counters::read(&self.plan, &self.region, index);
+        let hang = supervision.watchdog.check(&counters, now)?;
+        if self.children[index].ended().is_some() {
+            return None;
+        }
+        let reason = describe(&self.plan, &self.region, index, hang);
+        let block = &self.region.components()[index];
+        let tick = block.steps.load(Relaxed);
+        if self.children[index].end() {
+            block.set_failure(tick, &reason);
+            // Its end shows in a moment.
+            supervision.watchdog.forgive(now);
+            return None;
+        }
+        let component = &self.plan.components[index].name;
+        observe(Event::Failed { component, tick, reason: &reason, consequence: "safe stop" });
+        Some(format!("component `{component}` failed at tick {tick}: {reason}"))
+    }
+
+    /// Warns of a component that loses too many of its steps.
+    pub(super) fn count_lost_steps(
+        &self,
+        index: usize,
+        supervision: &mut Supervision,
+        now: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        let block = &self.region.components()[index];
+        let (steps, skipped) = (block.steps.load(Relaxed), block.skipped.load(Relaxed));
+        if let Some(share) = supervision.lost_steps.check(steps, skipped, now) {
+            observe(Event::LosesSteps { component: &self.plan.components[index].name, share });
+        }
+    }
+
+    /// Notes at the end of a run which components did not do what the graph asks.
+    pub(super) fn ended(
+        &mut self,
+        exit: Exit,
+        supervision: &[Supervision],
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Exit {
+        let now = monotonic_ns();
+        // Without the priorities that the graph asks for nothing promises that its steps come in time.
+        let has_priorities = self.options.hosting == Hosting::Processes && self.lost.is_empty();
+        for (index, supervision) in supervision.iter().enumerate() {
+            let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
+            let name = &component.name;
+            if supervision.is_down() {
+                self.warnings.push(format!("`{name}` was restarted and did not step again before the end"));
+                continue;
+            }
+            let lost = LostShare::of(block.steps.load(Relaxed), block.skipped.load(Relaxed));
+            if !supervision.is_gone() && lost.0 > component.liveness.lost_steps {
+                let warning = format!("`{name}` lost {lost} of its steps");
+                if has_priorities {
+                    self.warnings.push(warning);
+                } else {
+                    observe(Event::Warning(&warning));
+                }
+            }
+            // Too short a time for the watchdog, and long enough to be told.
+            let counters = Counters::read(&self.plan, &self.region, index);
+            let hang = supervision.watchdog.clone().half_as_patient().check(&counters, now);
+            if let Some(hang) = hang.filter(|_| !supervision.is_gone()) {
+                let what = describe(&self.plan, &self.region, index, hang);
+                self.warnings.push(format!("`{name}` did not step at the end: {what}"));
+            }
+        }
+        self.warnings.iter().for_each(|warning| observe(Event::Warning(warning)));
+        exit
+    }
+
+    /// Replaces a guard that was killed, or that is stopped. `late` is the time for which the launcher itself was held
+    /// up, ns.
+    pub(super) fn monitor_guard(&mut self, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        let Some(guard) = &mut self.guard else { return };
+        let now = monotonic_ns();
+        let header = self.region.header();
+        let alive_ns = header.guard_alive_ns.load(Relaxed).max(self.guard_since_ns);
+        // A launcher that was held up itself gives the guard its time anew.
+        if late > SILENCE_NS / 2 {
+            self.guard_since_ns = now;
+        } else if now.saturating_sub(alive_ns) > SILENCE_NS {
+            guard.kill();
+        }
+        let Some(how) = guard.ended().map(str::to_string) else { return };
+        let how = match how.as_str() {
+            "killed by the launcher" => "it does not respond and was killed".to_string(),
+            _ => how,
+        };
+        let consequence = match self.start_guard() {
+            Ok(()) => "started again",
+            Err(_) => "could not be started again: the run goes on unguarded",
+        };
+        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence });
+        if consequence != "started again" {
+            self.guard = None;
+        }
+    }
+}
+
+/// A share of lost steps, printed in percent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LostShare(pub(super) f64);
+
+impl LostShare {
+    /// Of all steps that were due.
+    pub(super) fn of(steps: u64, skipped: u64) -> Self {
+        Self(skipped as f64 / (steps + skipped).max(1) as f64)
+    }
+}
+
+impl core::fmt::Display for LostShare {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{:.1} %", 100.0 * self.0)
+    }
+}

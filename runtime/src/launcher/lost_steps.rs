@@ -1,0 +1,73 @@
+//! The share of its steps that a component loses, as a pure function of its counters and the time.
+
+use super::hang::LostShare;
+
+/// Time over which the share is taken, ns.
+const SPAN_NS: u64 = 1_000_000_000;
+/// Least time between two warnings of one component, ns.
+const QUIET_NS: u64 = 10_000_000_000;
+
+/// The steps that one component loses: releases, or publications that trigger it, which passed while it could not step.
+#[derive(Debug, Clone)]
+pub(super) struct LostSteps {
+    limit: f64,
+    since_ns: u64,
+    /// Steps and lost steps at that time.
+    before: (u64, u64),
+    quiet_until_ns: u64,
+}
+
+impl LostSteps {
+    /// Counts from `now_ns` on; a share above `limit` is a warning.
+    pub(super) fn new(limit: f64, now_ns: u64) -> Self {
+        Self { limit, since_ns: now_ns, before: (0, 0), quiet_until_ns: 0 }
+    }
+
+    /// Begins a new span: the component starts, or the launcher was held up.
+    pub(super) fn forgive(&mut self, now_ns: u64) {
+        self.since_ns = now_ns;
+    }
+
+    /// The share that was lost in the span that is over, if that is too much and was not told a moment ago.
+    pub(super) fn check(&mut self, steps: u64, skipped: u64, now_ns: u64) -> Option<f64> {
+        if now_ns.saturating_sub(self.since_ns) < SPAN_NS {
+            return None;
+        }
+        let (steps_before, skipped_before) = core::mem::replace(&mut self.before, (steps, skipped));
+        self.since_ns = now_ns;
+        let LostShare(share) =
+            LostShare::of(steps.saturating_sub(steps_before), skipped.saturating_sub(skipped_before));
+        if share <= self.limit || now_ns < self.quiet_until_ns {
+            return None;
+        }
+        self.quiet_until_ns = now_ns + QUIET_NS;
+        Some(share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn losing_more_than_the_limit_within_a_second_is_told_once_in_ten() {
+        let mut lost = LostSteps::new(0.05, 0);
+        assert_eq!(lost.check(500, 100, S / 2), None, "the second is not over");
+        assert_eq!(lost.check(960, 40, S), None, "4 %");
+        assert_eq!(lost.check(1_860, 140, 2 * S), Some(0.1));
+        assert_eq!(lost.check(2_760, 240, 3 * S), None, "told a moment ago");
+        assert_eq!(lost.check(9_000, 900, 12 * S), Some(660.0 / 6_900.0));
+    }
+
+    #[test]
+    fn a_component_that_takes_no_step_at_all_loses_none() {
+        assert_eq!(LostSteps::new(0.05, 0).check(0, 0, S), None);
+    }
+
+    #[test]
+    fn shares_are_printed_in_percent() {
+        assert_eq!(LostShare::of(760, 240).to_string(), "24.0 %");
+    }
+}

@@ -1,0 +1,83 @@
+//! The places in topics and parameters that dead processes hold, and freeing them.
+
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::{Event, Hosting, Launch, Services};
+use crate::worker::CLEANER;
+
+/// Time between two looks for dead processes.
+const LOOK_EVERY: Duration = Duration::from_millis(300);
+/// Time after a cleaner that crashed.
+const AFTER_CRASH: Duration = Duration::from_secs(10);
+
+/// The supervision of places: of killed components until they are restarted, and of killed tools.
+///
+/// iceoryx2 frees a place by walking through words that all processes of the run can write. A process of its own does
+/// it, so that damaged words crash no more than that.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    next: Option<Instant>,
+    cleaner: Option<Child>,
+}
+
+impl Launch<'_> {
+    /// Looks for dead processes from time to time, and has their places freed.
+    pub(super) fn look_at_places(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let now = Instant::now();
+        if let Some(cleaner) = &mut self.places.cleaner {
+            match cleaner.try_wait() {
+                Ok(None) => return,
+                Ok(Some(status)) if status.success() => {}
+                Ok(Some(status)) => {
+                    self.places.next = Some(now + AFTER_CRASH);
+                    let line = format!(
+                        "the places of dead processes in the topics: freeing them ended with {status}; a component \
+                         that dies again may not find a place"
+                    );
+                    observe(Event::Lost(&line));
+                }
+                Err(_) => {}
+            }
+            self.places.cleaner = None;
+        }
+        if self.places.next.is_some_and(|next| now < next) {
+            return;
+        }
+        self.places.next = Some(now + LOOK_EVERY);
+        if self.folder.domain().is_ok_and(|domain| domain.has_dead()) {
+            self.start_cleaner();
+        }
+    }
+
+    /// Has the places of a component freed that has just died and is about to be restarted. Places are spare, so that its
+    /// successor need not wait.
+    pub(super) fn free_places(&mut self, services: &Services) {
+        match self.options.hosting {
+            // The threads of one process share their node.
+            Hosting::OneProcess => {
+                if let Some(node) = &services.node {
+                    node.try_cleanup_dead_nodes();
+                }
+            }
+            Hosting::Processes if self.places.cleaner.is_none() => self.start_cleaner(),
+            Hosting::Processes => self.places.next = None,
+        }
+    }
+
+    fn start_cleaner(&mut self) {
+        let mut command = Command::new(&self.options.program);
+        command.arg(CLEANER).arg(self.folder.path());
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        // A machine without room for one more process has more urgent troubles; the next look tries again.
+        self.places.cleaner = command.spawn().ok();
+    }
+
+    /// Ends the cleaner, which is at work in memory that is about to be removed.
+    pub(super) fn end_cleaner(&mut self) {
+        if let Some(mut cleaner) = self.places.cleaner.take() {
+            let _ = cleaner.kill();
+            let _ = cleaner.wait();
+        }
+    }
+}

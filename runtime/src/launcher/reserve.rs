@@ -1,0 +1,159 @@
+//! The resources of a run: checked before anything is made, reserved before anything moves.
+//!
+//! Shared memory that is not there when it is first touched kills the process that touches it (`SIGBUS`). So the launcher
+//! asks for all of it at the start, when a lack of it is an error with a name, and keeps some more for the restarts of
+//! components, which need memory again when others may have taken the rest.
+
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FallocateFlags, fallocate, ftruncate};
+use rustix::process::Resource;
+
+use super::LaunchError;
+use crate::os::{Room, amount, open_descriptors, raise_limit};
+use crate::plan::Plan;
+use crate::run_folder::RunFolder;
+use crate::transport::SHARED_MEMORY;
+
+/// Kept for the services of a topic and of a component's parameters, bytes: what iceoryx2 writes about each.
+const SERVICE: u64 = 48 * 1024;
+/// Kept for each component, bytes: its entries in the domain, and its result.
+const COMPONENT: u64 = 64 * 1024;
+/// Kept for the restarts of components and for tools that look on, bytes.
+const SPARE: u64 = 256 * 1024;
+/// Files of a service, and of a process that joins the domain.
+const FILES: u64 = 8;
+/// Descriptors that each component costs the launcher: its process, its output, those of starting it.
+const PER_COMPONENT: u64 = 6;
+/// Descriptors of each service while it is made and held.
+const PER_SERVICE: u64 = 3;
+/// Descriptors for everything else: signals, the control block, locks, cores, a terminal, cleaning up.
+const OTHERS: u64 = 40;
+
+/// The needs of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Need {
+    bytes: u64,
+    files: u64,
+    descriptors: u64,
+    /// The largest single file, bytes.
+    largest: u64,
+}
+
+impl Need {
+    fn of(plan: &Plan) -> Self {
+        let topics = plan.topics.iter().map(|topic| topic.memory_bytes() as u64);
+        let (components, count) = (plan.components.len() as u64, plan.topics.len() as u64);
+        let tables =
+            plan.components.iter().filter(|component| !component.parameters.is_empty()).count() as u64;
+        let services = count + tables;
+        let region = crate::region::Region::bytes(plan) as u64;
+        Self {
+            bytes: topics.clone().sum::<u64>() + region + services * SERVICE + components * COMPONENT + SPARE,
+            files: FILES * (services + components) + 32,
+            descriptors: OTHERS + PER_COMPONENT * components + PER_SERVICE * services,
+            largest: topics.chain([region, SPARE, 1 << 20]).max().unwrap_or(SPARE),
+        }
+    }
+}
+
+/// Checks that a plan finds what it needs, before anything is made.
+///
+/// # Errors
+/// Descriptors, the size of files or shared memory do not suffice: what is needed, what there is, what to try.
+pub(super) fn check(plan: &Plan) -> Result<(), LaunchError> {
+    let need = Need::of(plan);
+    let exhausted = |what: &'static str, need: String, found: String, advice: String| {
+        Err(LaunchError::Exhausted { what, need, found, advice })
+    };
+    // The error of asking is the answer: the descriptor for it is missing.
+    let wanted = open_descriptors().map_or(u64::MAX, |open| open + need.descriptors);
+    if let Some(limit) = raise_limit(Resource::Nofile, wanted.min(1 << 20)).filter(|limit| *limit < wanted) {
+        let advice = format!(
+            "raise it with `ulimit -n {}`, or `LimitNOFILE=` of the service",
+            1024.max(2 * need.descriptors)
+        );
+        let (need, found) = (format!("{} more open files", need.descriptors), format!("a limit of {limit}"));
+        return exhausted("open files", need, found, advice);
+    }
+    if let Some(limit) = raise_limit(Resource::Fsize, need.largest).filter(|limit| *limit < need.largest) {
+        let found = format!("files of this process may have {} at most", amount(limit));
+        let advice = "raise it with `ulimit -f unlimited`".to_string();
+        return exhausted("the size of files", amount(need.largest), found, advice);
+    }
+    let Some(room) = Room::of(Path::new(SHARED_MEMORY)) else {
+        let advice = "`motorium doctor` looks at it".to_string();
+        return exhausted("shared memory", amount(need.bytes), format!("no {SHARED_MEMORY}"), advice);
+    };
+    let advice = || {
+        format!(
+            "look what fills it (`ls -lS {SHARED_MEMORY}`), remove what dead runs left (`motorium doctor --clean`), or \
+             enlarge it (`mount -o remount,size=1G {SHARED_MEMORY}`; `--shm-size` of a container)"
+        )
+    };
+    if room.bytes < need.bytes {
+        let found = format!("{} of {} are free in {SHARED_MEMORY}", amount(room.bytes), amount(room.total));
+        return exhausted("shared memory", amount(need.bytes), found, advice());
+    }
+    if room.files < need.files {
+        let found = format!("{} more may be made in {SHARED_MEMORY}", room.files);
+        return exhausted("shared memory", format!("{} files", need.files), found, advice());
+    }
+    Ok(())
+}
+
+/// Shared memory kept free for restarts.
+#[derive(Debug)]
+pub(super) struct Spare(Option<File>);
+
+impl Spare {
+    /// Nothing yet.
+    pub(super) fn none() -> Self {
+        Self(None)
+    }
+
+    /// Has the system find all pages of a run's objects now, and keeps some more.
+    ///
+    /// # Errors
+    /// Shared memory is full.
+    pub(super) fn reserve(folder: &RunFolder) -> Result<Self, LaunchError> {
+        let refuse = |path: &Path, error: rustix::io::Errno| LaunchError::System {
+            what: "reserving shared memory",
+            reason: crate::os::with_shortage(format!("{}: {error}", path.display()), folder.path()),
+        };
+        let domain = folder.domain()?;
+        let objects: Vec<PathBuf> = domain.objects().filter(|path| *path != domain.lock_file()).collect();
+        for path in objects {
+            let Ok(file) = OpenOptions::new().read(true).write(true).open(&path) else { continue };
+            let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+            if bytes > 0 {
+                fallocate(&file, FallocateFlags::empty(), 0, bytes).map_err(|error| refuse(&path, error))?;
+            }
+        }
+        let path = domain.spare_file();
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path);
+        let file = file.map_err(|error| {
+            refuse(&path, rustix::io::Errno::from_io_error(&error).unwrap_or(rustix::io::Errno::IO))
+        })?;
+        let spare = Self(Some(file));
+        spare.take_back().map_err(|error| refuse(&path, error))?;
+        Ok(spare)
+    }
+
+    /// Lets go of it, for a process that is about to start.
+    pub(super) fn release(&self) {
+        if let Some(file) = &self.0 {
+            let _ = ftruncate(file, 0);
+        }
+    }
+
+    /// Takes as much again, if it is there.
+    pub(super) fn take_back(&self) -> rustix::io::Result<()> {
+        match &self.0 {
+            Some(file) => fallocate(file, FallocateFlags::empty(), 0, SPARE),
+            None => Ok(()),
+        }
+    }
+}

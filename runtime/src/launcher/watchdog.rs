@@ -1,0 +1,261 @@
+//! The watchdog of one component, as a pure function of its counters and the time.
+//!
+//! A component has hung when it has begun no step for `hang_after` although one was due: its last step has not ended, its
+//! release has passed, or a publication that triggers it has waited for so long. One whose trigger is silent has not hung.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use crate::plan::{Activation, ClockKind, ComponentPlan, Plan};
+use crate::region::Region;
+
+/// The counters of a component that a watchdog reads.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Counters {
+    begun: u64,
+    ended: u64,
+    last_step_ns: u64,
+    /// Publications of its trigger, and the time of the last one, ns.
+    published: (u64, u64),
+}
+
+impl Counters {
+    /// Reads the counters of a component.
+    pub(super) fn read(plan: &Plan, region: &Region, index: usize) -> Self {
+        let block = &region.components()[index];
+        let published = match plan.components[index].activation {
+            Activation::Triggered { topic, .. } => {
+                let topic = &region.topics()[topic];
+                let count = topic.published.load(Relaxed);
+                (count, topic.last_publish_ns.load(Relaxed))
+            }
+            Activation::Periodic { .. } => (0, 0),
+        };
+        let ended = block.steps.load(Relaxed);
+        Self {
+            begun: block.begun.load(Relaxed),
+            ended,
+            last_step_ns: block.last_step_ns.load(Relaxed),
+            published,
+        }
+    }
+}
+
+/// What a hung component was last seen doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Hang {
+    /// A step has not ended.
+    InStep {
+        /// Time since its beginning, ns.
+        for_ns: u64,
+    },
+    /// A step has not begun.
+    BetweenSteps {
+        /// Time since the last one began, or since the publication that was to trigger it, ns.
+        for_ns: u64,
+    },
+}
+
+/// The watchdog of one component.
+#[derive(Debug, Clone)]
+pub(super) struct Watchdog {
+    hang_after_ns: u64,
+    /// `None` for a component that the clock releases.
+    trigger: Option<Waiting>,
+    /// Nothing before this time counts, ns.
+    since_ns: u64,
+    /// Time of the next check at the latest, ns.
+    due_ns: u64,
+}
+
+/// The wait of a triggered component for its trigger.
+#[derive(Debug, Clone)]
+struct Waiting {
+    period_ns: u64,
+    /// Publications, and the time, when it had last stepped on all of them.
+    idle: (u64, u64),
+    /// Start of the step that began last, and the time since which a publication has waited since then, ns.
+    overdue: Option<(u64, u64)>,
+}
+
+impl Watchdog {
+    /// Watches a component of a plan from `now_ns` on.
+    pub(super) fn new(plan: &Plan, component: &ComponentPlan, now_ns: u64) -> Self {
+        // In lockstep a tick may take as long as it likes.
+        let hang_after_ns = match plan.clock {
+            ClockKind::Realtime => component.liveness.hang_after_ns,
+            ClockKind::Lockstep => u64::MAX,
+        };
+        let waiting = |period_ns| Waiting { period_ns, idle: (0, now_ns), overdue: None };
+        Self {
+            // A triggered actuator steps by itself when its trigger is silent for `stale_after`.
+            hang_after_ns: match (&component.activation, component.actuator) {
+                (Activation::Triggered { .. }, true) => {
+                    hang_after_ns.saturating_add(plan.safety.stale_after_ns)
+                }
+                _ => hang_after_ns,
+            },
+            trigger: match component.activation {
+                Activation::Triggered { period_ns, .. } if !component.actuator => Some(waiting(period_ns)),
+                Activation::Triggered { .. } | Activation::Periodic { .. } => None,
+            },
+            since_ns: now_ns,
+            due_ns: now_ns,
+        }
+    }
+
+    /// Forgives everything before `now_ns`: the component starts, or the watching process itself was held up.
+    pub(super) fn forgive(&mut self, now_ns: u64) {
+        self.since_ns = now_ns;
+        self.due_ns = now_ns;
+    }
+
+    /// Time without a step after which the component has hung, ns.
+    pub(super) fn hang_after_ns(&self) -> u64 {
+        self.hang_after_ns
+    }
+
+    /// Time at which it is to be checked again at the latest, ns.
+    pub(super) fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
+
+    /// True if its component steps when something is published, and else not.
+    pub(super) fn waits_for_trigger(&self) -> bool {
+        self.trigger.is_some()
+    }
+
+    /// The same with half its patience.
+    pub(super) fn half_as_patient(mut self) -> Self {
+        self.hang_after_ns /= 2;
+        self
+    }
+
+    /// Checks a component.
+    pub(super) fn check(&mut self, counters: &Counters, now_ns: u64) -> Option<Hang> {
+        match self.judge(counters, now_ns) {
+            Ok(hang) => Some(hang),
+            Err(due_ns) => {
+                self.due_ns = due_ns;
+                None
+            }
+        }
+    }
+
+    /// `Err` with the time at which it could have hung at the earliest, ns, unless it has.
+    fn judge(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
+        let in_step = counters.begun > counters.ended;
+        let last_ns = counters.last_step_ns.max(self.since_ns);
+        let waits_since = match &mut self.trigger {
+            Some(trigger) if !in_step => trigger.waits_since(counters, now_ns),
+            _ => Some(last_ns),
+        };
+        let Some(waits_since) = waits_since else { return Err(now_ns.saturating_add(self.hang_after_ns)) };
+        let waits_since = waits_since.max(self.since_ns);
+        let for_ns = now_ns.saturating_sub(waits_since);
+        match for_ns > self.hang_after_ns {
+            false => Err(waits_since.saturating_add(self.hang_after_ns).saturating_add(1)),
+            true if in_step => Ok(Hang::InStep { for_ns }),
+            true => Ok(Hang::BetweenSteps { for_ns }),
+        }
+    }
+}
+
+impl Waiting {
+    /// Time since which a publication has waited for the component; `None` if it has stepped on all of them.
+    fn waits_since(&mut self, counters: &Counters, now_ns: u64) -> Option<u64> {
+        let (count, published_ns) = counters.published;
+        let last_ns = counters.last_step_ns;
+        if count == 0 || published_ns <= last_ns {
+            self.idle = (count, now_ns);
+            self.overdue = None;
+            return None;
+        }
+        if let Some((_, since_ns)) = self.overdue.filter(|(last, _)| *last == last_ns) {
+            return Some(since_ns);
+        }
+        // The first of the publications since it was idle, as far as their count and their period tell.
+        let before = count.saturating_sub(self.idle.0).saturating_sub(1);
+        let first_ns = published_ns.saturating_sub(before.saturating_mul(self.period_ns));
+        let since_ns = first_ns.max(last_ns).max(self.idle.1).min(now_ns);
+        self.overdue = Some((last_ns, since_ns));
+        Some(since_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn watchdog(triggered: bool) -> Watchdog {
+        let trigger = triggered.then_some(Waiting { period_ns: MS, idle: (0, 0), overdue: None });
+        Watchdog { hang_after_ns: 20 * MS, trigger, since_ns: 0, due_ns: 0 }
+    }
+
+    fn stepped(steps: u64, last_ms: u64) -> Counters {
+        Counters { begun: steps, ended: steps, last_step_ns: last_ms * MS, published: (0, 0) }
+    }
+
+    #[test]
+    fn a_periodic_component_has_hung_once_it_has_begun_no_step_for_that_time() {
+        let mut dog = watchdog(false);
+        assert_eq!(dog.judge(&stepped(100, 100), 101 * MS), Err(120 * MS + 1));
+        assert_eq!(dog.judge(&stepped(100, 100), 120 * MS), Err(120 * MS + 1));
+        assert_eq!(
+            dog.judge(&stepped(100, 100), 120 * MS + 1),
+            Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 })
+        );
+        assert_eq!(dog.judge(&stepped(101, 121), 122 * MS), Err(141 * MS + 1));
+    }
+
+    #[test]
+    fn a_step_that_does_not_end_has_hung_although_nothing_else_is_due() {
+        for triggered in [false, true] {
+            let inside = Counters { begun: 8, ended: 7, last_step_ns: 8 * MS, published: (8, 8 * MS) };
+            let mut dog = watchdog(triggered);
+            assert_eq!(dog.judge(&inside, 28 * MS), Err(28 * MS + 1));
+            assert_eq!(dog.judge(&inside, 30 * MS), Ok(Hang::InStep { for_ns: 22 * MS }));
+        }
+    }
+
+    #[test]
+    fn a_triggered_component_whose_source_is_silent_has_not_hung() {
+        let mut dog = watchdog(true);
+        let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
+        assert_eq!(dog.judge(&idle, 10_000 * MS), Err(10_020 * MS));
+        // the first publication after ten seconds is its first chance to step
+        let woken = Counters { published: (51, 10_015 * MS), ..idle };
+        assert_eq!(dog.judge(&woken, 10_016 * MS), Err(10_035 * MS + 1));
+        assert_eq!(dog.judge(&woken, 10_036 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
+    }
+
+    #[test]
+    fn the_wait_of_a_triggered_component_begins_with_the_first_publication_that_it_missed() {
+        let mut dog = watchdog(true);
+        let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
+        assert!(dog.judge(&idle, 50 * MS + 1).is_err());
+        // stopped since; its source goes on at 1 kHz
+        let later = Counters { published: (60, 60 * MS), ..idle };
+        assert_eq!(dog.judge(&later, 60 * MS), Err(71 * MS + 1));
+        let last = Counters { published: (71, 71 * MS), ..idle };
+        assert_eq!(dog.judge(&last, 71 * MS + 1), Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 }));
+    }
+
+    #[test]
+    fn a_component_that_is_only_just_behind_is_given_its_time_anew_with_every_step() {
+        let mut dog = watchdog(true);
+        for ms in 1..200 {
+            let behind = Counters { published: (ms + 1, ms * MS + 1), ..stepped(ms, ms) };
+            assert!(dog.judge(&behind, ms * MS + 2).is_err(), "at {ms} ms");
+        }
+    }
+
+    #[test]
+    fn what_was_before_a_restart_or_a_stall_of_the_watching_process_is_forgiven() {
+        let mut dog = watchdog(false);
+        dog.forgive(500 * MS);
+        assert_eq!(dog.judge(&stepped(100, 100), 510 * MS), Err(520 * MS + 1));
+        assert!(dog.judge(&stepped(100, 100), 521 * MS).is_ok());
+    }
+}

@@ -1,0 +1,139 @@
+//! Resources that have run out, in words.
+
+use std::fs::File;
+use std::path::Path;
+
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+/// Less room than this, bytes, and nothing can be made any more: a few pages.
+const NO_ROOM: u64 = 64 * 1024;
+/// Fewer names than this, and nothing can be made any more.
+const NO_NAMES: u64 = 8;
+
+/// The room in a file system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Room {
+    /// Bytes that this user may still fill.
+    pub bytes: u64,
+    /// All bytes of it.
+    pub total: u64,
+    /// Files that may still be made.
+    pub files: u64,
+}
+
+impl Room {
+    /// The room in the file system of a path; `None` if it cannot be asked.
+    pub fn of(path: &Path) -> Option<Self> {
+        let stat = rustix::fs::statvfs(path).ok()?;
+        // A file system without a limit on files says 0 of 0.
+        let files = if stat.f_files == 0 { u64::MAX } else { stat.f_favail };
+        let bytes = |blocks: u64| blocks.saturating_mul(stat.f_frsize);
+        Some(Self { bytes: bytes(stat.f_bavail), total: bytes(stat.f_blocks), files })
+    }
+
+    fn is_full(self) -> bool {
+        self.bytes < NO_ROOM || self.files < NO_NAMES
+    }
+}
+
+/// A number of bytes as a person reads it.
+pub fn amount(bytes: u64) -> String {
+    match bytes {
+        0..10_240 => format!("{bytes} bytes"),
+        10_240..10_485_760 => format!("{} KiB", bytes / 1024),
+        _ => format!("{} MiB", bytes / (1024 * 1024)),
+    }
+}
+
+/// The resource that has run out at this moment, with advice, if one has: descriptors of this process, room in shared
+/// memory or in the file system of `place`. It names the cause of an error whose own words do not.
+pub fn shortage(place: &Path) -> Option<String> {
+    if let Err(error) = File::open("/dev/null") {
+        match error.raw_os_error() {
+            Some(libc::EMFILE) => {
+                let limit = limit(Resource::Nofile).map_or_else(String::new, |limit| format!(" ({limit})"));
+                return Some(format!(
+                    "this process has as many files open as it may{limit}; raise the limit with `ulimit -n 1024`"
+                ));
+            }
+            Some(libc::ENFILE) => return Some("the system has as many files open as it may".to_string()),
+            _ => {}
+        }
+    }
+    [Path::new("/dev/shm"), place].into_iter().find_map(|path| {
+        let room = Room::of(path).filter(|room| room.is_full())?;
+        let what = if room.bytes < NO_ROOM {
+            format!("{} of {} are free", amount(room.bytes), amount(room.total))
+        } else {
+            format!("{} more files may be made", room.files)
+        };
+        Some(format!(
+            "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes what dead runs left",
+            path.display()
+        ))
+    })
+}
+
+/// The reason, and the resource that has run out, if one has.
+pub fn with_shortage(reason: String, place: &Path) -> String {
+    match shortage(place) {
+        Some(shortage) => format!("{reason}; {shortage}"),
+        None => reason,
+    }
+}
+
+/// The limit in force on a resource of this process; `None` for no limit.
+fn limit(resource: Resource) -> Option<u64> {
+    getrlimit(resource).current
+}
+
+/// Raises a limit as far as this user may, if it is below `wanted`. Gives the limit in force then; `None` for no limit.
+pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
+    let Rlimit { current, maximum } = getrlimit(resource);
+    let current = current?;
+    let raised = maximum.map_or(wanted, |maximum| maximum.min(wanted)).max(current);
+    if raised > current && setrlimit(resource, Rlimit { current: Some(raised), maximum }).is_ok() {
+        return Some(raised);
+    }
+    Some(current)
+}
+
+/// Descriptors that this process has open.
+pub fn open_descriptors() -> std::io::Result<u64> {
+    // One of them reads the list.
+    Ok(std::fs::read_dir("/proc/self/fd")?.count().saturating_sub(1) as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amounts_are_told_in_the_unit_that_a_person_reads() {
+        for (bytes, text) in
+            [(0, "0 bytes"), (4_096, "4096 bytes"), (65_536, "64 KiB"), (67_108_864, "64 MiB")]
+        {
+            assert_eq!(amount(bytes), text);
+        }
+    }
+
+    #[test]
+    fn nothing_is_short_on_a_machine_with_room() {
+        let room = Room::of(Path::new("/dev/shm")).expect("there is shared memory");
+        if room.is_full() {
+            return eprintln!("skipped: /dev/shm is full");
+        }
+        assert_eq!(shortage(Path::new("/dev/shm")), None);
+        assert_eq!(with_shortage("refused".into(), Path::new("/dev/shm")), "refused");
+        assert!(Room { bytes: 4_096, total: 1 << 20, files: 100 }.is_full());
+        assert!(Room { bytes: 1 << 20, total: 1 << 20, files: 3 }.is_full());
+    }
+
+    #[test]
+    fn a_limit_that_suffices_is_left_as_it_is() {
+        let before = limit(Resource::Nofile);
+        assert_eq!(raise_limit(Resource::Nofile, 1), before);
+        assert_eq!(limit(Resource::Nofile), before);
+        assert!(open_descriptors().unwrap() >= 3);
+    }
+}

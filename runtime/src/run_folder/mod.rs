@@ -1,0 +1,248 @@
+//! The folder of a run in shared memory: its plan, its control block, its iceoryx2 domain, its results.
+
+mod place;
+
+use std::fs;
+use std::io::Write as _;
+use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use crate::os::{Lock, is_held, random_bytes};
+use crate::plan::Plan;
+use crate::region::{Region, RegionError};
+use crate::transport::{Domain, DomainError};
+
+/// A folder without a holder that is younger than this may be one that is just being made.
+const YOUNG: Duration = Duration::from_secs(5);
+
+/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` where the system has made that place for this user, else
+/// `/dev/shm/motorium-UID/RUN`. It is in memory, private to the user, and removed when the run ends.
+///
+/// The launcher and its guard hold a [lock](Lock) on it, which ends with them: whether a run is alive is asked of the
+/// lock, in any process namespace.
+#[derive(Debug, Clone)]
+pub struct RunFolder {
+    path: PathBuf,
+    id: String,
+    /// The locks on the folder and on the objects in shared memory, for those who hold the run.
+    locks: Option<Arc<[Lock; 2]>>,
+}
+
+/// Error of a run's folder.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFolderError {
+    /// The file system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// Other users could reach into the folder.
+    #[error("{path} is {found}: the runs of a user must be private to them; {advice}", path = .path.display())]
+    NotPrivate {
+        /// The folder.
+        path: PathBuf,
+        /// The state of it that was found.
+        found: String,
+        /// Advice, in one sentence.
+        advice: String,
+    },
+    /// The plan is not one this version reads.
+    #[error("{path} is not a plan of this version of motorium: {reason}")]
+    Plan {
+        /// The plan's file.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The control block is unusable.
+    #[error(transparent)]
+    Region(#[from] RegionError),
+    /// The domain is unusable.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+}
+
+fn io(path: &Path) -> impl FnOnce(std::io::Error) -> RunFolderError {
+    let path = path.to_path_buf();
+    move |source| RunFolderError::Io { path, source }
+}
+
+/// Writes a file that its owner alone can read.
+fn write_private(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    let mut file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+    file.write_all(content)
+}
+
+/// A name that no one can guess, of ten letters and digits that are not mistaken for each other: 50 random bits.
+fn unguessable() -> std::io::Result<String> {
+    const LETTERS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
+    Ok(random_bytes::<10>()?.iter().map(|byte| char::from(LETTERS[usize::from(byte % 32)])).collect())
+}
+
+impl RunFolder {
+    /// Makes the folder of a new run of a plan, with the plan and an empty control block in it, and holds it.
+    ///
+    /// # Errors
+    /// Shared memory is full or forbidden, or the folder of this user's runs is not private.
+    pub fn create(plan: &Plan) -> Result<(Self, Region), RunFolderError> {
+        let name: String = plan.name.chars().take(24).collect();
+        let id = format!("{name}-{}", unguessable().map_err(io(Path::new("the random source")))?);
+        let make = |runs: PathBuf| {
+            let path = runs.join(&id);
+            fs::DirBuilder::new().mode(0o700).create(&path).map(|()| path)
+        };
+        let runs = place::make()?;
+        let path = match make(runs.clone()) {
+            // The last other run has just ended, and its folder with it.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => make(place::make()?),
+            made => made,
+        };
+        let mut this = Self { path: path.map_err(io(&runs))?, id, locks: None };
+        let made = this.hold().and_then(|()| this.fill(plan));
+        if made.is_err() {
+            this.remove();
+        }
+        made.map(|region| (this, region))
+    }
+
+    fn fill(&self, plan: &Plan) -> Result<Region, RunFolderError> {
+        let file = self.path.join("plan.json");
+        let text = serde_json::to_vec(plan)
+            .map_err(|error| RunFolderError::Plan { path: file.clone(), reason: error.to_string() })?;
+        write_private(&file, &text).map_err(io(&file))?;
+        self.domain()?.prepare()?;
+        let region = Region::create(&self.path.join("region"), plan)?;
+        region.header().launcher.store(std::process::id(), Relaxed);
+        Ok(region)
+    }
+
+    /// Holds the run: while this value or a clone of it exists, the run is alive.
+    ///
+    /// # Errors
+    /// The folder is gone, or there are no more descriptors.
+    pub fn hold(&mut self) -> Result<(), RunFolderError> {
+        let (folder, objects) = self.lock_files()?;
+        let hold = |path: &Path| Lock::hold(path).map_err(io(path));
+        self.locks = Some(Arc::new([hold(&folder)?, hold(&objects)?]));
+        Ok(())
+    }
+
+    /// The files whose locks tell that the folder, and that the objects of the domain, are in use. Two, since a container
+    /// may share either of the places with its host without the other.
+    fn lock_files(&self) -> Result<(PathBuf, PathBuf), RunFolderError> {
+        Ok((self.path.join("lock"), self.domain()?.lock_file()))
+    }
+
+    /// The folder of an existing run.
+    pub fn open(path: &Path) -> Self {
+        let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        Self { path: path.to_path_buf(), id, locks: None }
+    }
+
+    /// The run of this user with this id.
+    pub fn find(id: &str) -> Option<Self> {
+        Self::list().into_iter().find(|run| run.id == id)
+    }
+
+    /// All runs of this user, newest first, whether alive or left behind by a crash.
+    pub fn list() -> Vec<Self> {
+        // A place that others could have filled holds no run of this user.
+        let places = place::all().into_iter().filter(|path| place::check(path).is_ok());
+        let mut runs: Vec<(SystemTime, Self)> = places
+            .filter_map(|place| fs::read_dir(place).ok())
+            .flatten()
+            .flatten()
+            .filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()))
+            .map(|entry| {
+                let made = entry.metadata().and_then(|m| m.modified()).unwrap_or(UNIX_EPOCH);
+                (made, Self::open(&entry.path()))
+            })
+            .collect();
+        runs.sort_by_key(|(made, _)| std::cmp::Reverse(*made));
+        runs.into_iter().map(|(_, run)| run).collect()
+    }
+
+    /// The run's name: that of the graph and a number.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The run's plan.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn plan(&self) -> Result<Plan, RunFolderError> {
+        let file = self.path.join("plan.json");
+        let text = fs::read(&file).map_err(io(&file))?;
+        serde_json::from_slice(&text)
+            .map_err(|error| RunFolderError::Plan { path: file, reason: error.to_string() })
+    }
+
+    /// The run's control block.
+    ///
+    /// # Errors
+    /// It cannot be mapped.
+    pub fn region(&self) -> Result<Region, RunFolderError> {
+        Ok(Region::open(&self.path.join("region"))?)
+    }
+
+    /// The run's iceoryx2 domain.
+    ///
+    /// # Errors
+    /// The run's name cannot name a domain.
+    pub fn domain(&self) -> Result<Domain, RunFolderError> {
+        Ok(Domain::new(&self.path, &self.id)?)
+    }
+
+    /// Whether its launcher or its guard is alive, in whichever process namespace.
+    pub fn is_alive(&self) -> bool {
+        self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
+    }
+
+    /// Whether it was left behind: nobody holds it, and it is not just being made.
+    pub fn is_abandoned(&self) -> bool {
+        let made = fs::metadata(&self.path).and_then(|metadata| metadata.modified());
+        let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG));
+        // The locks are held before the region is made.
+        (is_old || self.path.join("region").exists()) && !self.is_alive()
+    }
+
+    /// Saves a component's result for the launcher.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save_result(&self, component: &str, result: &serde_json::Value) -> Result<(), RunFolderError> {
+        let file = self.result_file(component);
+        write_private(&file, result.to_string().as_bytes()).map_err(io(&file))
+    }
+
+    /// The result that a component saved.
+    pub fn result(&self, component: &str) -> Option<serde_json::Value> {
+        serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
+    }
+
+    fn result_file(&self, component: &str) -> PathBuf {
+        self.path.join(format!("result-{component}.json"))
+    }
+
+    /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the removed
+    /// objects of the domain. Only for a run without processes.
+    pub fn remove(&self) -> Vec<PathBuf> {
+        let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
+        let _ = fs::remove_dir_all(&self.path);
+        // Succeeds only when this was the last run.
+        let _ = self.path.parent().map(fs::remove_dir);
+        removed
+    }
+}

@@ -1,0 +1,131 @@
+//! The private folders in which the runs of a user lie.
+
+use std::fs;
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
+use std::path::{Path, PathBuf};
+
+use super::{RunFolderError, io};
+
+/// The folder in which a new run of this user is made: `$XDG_RUNTIME_DIR/motorium` where the system has made such a
+/// place for this user, else `/dev/shm/motorium-UID`. It is made if it is not there.
+///
+/// # Errors
+/// It cannot be made, or somebody else could reach into it.
+pub(super) fn make() -> Result<PathBuf, RunFolderError> {
+    let path = all().swap_remove(0);
+    match fs::DirBuilder::new().mode(0o700).create(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => return Err(io(&path)(error)),
+        _ => {}
+    }
+    check(&path)?;
+    Ok(path)
+}
+
+/// All folders in which runs of this user may lie, the one for new runs first.
+pub(super) fn all() -> Vec<PathBuf> {
+    let user = rustix::process::getuid().as_raw();
+    let named = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    // A shell that does not name the place, as that of `sudo` or of a service, still sees the runs in it.
+    let usual = PathBuf::from(format!("/run/user/{}", outer(user)));
+    let named_first = named.into_iter().map(|path| (path, true)).chain([(usual, false)]);
+    let mut places: Vec<(PathBuf, bool)> = Vec::new();
+    for (path, is_named) in named_first {
+        let known = places.iter().any(|(other, _)| *other == path);
+        if path.is_absolute() && !known && check(&path).is_ok() {
+            places.push((path, is_named));
+        }
+    }
+    let shared = PathBuf::from(format!("/dev/shm/motorium-{}", outer(user)));
+    let (named, unnamed): (Vec<_>, Vec<_>) = places.into_iter().partition(|(_, is_named)| *is_named);
+    let inside = |(path, _): (PathBuf, bool)| path.join("motorium");
+    named.into_iter().map(inside).chain([shared]).chain(unnamed.into_iter().map(inside)).collect()
+}
+
+/// The number that a user of this namespace has outside of it, where the shared memory is that of all.
+fn outer(user: u32) -> u32 {
+    mapped(user, &fs::read_to_string("/proc/self/uid_map").unwrap_or_default()).unwrap_or(user)
+}
+
+/// The number outside by the lines of a map: first inside, first outside, count.
+fn mapped(user: u32, map: &str) -> Option<u32> {
+    map.lines().find_map(|line| {
+        let mut numbers = line.split_whitespace().map(|number| number.parse::<u32>().ok());
+        let (inside, outside, count) = (numbers.next()??, numbers.next()??, numbers.next()??);
+        let offset = user.checked_sub(inside).filter(|offset| *offset < count)?;
+        outside.checked_add(offset)
+    })
+}
+
+/// Checks that a path is a folder, no link, of this user, which no one else may read or write.
+pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
+    let metadata = fs::symlink_metadata(path).map_err(io(path))?;
+    let user = rustix::process::getuid().as_raw();
+    let refuse = |found: String, advice: String| {
+        Err(RunFolderError::NotPrivate { path: path.to_path_buf(), found, advice })
+    };
+    if !metadata.is_dir() {
+        let found = if metadata.is_symlink() { "a symbolic link" } else { "no folder" };
+        return refuse(found.into(), format!("look who made it, and remove it: `rm {}`", path.display()));
+    }
+    if metadata.uid() != user {
+        let advice = if is_mapped_elsewhere() {
+            "this is a user namespace: give it a place of its own, `XDG_RUNTIME_DIR=$(mktemp -d)`"
+        } else {
+            "another user may have made it to see or to stop your runs; ask them, or root, to remove it, or set \
+             XDG_RUNTIME_DIR to a folder of your own with mode 700"
+        };
+        return refuse(format!("of user {}, not of {user}", metadata.uid()), advice.into());
+    }
+    if metadata.mode() & 0o077 != 0 {
+        let found = format!("open to other users (mode {:o})", metadata.mode() & 0o7777);
+        return refuse(
+            found,
+            format!("look whether anything in it is not yours, then `chmod 700 {}`", path.display()),
+        );
+    }
+    Ok(())
+}
+
+/// Whether this process lives in a user namespace of its own.
+fn is_mapped_elsewhere() -> bool {
+    let map = fs::read_to_string("/proc/self/uid_map").unwrap_or_default();
+    !map.is_empty() && map.split_whitespace().collect::<Vec<_>>() != ["0", "0", "4294967295"]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    #[test]
+    fn only_a_folder_of_this_user_that_is_closed_to_others_is_private() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("runs");
+        fs::DirBuilder::new().mode(0o700).create(&folder).unwrap();
+        assert!(check(&folder).is_ok());
+        for mode in [0o777, 0o750, 0o701] {
+            fs::set_permissions(&folder, fs::Permissions::from_mode(mode)).unwrap();
+            let text = check(&folder).unwrap_err().to_string();
+            assert!(text.contains("open to other users") && text.contains("chmod 700"), "{text}");
+        }
+        fs::set_permissions(&folder, fs::Permissions::from_mode(0o700)).unwrap();
+        let link = parent.path().join("link");
+        std::os::unix::fs::symlink(&folder, &link).unwrap();
+        let text = check(&link).unwrap_err().to_string();
+        assert!(text.contains("a symbolic link"), "{text}");
+        if rustix::process::getuid().is_root() {
+            std::os::unix::fs::chown(&folder, Some(65534), Some(65534)).unwrap();
+            let text = check(&folder).unwrap_err().to_string();
+            assert!(text.contains("of user 65534, not of 0"), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_user_of_a_namespace_has_the_number_outside_that_the_map_gives() {
+        assert_eq!(mapped(1000, "         0          0 4294967295\n"), Some(1000));
+        assert_eq!(mapped(0, "         0       1000          1\n"), Some(1000));
+        assert_eq!(mapped(33, "0 1000 1\n1 100000 65536\n"), Some(100_032));
+        assert_eq!(mapped(5, "0 1000 1\n"), None);
+        assert_eq!(mapped(5, ""), None);
+    }
+}

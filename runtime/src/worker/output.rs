@@ -1,0 +1,140 @@
+//! The standard output and standard error of a component's process: printing neither ends a step nor holds it up.
+//!
+//! Both are pipes to the launcher. The process keeps a reading end of its own of each, so that printing after the
+//! launcher's death is no broken pipe; its watcher thread throws away what nobody reads.
+
+use std::fs::File;
+use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
+
+use rustix::fs::{FileType, Mode, OFlags};
+use rustix::pipe::{fcntl_getpipe_size, fcntl_setpipe_size};
+
+/// Room for output that the launcher has not read yet, bytes.
+const ROOM: usize = 1 << 20;
+
+/// The pipes that a process prints into.
+#[derive(Debug)]
+pub(super) struct Output {
+    pipes: Vec<Pipe>,
+}
+
+#[derive(Debug)]
+struct Pipe {
+    /// A reading end.
+    reader: File,
+    dropped: usize,
+}
+
+impl Output {
+    /// Opens the pipes behind standard output and standard error; what is no pipe is left alone.
+    pub(super) fn open() -> Self {
+        let (stdout, stderr) = (std::io::stdout(), std::io::stderr());
+        let pipes = [stdout.as_fd(), stderr.as_fd()].into_iter().filter_map(Pipe::behind).collect();
+        Self { pipes }
+    }
+
+    /// Throws away the older half of what stands in a pipe that is nearly full: nobody reads it, and a full one would hold
+    /// up the next step that prints.
+    pub(super) fn relieve(&mut self) {
+        for pipe in &mut self.pipes {
+            let capacity = fcntl_getpipe_size(&pipe.reader).unwrap_or(ROOM);
+            let waiting = rustix::io::ioctl_fionread(&pipe.reader).unwrap_or(0) as usize;
+            if waiting > capacity / 4 * 3 {
+                pipe.drop_up_to(waiting / 2);
+            }
+        }
+    }
+
+    /// Lets later output go nowhere, and frees a step that waits for room: the launcher is dead.
+    pub(super) fn close(&mut self) {
+        if self.pipes.is_empty() {
+            return;
+        }
+        crate::os::discard_output();
+        for mut pipe in self.pipes.drain(..) {
+            pipe.drop_up_to(usize::MAX);
+        }
+    }
+
+    /// Bytes thrown away since the last call.
+    pub(super) fn take_dropped(&mut self) -> usize {
+        self.pipes.iter_mut().map(|pipe| core::mem::take(&mut pipe.dropped)).sum()
+    }
+}
+
+impl Pipe {
+    fn behind(descriptor: BorrowedFd<'_>) -> Option<Self> {
+        let mode = rustix::fs::fstat(descriptor).ok()?.st_mode;
+        if FileType::from_raw_mode(mode) != FileType::Fifo {
+            return None;
+        }
+        let _ = fcntl_setpipe_size(descriptor, ROOM);
+        let path = format!("/proc/self/fd/{}", descriptor.as_raw_fd());
+        let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let reader = rustix::fs::open(path, flags, Mode::empty()).ok()?;
+        Some(Self { reader: reader.into(), dropped: 0 })
+    }
+
+    fn drop_up_to(&mut self, bytes: usize) {
+        use std::io::Read as _;
+        let mut buffer = [0; 4096];
+        let mut left = bytes;
+        while left > 0 {
+            let room = left.min(buffer.len());
+            match self.reader.read(&mut buffer[..room]) {
+                Ok(read) if read > 0 => {
+                    left -= read;
+                    self.dropped += read;
+                }
+                _ => return,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+
+    use super::*;
+
+    fn pipe() -> (Output, std::io::PipeReader, std::io::PipeWriter) {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        let pipe = Pipe::behind(writer.as_fd()).expect("it is a pipe");
+        (Output { pipes: vec![pipe] }, reader, writer)
+    }
+
+    #[test]
+    fn printing_goes_on_when_the_reader_is_gone() {
+        let (mut output, reader, mut writer) = pipe();
+        drop(reader);
+        writer.write_all(b"still here\n").expect("no broken pipe");
+        output.pipes[0].drop_up_to(usize::MAX);
+        assert_eq!(output.take_dropped(), 11);
+    }
+
+    #[test]
+    fn output_that_nobody_reads_makes_room_for_what_comes_and_is_counted() {
+        let (mut output, _reader, mut writer) = pipe();
+        let capacity = fcntl_getpipe_size(&writer).expect("it has a size");
+        let block = vec![b'x'; capacity / 8];
+        let mut dropped = 0;
+        for _ in 0..64 {
+            writer.write_all(&block).expect("there is room");
+            output.relieve();
+            dropped += output.take_dropped();
+        }
+        assert!(dropped > 4 * capacity, "{dropped} bytes");
+    }
+
+    #[test]
+    fn output_that_is_read_is_left_alone() {
+        let (mut output, mut reader, mut writer) = pipe();
+        writer.write_all(b"a line\n").expect("there is room");
+        output.relieve();
+        assert_eq!(output.take_dropped(), 0);
+        let mut line = [0; 7];
+        std::io::Read::read_exact(&mut reader, &mut line).expect("it is there");
+        assert_eq!(&line, b"a line\n");
+    }
+}

@@ -1,0 +1,54 @@
+//! The rest that a worker takes when it never comes to sleep.
+//!
+//! The kernel ends a real-time process that computes for longer than its `cpu_limit` without waiting. The limit is meant for
+//! a step that does not end. A worker that is behind its time begins one step after the other and would be ended for the sum
+//! of them: it sleeps for a moment instead, which lets those of lower priority on its core run, too.
+
+use crate::os::{monotonic_ns, sleep_until, times_asleep};
+use crate::plan::ComponentPlan;
+
+/// Length of a rest, ns.
+const REST_NS: u64 = 50_000;
+/// Attempts to fall asleep.
+const ATTEMPTS: usize = 10;
+
+/// The time since a worker slept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rest {
+    /// Time without sleep after which it rests, ns: half the limit, so that the other half is left to a step.
+    after_ns: u64,
+    slept_ns: u64,
+}
+
+impl Rest {
+    pub(super) fn new(component: &ComponentPlan) -> Self {
+        let after_ns = component.liveness.cpu_limit_ns.map_or(u64::MAX, |limit| limit / 2);
+        Self { after_ns, slept_ns: monotonic_ns() }
+    }
+
+    /// Notes that the worker slept until `now_ns`.
+    #[inline]
+    pub(super) fn slept(&mut self, now_ns: u64) {
+        self.slept_ns = now_ns;
+    }
+
+    /// Whether a rest is due at `now_ns`.
+    #[inline]
+    pub(super) fn is_due(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.slept_ns) > self.after_ns
+    }
+
+    /// Takes a rest.
+    #[cold]
+    pub(super) fn take(&mut self) {
+        let before = times_asleep();
+        // A worker that loses its core on its way to sleep finds the time over and does not sleep at all.
+        for _ in 0..ATTEMPTS {
+            sleep_until(monotonic_ns() + REST_NS);
+            if times_asleep() > before {
+                break;
+            }
+        }
+        self.slept_ns = monotonic_ns();
+    }
+}

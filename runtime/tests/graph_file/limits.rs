@@ -1,0 +1,84 @@
+//! Graphs of absurd size: they are refused or checked in time that grows with their length.
+
+use std::time::{Duration, Instant};
+
+use motorium::graph::check;
+
+use super::{good, kinds, load, machine};
+
+/// The errors of a text.
+fn errors(text: String) -> (Vec<String>, String, Duration) {
+    let started = Instant::now();
+    let error =
+        check(&good("panda-reach"), text, &[], &kinds::registry(), &machine()).expect_err("a broken graph");
+    let rendered = error.render(false);
+    let messages = error.diagnostics().iter().map(|diagnostic| diagnostic.message().to_string()).collect();
+    (messages, rendered, started.elapsed())
+}
+
+#[test]
+fn of_very_many_syntax_errors_twenty_are_told_and_the_others_counted() {
+    let (messages, rendered, _) = errors("[[a]]x\n".repeat(5_027));
+    assert_eq!(messages.len(), 21, "{messages:?}");
+    assert_eq!(messages[20], "and 5,007 more errors");
+    assert!(rendered.ends_with(&format!("5027 errors in {}\n", good("panda-reach").display())), "{rendered}");
+    // One more than twenty is shown as it is: a line that counts it would be no shorter.
+    let (messages, ..) = errors("[[a]]x\n".repeat(21));
+    assert_eq!(messages.len(), 21);
+    assert!(!messages[20].contains("more"), "{messages:?}");
+}
+
+/// Whether work of `long` takes less than the square of what its size says over that of `short`: by the exponent of
+/// growth, in the best of three.
+fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
+    const TIMES: usize = 8;
+    let took = |size: usize| (0..3).map(|_| errors(text(size)).2).min().expect("three of them").as_secs_f64();
+    let (small, large) = (took(short), took(short * TIMES));
+    let exponent = (large / small).ln() / (TIMES as f64).ln();
+    assert!(exponent < 1.5, "{small:.3} s for {short}, {large:.3} s for {TIMES} times as many");
+}
+
+#[test]
+fn the_time_to_tell_syntax_errors_grows_with_the_length_of_the_file() {
+    grows_like_its_length(|count| "[[a]]x\n".repeat(count), 1_000);
+    grows_like_its_length(|count| "<a> ".repeat(count), 1_000);
+}
+
+#[test]
+fn the_time_to_tell_other_errors_grows_with_the_length_of_the_file() {
+    let unknown = |count: usize| {
+        (0..count).map(|i| format!("[component.c{i}]\nkind = \"no.such\"\nrate = 3\n")).collect::<String>()
+    };
+    grows_like_its_length(unknown, 100);
+}
+
+#[test]
+fn a_very_long_name_is_not_repeated_in_full() {
+    let (messages, rendered, _) = errors(format!("name = \"{}\"\n", "A".repeat(1_000_000)));
+    assert!(messages.iter().all(|message| message.len() < 2_000), "{}", messages[0].len());
+    assert!(rendered.len() < 20_000, "{} bytes", rendered.len());
+}
+
+#[test]
+fn a_configuration_holds_no_number_that_nothing_has() {
+    for number in ["1e308", "-1e16", "1e300"] {
+        let path = "component.policy.config.number".to_string();
+        let setting = motorium::graph::Override { path, value: number.to_string() };
+        let error =
+            motorium::graph::load_for(&good("everything"), &[setting], &kinds::registry(), &machine())
+                .expect_err("an absurd number");
+        assert!(
+            error.render(false).contains("expected a number between -1e15 and 1e15"),
+            "{}",
+            error.render(false)
+        );
+    }
+}
+
+#[test]
+fn what_is_no_regular_file_is_refused_at_once() {
+    for path in ["/dev/zero", "/dev/full", "/dev"] {
+        let error = load(std::path::Path::new(path)).expect_err("no graph");
+        assert!(error.render(false).contains("expected a regular file"), "{}", error.render(false));
+    }
+}

@@ -1,0 +1,35 @@
+//! Graph files.
+
+use motorium::graph::{Machine, check};
+use motorium::schedule::{Overheads, RtLimit, admit};
+
+use crate::target::{files, target, workspace};
+
+#[test]
+fn graphs() {
+    let corpus = files(&["graphs", "graphs/broken", "tests/fuzz/corpus/graphs"], &[".toml"]);
+    // One of a program would start whatever the damage makes of its path.
+    let corpus: Vec<_> = corpus.into_iter().filter(|bytes| !starts_a_program(bytes)).collect();
+    let (registry, machine) = (motorium_tools::registry(), Machine::detect());
+    let path = workspace().join("graphs/fuzzed.toml");
+    target("graphs", &corpus, |bytes| {
+        if starts_a_program(bytes) {
+            return;
+        }
+        match check(&path, String::from_utf8_lossy(bytes).into_owned(), &[], &registry, &machine) {
+            Ok(checked) => {
+                admit(&checked.plan, &Overheads::default(), RtLimit::detect());
+                assert!(serde_json::to_string(&checked.plan).is_ok());
+                checked.warnings.iter().for_each(|warning| drop(warning.render(true)));
+            }
+            Err(error) => {
+                assert!(!error.diagnostics().is_empty() && error.render(false).contains("error"));
+                assert!(error.reports().len() <= 21);
+            }
+        }
+    });
+}
+
+fn starts_a_program(bytes: &[u8]) -> bool {
+    bytes.windows(4).any(|word| word == b"exec")
+}

@@ -1,0 +1,78 @@
+//! The loop of a fuzzer: inputs, damages, verdict.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
+
+use crate::damage::{Damage, damage};
+
+/// Longest processor time for one input, ns.
+const LONGEST_NS: u64 = 1_000_000_000;
+/// Cases between two looks at the clock.
+const BATCH: u32 = 16;
+
+pub(crate) fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
+}
+
+fn number(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
+/// The files of folders of the workspace whose names end so, in the order of their names.
+pub(crate) fn files(folders: &[&str], endings: &[&str]) -> Vec<Vec<u8>> {
+    let mut paths: Vec<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| std::fs::read_dir(workspace().join(folder)).into_iter().flatten().flatten())
+        .map(|entry| entry.path())
+        .filter(|path| endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)))
+        .collect();
+    paths.sort();
+    assert!(!paths.is_empty(), "no {endings:?} in {folders:?}");
+    paths.into_iter().map(|path| std::fs::read(path).expect("the file can be read")).collect()
+}
+
+/// Reads one input; an error if it took too long.
+fn try_one(read: &dyn Fn(&[u8]), bytes: &[u8]) -> Result<(), TestCaseError> {
+    let before = motorium::os::thread_cpu_ns();
+    read(bytes);
+    let took = motorium::os::thread_cpu_ns().saturating_sub(before);
+    let text = || format!("reading {} bytes took {} ms", bytes.len(), took / 1_000_000);
+    if took > LONGEST_NS { Err(TestCaseError::fail(text())) } else { Ok(()) }
+}
+
+/// Reads the inputs as they are, then damaged ones until the time is over.
+pub(crate) fn target(name: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
+    for bytes in corpus {
+        try_one(&read, bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+    }
+    let until = Instant::now() + Duration::from_secs(number("MOTORIUM_FUZZ_SECONDS", 1));
+    let config =
+        Config { cases: BATCH, failure_persistence: None, max_shrink_iters: 512, ..Config::default() };
+    let runner = |batch: u64| {
+        let mut seed = [0; 32];
+        seed[..8].copy_from_slice(&number("MOTORIUM_FUZZ_SEED", 1).to_le_bytes());
+        seed[8..16].copy_from_slice(&batch.to_le_bytes());
+        TestRunner::new_with_rng(config.clone(), TestRng::from_seed(RngAlgorithm::ChaCha, &seed))
+    };
+    let strategy = (any::<prop::sample::Index>(), prop::collection::vec(damage(), 1..8));
+    let damaged = |(which, damages): &(prop::sample::Index, Vec<Damage>)| {
+        let mut bytes = corpus[which.index(corpus.len())].clone();
+        damages.iter().for_each(|damage| damage.apply(&mut bytes, corpus));
+        bytes
+    };
+    let mut batches = 0_u64;
+    while Instant::now() < until {
+        let result = runner(batches).run(&strategy, |input| try_one(&read, &damaged(&input)));
+        if let Err(error) = result {
+            let TestError::Fail(reason, input) = error else { panic!("{name}: {error}") };
+            let path = std::env::temp_dir().join(format!("motorium-fuzz-{name}"));
+            std::fs::write(&path, damaged(&input)).expect("the input can be kept");
+            panic!("{name}: {reason}\nthe input is kept in {}", path.display());
+        }
+        batches += 1;
+    }
+    println!("{name}: {} damaged inputs", batches * u64::from(BATCH));
+}

@@ -1,0 +1,272 @@
+//! Access to a run: by other users, from other namespaces, and to the places where runs lie.
+
+use std::fs;
+use std::os::unix::fs::{PermissionsExt as _, chown};
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use motorium::run_folder::RunFolder;
+
+use crate::support::{MOTORIUM, Run, is_root, kill, leftovers, machine, panda_reach, signal, workspace};
+
+/// A user without any rights.
+const NOBODY: u32 = 65_534;
+/// Another one.
+const STRANGER: u32 = 64_123;
+
+fn motorium(arguments: &[&str]) -> Command {
+    let mut command = Command::new(MOTORIUM);
+    command.args(arguments).current_dir(workspace()).stdin(Stdio::null()).env_remove("XDG_RUNTIME_DIR");
+    command
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// Whether the program under test can be started by other users.
+fn others_can_start() -> bool {
+    let mut command = motorium(&["--version"]);
+    command.uid(NOBODY).gid(NOBODY).output().is_ok_and(|output| output.status.success())
+}
+
+#[test]
+fn another_user_can_read_and_write_no_object_of_a_run() {
+    let _machine = machine();
+    if !is_root() {
+        return eprintln!("skipped: only root can look as another user");
+    }
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    let find = |test: &[&str]| -> Vec<String> {
+        let mut command = Command::new("find");
+        command.args(["/dev/shm", "-path", &format!("*{id}*")]).args(test).uid(STRANGER).gid(STRANGER);
+        let output = command.current_dir("/").output().expect("find runs");
+        String::from_utf8_lossy(&output.stdout).lines().map(str::to_string).collect()
+    };
+    assert!(find(&[]).len() > 5, "the objects of the run are seen: {:?}", find(&[]));
+    assert_eq!(find(&["-readable"]), Vec::<String>::new());
+    assert_eq!(find(&["-writable"]), Vec::<String>::new());
+    // Nor does any of them depend on a folder above it alone.
+    let open: Vec<String> = leftovers(&id)
+        .into_iter()
+        .filter(|name| {
+            let mode = fs::metadata(Path::new("/dev/shm").join(name)).map(|m| m.permissions().mode());
+            mode.is_ok_and(|mode| mode & 0o077 != 0)
+        })
+        .collect();
+    assert_eq!(open, Vec::<String>::new());
+    drop(run);
+}
+
+/// Makes the folder in which a user's runs lie, of another user and open to all, and removes it at the end.
+struct Squat(PathBuf);
+
+impl Squat {
+    fn on(user: u32, by: u32) -> Self {
+        let path = PathBuf::from(format!("/dev/shm/motorium-{user}"));
+        let _ = fs::remove_dir(&path);
+        fs::DirBuilder::new().create(&path).expect("the folder is made");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o777)).expect("it is opened");
+        chown(&path, Some(by), Some(by)).expect("it is given away");
+        Self(path)
+    }
+}
+
+impl Drop for Squat {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn a_runs_folder_made_by_another_user_is_refused_with_advice_and_left_as_it_is() {
+    let _machine = machine();
+    if !is_root() || !others_can_start() {
+        return eprintln!("skipped: needs root, and a program that other users can start");
+    }
+    let squat = Squat::on(NOBODY, STRANGER);
+    let mut command = motorium(&["run", "graphs/panda-reach.toml", "--for", "100 ms"]);
+    let output = command.uid(NOBODY).gid(NOBODY).output().expect("motorium starts");
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    for words in ["motorium-65534", "of user 64123, not of 65534", "XDG_RUNTIME_DIR"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert_eq!(fs::read_dir(&squat.0).expect("it is there").count(), 0, "nothing was made in it");
+    // Nor is anything in it taken for a run of this user.
+    fs::create_dir(squat.0.join("panda-reach-0123456789")).expect("a false run");
+    let output = motorium(&["topic", "list"]).uid(NOBODY).gid(NOBODY).output().expect("motorium starts");
+    assert!(self::text(&output).contains("no graph is running"), "{}", self::text(&output));
+}
+
+/// A run whose folder lies in `place`, once it steps.
+fn await_run_in(place: &Path, child: &mut Child) -> RunFolder {
+    let started = Instant::now();
+    loop {
+        let folders = fs::read_dir(place).into_iter().flatten().flatten();
+        let steps = |folder: &RunFolder| {
+            folder.region().is_ok_and(|region| {
+                !region.components().is_empty()
+                    && region
+                        .components()
+                        .iter()
+                        .all(|block| block.steps.load(std::sync::atomic::Ordering::Relaxed) > 5)
+            })
+        };
+        if let Some(folder) = folders.map(|entry| RunFolder::open(&entry.path())).find(steps) {
+            return folder;
+        }
+        assert!(child.try_wait().expect("it can be asked").is_none(), "the run ended before it stepped");
+        assert!(started.elapsed() < Duration::from_secs(60), "the run does not step");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
+    let _machine = machine();
+    let session = tempfile::tempdir().expect("a folder");
+    fs::set_permissions(session.path(), fs::Permissions::from_mode(0o700)).expect("it is closed");
+    let inside = |arguments: &[&str]| {
+        let mut command = motorium(arguments);
+        command.env("XDG_RUNTIME_DIR", session.path());
+        command
+    };
+    let mut child = inside(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("motorium starts");
+    let folder = await_run_in(&session.path().join("motorium"), &mut child);
+    let listed = inside(&["topic", "list", "--run", folder.id()]).output().expect("motorium starts");
+    assert!(text(&listed).contains("panda/joint_state"), "{}", text(&listed));
+    let id = folder.id().to_string();
+    rustix::process::kill_process(
+        rustix::process::Pid::from_raw(child.id() as i32).expect("a process id"),
+        rustix::process::Signal::INT,
+    )
+    .expect("it is there");
+    assert!(child.wait().expect("it ends").success());
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+    assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
+    // One that others can write is no such place.
+    fs::set_permissions(session.path(), fs::Permissions::from_mode(0o777)).expect("it is opened");
+    let output = inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms"]).output().expect("it starts");
+    assert!(output.status.success(), "{}", text(&output));
+    assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
+}
+
+/// The command in a process namespace of its own, as a container that shares `/dev/shm` with its host.
+fn contained(arguments: &[&str]) -> Command {
+    let mut command = Command::new("unshare");
+    command.args(["--pid", "--fork", "--kill-child", "--mount-proc", MOTORIUM]).args(arguments);
+    command.current_dir(workspace()).stdin(Stdio::null());
+    command
+}
+
+fn namespaces_are_allowed() -> bool {
+    is_root() && contained(&["--version"]).output().is_ok_and(|output| output.status.success())
+}
+
+#[test]
+fn cleaning_up_in_another_process_namespace_leaves_a_living_run_alone() {
+    let _machine = machine();
+    if !namespaces_are_allowed() {
+        return eprintln!("skipped: no process namespaces for this user");
+    }
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "controller.restart.when=failure"]);
+    let id = run.folder.id().to_string();
+    let before = leftovers(&id);
+    let output = contained(&["doctor", "--clean", "--json"]).output().expect("unshare runs");
+    assert!(!output.stdout.is_empty(), "{}", text(&output));
+    assert_eq!(leftovers(&id), before);
+    assert!(run.folder.is_alive());
+    // What was left alone is still of use.
+    let controller = run.pid_of("controller");
+    kill(controller);
+    let killed = Instant::now();
+    while run.pid_of("controller") == controller {
+        assert!(killed.elapsed() < Duration::from_secs(10), "the controller is not restarted");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    signal(run.launcher(), rustix::process::Signal::INT);
+    let ended = run.finish();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn a_run_of_a_container_that_was_killed_is_seen_to_be_dead_and_removed() {
+    let _machine = machine();
+    if !namespaces_are_allowed() {
+        return eprintln!("skipped: no process namespaces for this user");
+    }
+    let session = tempfile::tempdir().expect("a folder");
+    fs::set_permissions(session.path(), fs::Permissions::from_mode(0o700)).expect("it is closed");
+    let mut child = contained(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json"])
+        .env("XDG_RUNTIME_DIR", session.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("unshare runs");
+    let folder = await_run_in(&session.path().join("motorium"), &mut child);
+    assert!(folder.is_alive(), "a living run of another namespace");
+    let id = folder.id().to_string();
+    let launcher = fs::read_to_string(format!("/proc/{0}/task/{0}/children", child.id())).expect("its child");
+    kill(launcher.trim().parse().expect("one process id"));
+    child.wait().expect("it ends");
+    let killed = Instant::now();
+    while folder.is_alive() {
+        assert!(killed.elapsed() < Duration::from_secs(10), "the run is dead, but seems alive");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_ne!(leftovers(&id), Vec::<String>::new(), "its guard died with it");
+    let mut doctor = motorium(&["doctor", "--clean", "--json"]);
+    doctor.env("XDG_RUNTIME_DIR", session.path()).output().expect("motorium starts");
+    assert!(!folder.path().exists());
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn a_graph_runs_in_a_user_namespace_of_its_own() {
+    let _machine = machine();
+    if !is_root() || !others_can_start() {
+        return eprintln!("skipped: needs root, and a program that other users can start");
+    }
+    let unshared = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new("unshare");
+        command.args(["--user", "--map-root-user", program]).args(arguments).uid(NOBODY).gid(NOBODY);
+        command.current_dir(workspace()).stdin(Stdio::null()).env_remove("XDG_RUNTIME_DIR");
+        command.output().expect("unshare runs")
+    };
+    if !unshared("true", &[]).status.success() {
+        return eprintln!("skipped: no user namespaces on this machine");
+    }
+    // The folder of root itself, which is of another user in there.
+    let outside = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let output = unshared(MOTORIUM, &["run", "graphs/panda-reach.toml", "--for", "100 ms"]);
+    assert!(output.status.success(), "{}", text(&output));
+    assert!(!Path::new("/dev/shm/motorium-65534").exists());
+    drop(outside);
+}
+
+#[test]
+fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
+    let _machine = machine();
+    let id = |run: Run| run.folder.id().to_string();
+    let (first, second) = (
+        id(Run::start(&panda_reach(), &["--for", "60 s"])),
+        id(Run::start(&panda_reach(), &["--for", "60 s"])),
+    );
+    let tail = |id: &str| id.strip_prefix("panda-reach-").expect("the name of the graph").to_string();
+    assert_ne!(tail(&first), tail(&second));
+    for id in [&first, &second] {
+        assert!(tail(id).len() == 10 && tail(id).chars().all(|c| c.is_ascii_alphanumeric()), "{id}");
+    }
+    // Nothing but the random part tells two runs of a moment apart: its characters all vary.
+    let same = tail(&first).chars().zip(tail(&second).chars()).filter(|(a, b)| a == b).count();
+    assert!(same < 6, "{first} {second}");
+}

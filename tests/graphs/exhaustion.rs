@@ -1,0 +1,177 @@
+//! Resources that run out: each is named, and nothing is left behind.
+
+use std::collections::BTreeSet;
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use crate::support::{MOTORIUM, is_root, machine, workspace};
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// A shell line in which `$MOTORIUM` is the command under test.
+fn shell(line: &str) -> Command {
+    let mut command = Command::new("bash");
+    command.args(["-c", line]).env("MOTORIUM", MOTORIUM).env_remove("XDG_RUNTIME_DIR");
+    command.current_dir(workspace()).stdin(Stdio::null());
+    command
+}
+
+/// All there is in shared memory, folders of runs included.
+fn shared_memory() -> BTreeSet<String> {
+    let inside = |path: &Path| -> Vec<String> {
+        let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path().display().to_string()).collect()
+    };
+    let all = inside(Path::new("/dev/shm"));
+    all.iter().flat_map(|path| inside(Path::new(path))).chain(all.clone()).collect()
+}
+
+/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind.
+fn limited(limit: &str, words: &[&str]) -> bool {
+    let before = shared_memory();
+    let line = format!("{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms");
+    let output = shell(&line).output().expect("bash runs");
+    let text = text(&output);
+    assert_eq!(shared_memory(), before, "`{limit}` left something behind: {text}");
+    if output.status.success() {
+        return true;
+    }
+    assert_eq!(output.status.code(), Some(1), "`{limit}`: {:?} {text}", output.status);
+    assert!(words.iter().any(|word| text.contains(word)), "`{limit}`: {text}");
+    false
+}
+
+#[test]
+fn too_few_descriptors_are_named_and_nothing_is_left_behind() {
+    let _machine = machine();
+    let words = ["open files", "files open", "Too many open files", "error while loading shared libraries"];
+    let ran: Vec<bool> = [5, 6, 8, 10, 12, 16, 20, 24, 30, 40, 60, 80, 200]
+        .map(|n| limited(&format!("ulimit -n {n}"), &words))
+        .into();
+    assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
+    // A soft limit is raised as far as it may be.
+    assert!(limited("ulimit -S -n 12", &words));
+}
+
+#[test]
+fn files_that_may_not_grow_are_named_before_anything_is_made() {
+    let _machine = machine();
+    for blocks in [0, 1, 10, 100] {
+        assert!(!limited(&format!("ulimit -f {blocks}"), &["the size of files"]));
+    }
+}
+
+#[test]
+fn too_few_processes_are_named_and_nothing_is_left_behind() {
+    let _machine = machine();
+    const LONELY: u32 = 64_321;
+    if !is_root() || !shell("\"$MOTORIUM\" --version").uid(LONELY).output().is_ok_and(|o| o.status.success())
+    {
+        return eprintln!("skipped: needs root, and a program that other users can start");
+    }
+    let before = shared_memory();
+    let mut ran = Vec::new();
+    // The shell is one, and each process of the graph has some threads.
+    for processes in [1, 2, 3, 4, 6, 8, 10, 12, 200] {
+        let line =
+            format!("ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms");
+        let output = shell(&line).uid(LONELY).gid(LONELY).output().expect("bash runs");
+        let text = text(&output);
+        assert_eq!(shared_memory(), before, "{processes} processes: {text}");
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{processes}: {:?} {text}", output.status);
+        assert!(!text.contains("panicked"), "{processes}: {text}");
+        ran.push(output.status.success());
+    }
+    assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
+}
+
+/// Runs a shell line with a `/dev/shm` of its own, of so many bytes and files; what is left there comes last.
+fn with_shared_memory(size: &str, files: u32, line: &str) -> Output {
+    let script = format!(
+        "mount -t tmpfs -o size={size},nr_inodes={files},mode=1777 tmpfs /dev/shm || exit 77\n{line}\nrc=$?\n\
+         echo left: $(find /dev/shm -mindepth 1); exit $rc"
+    );
+    let mut command = Command::new("unshare");
+    command.args(["--mount", "sh", "-c", &script]).env("MOTORIUM", MOTORIUM).env_remove("XDG_RUNTIME_DIR");
+    command.current_dir(workspace()).stdin(Stdio::null()).output().expect("unshare runs")
+}
+
+fn mounts_are_allowed() -> bool {
+    is_root() && with_shared_memory("1m", 100, "true").status.code() == Some(0)
+}
+
+const RUN: &str = "\"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms 2>&1";
+
+#[test]
+fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything_is_made() {
+    let _machine = machine();
+    if !mounts_are_allowed() {
+        return eprintln!("skipped: no mounts for this user");
+    }
+    let mut ran = Vec::new();
+    for size in
+        ["4k", "64k", "288k", "320k", "400k", "512k", "640k", "800k", "1m", "1200k", "1500k", "2m", "4m"]
+    {
+        let output = with_shared_memory(size, 10_000, RUN);
+        let text = text(&output);
+        assert!(text.contains("left: \n") || text.ends_with("left:\n"), "{size}: {text}");
+        match output.status.code() {
+            Some(0) => ran.push(true),
+            Some(1) => {
+                ran.push(false);
+                assert!(
+                    text.contains("shared memory") && text.contains("free in /dev/shm"),
+                    "{size}: {text}"
+                );
+            }
+            other => panic!("{size}: {other:?} {text}"),
+        }
+    }
+    assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
+    for files in [2, 8, 30, 60] {
+        let output = with_shared_memory("16m", files, RUN);
+        let text = text(&output);
+        assert_eq!(output.status.code(), Some(1), "{files} files: {text}");
+        assert!(text.contains("may be made in /dev/shm"), "{files} files: {text}");
+    }
+}
+
+/// The run goes on while `fill` is at work; then the controller is killed.
+fn killed_after(fill: &str) -> String {
+    let line = format!(
+        "\"$MOTORIUM\" run graphs/panda-reach.toml --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
+         run=$!; sleep 2; {fill}\n\
+         kill -9 $(pgrep -P $run -f 'motorium-worker .* controller$'); wait $run; rc=$?\n\
+         rm -f /dev/shm/fill; cat /tmp/motorium-full-$$; rm /tmp/motorium-full-$$; (exit $rc)"
+    );
+    let output = with_shared_memory("8m", 10_000, &line);
+    let text = text(&output);
+    assert!(text.contains("left: \n") || text.ends_with("left:\n"), "{text}");
+    assert!(matches!(output.status.code(), Some(0 | 4)), "{:?} {text}", output.status);
+    text
+}
+
+#[test]
+fn a_component_is_restarted_although_others_have_filled_the_shared_memory_meanwhile() {
+    let _machine = machine();
+    if !mounts_are_allowed() {
+        return eprintln!("skipped: no mounts for this user");
+    }
+    let text = killed_after("cat /dev/zero > /dev/shm/fill 2>/dev/null");
+    assert!(text.contains("controller") && text.contains("again"), "{text}");
+    assert!(!text.contains("SIGBUS"), "{text}");
+}
+
+#[test]
+fn a_restart_that_finds_no_memory_names_it() {
+    let _machine = machine();
+    if !mounts_are_allowed() {
+        return eprintln!("skipped: no mounts for this user");
+    }
+    // What is kept for restarts is taken, too: its object cut, the room filled.
+    let text = killed_after("truncate -s 0 /dev/shm/mt_*_spare; cat /dev/zero > /dev/shm/fill 2>/dev/null");
+    assert!(text.contains("/dev/shm is full"), "{text}");
+}

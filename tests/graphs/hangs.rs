@@ -1,0 +1,434 @@
+//! Components, guards and launchers that hang, loop, are stopped or are not read: nothing of it goes unnoticed, and none of
+//! it keeps the robot from its safe state.
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use motorium::launcher::{Exit, Report};
+use motorium::os::Watch;
+use motorium::run_folder::RunFolder;
+use rustix::process::Signal;
+
+use crate::faults::faulty;
+use crate::support::{
+    MOTORIUM, Run, await_end, is_root, kill, leftovers, machine, panda_reach, run, signal, workspace,
+};
+
+const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
+
+/// Waits until something is so.
+fn await_that(what: &str, is_so: impl Fn() -> bool) {
+    let started = Instant::now();
+    while !is_so() {
+        assert!(started.elapsed() < Duration::from_secs(20), "{what}: not within 20 s");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn is_alive(pid: u32) -> bool {
+    Watch::new(pid).is_ok_and(|watch| !watch.has_ended())
+}
+
+fn reason(report: &Report) -> &str {
+    match &report.exit {
+        Exit::SafeStop { reason } => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn each_component_that_is_stopped_is_told_killed_and_restarted() {
+    let _machine = machine();
+    let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
+    let mut arguments = vec!["--for", "60 s", "--set", "realtime.hang_after=50 ms"];
+    restart.iter().for_each(|setting| arguments.extend(["--set", setting]));
+    let run = Run::start(&panda_reach(), &arguments);
+    for component in COMPONENTS {
+        std::thread::sleep(Duration::from_millis(300));
+        let pid = run.pid_of(component);
+        signal(pid, Signal::STOP);
+        await_that(component, || run.pid_of(component) != pid);
+        await_end(pid);
+        let steps = run.steps_of(component);
+        await_that(component, || run.steps_of(component) > steps + 100);
+    }
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
+    assert!(ended.report().components.iter().all(|c| c.restarts == 1), "{:?}", ended.report().components);
+    for component in COMPONENTS {
+        let told = ended.stderr.lines().any(|line| {
+            line.contains(&format!("`{component}`"))
+                && line.contains("hung: ")
+                && line.contains("stopped by a signal")
+        });
+        assert!(told, "{component}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn a_stopped_component_without_a_restart_policy_brings_the_robot_to_its_safe_state() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    signal(run.pid_of("controller"), Signal::STOP);
+    let ended = run.finish();
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let reason = reason(ended.report());
+    assert!(reason.contains("`controller`") && reason.contains("hung: no step for 200 ms"), "{reason}");
+    assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
+    // its rate counts to the end, not to its own last step
+    let components = &ended.report().components;
+    let rate = |name: &str| components.iter().find(|c| c.name == name).expect("it is reported").rate_hz;
+    assert!(rate("controller") < 0.9 * rate("physics"), "{} Hz", rate("controller"));
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn a_step_that_never_ends_is_told_and_follows_the_policy() {
+    let _machine = machine();
+    let settings = "hang_after = \"60 ms\"\nrestart = { when = \"failure\" }";
+    let (_folder, graph) = faulty("{ fault = \"hang\", at = 200, once = true }", settings);
+    let ended = run(&graph, &["--for", "2 s"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    let told = "`faulty` at tick 200: hung: its step has not ended after 60 ms (`hang_after` is 60 ms)";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+}
+
+#[test]
+fn an_endless_loop_above_the_actuator_is_ended_by_the_kernel() {
+    let _machine = machine();
+    if !is_root() {
+        return eprintln!("skipped: without real-time priority a loop keeps the core from nobody");
+    }
+    let (_folder, graph) = faulty("{ fault = \"loop\", at = 200 }", "cpu_limit = \"12 ms\"");
+    let ended = run(&graph, &["--for", "60 s"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let reason = reason(ended.report());
+    assert!(
+        reason.contains("`faulty`") && reason.contains("SIGXCPU") && reason.contains("`cpu_limit`"),
+        "{reason}"
+    );
+    assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
+    // nobody else waited for as long as the watchdog would have taken
+    let physics = &ended.report().components[0];
+    assert!(physics.lateness_ns.max < 200_000_000, "{physics:?}");
+    assert!(ended.report().components.iter().any(|c| c.fifo_priority > physics.fifo_priority));
+}
+
+#[test]
+fn a_component_that_is_behind_all_the_time_is_not_taken_for_one_that_loops() {
+    let _machine = machine();
+    // each step takes 5 ms, and the next trigger is always there already
+    let (_folder, graph) =
+        faulty("{ fault = \"work\", at = 200 }", "core = 0\ncpu_limit = \"12 ms\"\nlost_steps = 1");
+    let ended = run(&graph, &["--for", "1 s"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+}
+
+#[test]
+fn a_component_whose_trigger_is_silent_has_not_hung() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"mute\", at = 100 }", "hang_after = \"50 ms\"");
+    let text = std::fs::read_to_string(&graph).expect("the graph can be read");
+    let begins = text.find("[component.faulty]").expect("it is there");
+    let second = text[begins..]
+        .replace("component.faulty", "component.second")
+        .replace("panda/joint_state", "panda/passed_on")
+        .replace("output = \"panda/passed_on\"", "output = \"panda/passed_on_again\"")
+        .replace("mute", "none");
+    std::fs::write(&graph, format!("{text}\n{second}")).expect("the graph can be written");
+    let ended = run(&graph, &["--for", "1500 ms"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    let second = ended.report().components.iter().find(|c| c.name == "second").expect("it is reported");
+    assert!((50..=100).contains(&second.steps), "{second:?}");
+}
+
+#[test]
+fn a_triggered_actuator_reaches_its_safe_state_when_nobody_publishes() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = folder.path().join("drive.toml");
+    let text = std::fs::read_to_string(panda_reach()).expect("the graph can be read");
+    let drive = "\n[component.drive]\nkind = \"physics.articulated\"\nrobot = \"panda\"\ntrigger = \
+                 \"panda/joint_command\"\nsubscribe = { joint_command = \"panda/joint_command\" }\npublish = { \
+                 joint_state = \"panda/driven\" }\n";
+    std::fs::write(&graph, text + drive).expect("the graph can be written");
+    let run = Run::start(&graph, &["--for", "60 s", "--set", "controller.on_failure=ignore"]);
+    assert!(!run.is_safe("drive"));
+    kill(run.pid_of("controller"));
+    await_that("the safe state", || run.is_safe("drive"));
+    let steps = run.steps_of("drive");
+    await_that("further steps", || run.steps_of("drive") > steps + 10);
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    let steps = &ended.report().results["drive"]["steps_in_safe_state"];
+    assert!(steps.as_u64().is_some_and(|steps| steps > 10), "{steps}");
+}
+
+#[test]
+fn asked_to_end_all_at_once_the_actuator_stays_in_its_safe_state_for_the_settling_time() {
+    let _machine = machine();
+    let settle = Duration::from_millis(900);
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "safety.settle=900 ms"]);
+    let id = run.folder.id().to_string();
+    let (physics, guard) = (run.pid_of("physics"), run.guard());
+    // as `systemctl stop` does
+    let asked = Instant::now();
+    for component in COMPONENTS {
+        signal(run.pid_of(component), Signal::TERM);
+    }
+    signal(guard, Signal::TERM);
+    signal(run.launcher(), Signal::TERM);
+    await_that("the safe state", || run.is_safe("physics"));
+    let steps = run.steps_of("physics");
+    std::thread::sleep(settle / 2 - asked.elapsed().min(settle / 2));
+    assert!(is_alive(physics) && run.is_safe("physics"), "it left before it had settled");
+    assert!(run.steps_of("physics") > steps, "it stands still");
+    let ended = run.finish();
+    assert!(asked.elapsed() >= settle, "{:?}", asked.elapsed());
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn an_actuator_that_prints_survives_the_launcher() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"print\", at = 0, actuator = true }", "");
+    let run = Run::start(&graph, &["--for", "60 s", "--set", "safety.settle=900 ms"]);
+    let (faulty, guard) = (run.pid_of("faulty"), run.guard());
+    kill(run.launcher());
+    let killed = Instant::now();
+    let steps = run.steps_of("faulty");
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(is_alive(faulty), "it died of its own words");
+    assert!(run.steps_of("faulty") > steps + 10, "it waits for a reader");
+    await_end(faulty);
+    assert!(killed.elapsed() >= Duration::from_millis(800), "{:?}", killed.elapsed());
+    await_end(guard);
+}
+
+#[test]
+fn output_that_nobody_reads_holds_up_neither_restarts_nor_the_end() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"print\", at = 0 }", "");
+    // neither standard output nor standard error of the launcher is read
+    let mut launcher = Command::new(MOTORIUM)
+        .arg("run")
+        .arg(&graph)
+        .args(["--for", "6 s", "--set", "policy.restart.when=failure"])
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("motorium starts");
+    let folder = || {
+        RunFolder::list().into_iter().find(|folder| {
+            folder.region().is_ok_and(|region| {
+                region.header().launcher.load(std::sync::atomic::Ordering::Relaxed) == launcher.id()
+            })
+        })
+    };
+    await_that("a run", || folder().is_some());
+    let folder = folder().expect("it is there");
+    // enough lines to fill the pipe many times over
+    let steps = |name: &str| {
+        let (Ok(plan), Ok(region)) = (folder.plan(), folder.region()) else { return 0 };
+        let index = plan.components.iter().position(|c| c.name == name).expect("it exists");
+        region.components()[index].steps.load(std::sync::atomic::Ordering::Relaxed)
+    };
+    await_that("many lines", || steps("faulty") > 2_500);
+    let policy = || {
+        let region = folder.region().expect("the run has a region");
+        region.components()[2].pid.load(std::sync::atomic::Ordering::Relaxed)
+    };
+    let before = policy();
+    kill(before);
+    await_that("a restart", || policy() != before);
+    let begun = steps("policy");
+    await_that("further steps", || steps("policy") > begun + 100);
+    await_that("the end of the run", || !folder.path().exists());
+    assert!(launcher.try_wait().expect("it can be asked").is_none(), "its last words wait for a reader");
+    // its report waits for a reader, and it can be interrupted like any program
+    let started = Instant::now();
+    while launcher.try_wait().expect("it can be asked").is_none() {
+        assert!(started.elapsed() < Duration::from_secs(10), "it cannot be interrupted");
+        signal(launcher.id(), Signal::INT);
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn a_tick_of_lockstep_that_hangs_is_told_and_can_be_interrupted() {
+    let _machine = machine();
+    for how in [Signal::INT, Signal::TERM] {
+        let run = Run::start(&panda_reach(), &["--clock", "lockstep", "--for", "1000 s"]);
+        let id = run.folder.id().to_string();
+        signal(run.pid_of("controller"), Signal::STOP);
+        let stopped = run.steps_of("physics");
+        std::thread::sleep(Duration::from_millis(1_500));
+        assert!(run.steps_of("physics") <= stopped + 1, "the others waited");
+        signal(run.launcher(), how);
+        let ended = run.finish();
+        assert_eq!(ended.report().exit, Exit::Interrupted, "{}", ended.stderr);
+        assert!(ended.stderr.contains("`controller` has been in tick"), "{}", ended.stderr);
+        assert_eq!(leftovers(&id), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn a_stopped_guard_is_replaced_and_the_new_one_guards() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    let first = run.guard();
+    signal(first, Signal::STOP);
+    await_that("another guard", || run.guard() != first);
+    await_end(first);
+    let second = run.guard();
+    kill(run.launcher());
+    await_end(second);
+    let ended = run.finish();
+    assert!(
+        ended.stderr.contains("`guard`") && ended.stderr.contains("does not respond"),
+        "{}",
+        ended.stderr
+    );
+    assert!(ended.stderr.contains("`physics` in its safe state (hold)"), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
+}
+
+#[test]
+fn a_stopped_launcher_is_told_and_looks_after_the_graph_again_when_it_goes_on() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
+    signal(run.launcher(), Signal::STOP);
+    std::thread::sleep(Duration::from_millis(1_500));
+    let steps = run.steps_of("physics");
+    signal(run.launcher(), Signal::CONT);
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(run.steps_of("physics") > steps);
+    let policy = run.pid_of("policy");
+    kill(policy);
+    await_that("a restart", || run.pid_of("policy") != policy);
+    std::thread::sleep(Duration::from_millis(500));
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("does not respond") && ended.stderr.contains("responds again"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn with_a_stopped_launcher_the_guard_ends_the_run_when_a_component_dies_or_hangs() {
+    let _machine = machine();
+    for how in [Signal::KILL, Signal::STOP] {
+        let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+        let id = run.folder.id().to_string();
+        let guard = run.guard();
+        signal(run.launcher(), Signal::STOP);
+        std::thread::sleep(Duration::from_millis(1_200));
+        signal(run.pid_of("controller"), how);
+        await_end(guard);
+        let ended = run.finish();
+        let told = ended.stderr.contains("did not respond when component `controller`")
+            && ended.stderr.contains("`physics`")
+            && ended.stderr.contains("in its safe state (hold)");
+        assert!(told, "{}", ended.stderr);
+        assert_eq!(leftovers(&id), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn a_dead_actuator_is_named_and_not_certified() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    kill(run.pid_of("physics"));
+    let ended = run.finish();
+    let told = "not all actuators are in their safe state: `physics` dead";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    assert!(!ended.stderr.contains("all actuators in their safe state after"), "{}", ended.stderr);
+    // the same by the guard: what it was in when it died tells nothing
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "physics.on_failure=ignore"]);
+    let (physics, guard) = (run.pid_of("physics"), run.guard());
+    signal(run.pid_of("controller"), Signal::STOP);
+    await_that("the safe state", || run.is_safe("physics"));
+    kill(physics);
+    await_end(physics);
+    kill(run.launcher());
+    await_end(guard);
+    let ended = run.finish();
+    assert!(ended.stderr.contains("`physics` was not there to reach its safe state"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_component_that_fails_again_and_again_waits_longer_each_time_and_is_no_success() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\", at_most = 100000 }";
+    let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", restart);
+    let ended = run(&graph, &["--for", "3 s"]);
+    assert_eq!((ended.code, &ended.report().exit), (Some(7), &Exit::Finished), "{}", ended.stderr);
+    let warnings = ended.report().warnings.join("; ");
+    assert!(warnings.contains("`faulty` was restarted and did not step again"), "{warnings}");
+    let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
+    // delays of 0, 20, 40, 80, ... ms: no more than 8 fit into 3 s
+    assert!((3..=9).contains(&faulty.restarts), "{} restarts", faulty.restarts);
+    assert!(ended.stderr.contains("restarting in 40 ms"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_component_that_loses_too_many_steps_is_told_at_the_time_and_in_the_end() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "priority = 1");
+    let ended = run(&graph, &["--for", "2500 ms"]);
+    assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
+    assert!(ended.stderr.contains("of its steps in the last second"), "{}", ended.stderr);
+    if ended.report().lost.is_empty() {
+        assert_eq!(ended.code, Some(7), "{}", ended.stderr);
+        let warnings = ended.report().warnings.join("; ");
+        assert!(warnings.contains("`faulty` lost "), "{warnings}");
+    }
+}
+
+#[test]
+fn a_segmentation_fault_is_told_and_restarted() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
+    let policy = run.pid_of("policy");
+    // Rust's handler for stack overflows takes the first one that comes from outside for an accident
+    signal(policy, Signal::SEGV);
+    std::thread::sleep(Duration::from_millis(50));
+    if is_alive(policy) {
+        signal(policy, Signal::SEGV);
+    }
+    await_that("a restart", || run.pid_of("policy") != policy);
+    let steps = run.steps_of("policy");
+    await_that("further steps", || run.steps_of("policy") > steps + 100);
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    assert!(ended.stderr.contains("SIGSEGV"), "{}", ended.stderr);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+}
+
+#[test]
+fn a_graph_that_does_not_hold_beside_a_living_run_is_refused_unless_forced() {
+    let _machine = machine();
+    let first = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let id = first.folder.id().to_string();
+    let second = run(&panda_reach(), &["--for", "500 ms"]);
+    assert_eq!(second.code, Some(1), "{}", second.stderr);
+    let told = second.stderr.contains("does not hold its times beside") && second.stderr.contains(&id);
+    assert!(told, "{}", second.stderr);
+    let forced = run(&panda_reach(), &["--for", "500 ms", "--force"]);
+    assert_eq!(forced.report().exit, Exit::Finished, "{}", forced.stderr);
+    // on cores of their own they do not meet
+    let elsewhere = ["--for", "500 ms", "--set", "cores={ realtime = [0], shared = [1] }"];
+    let apart = run(&panda_reach(), &elsewhere);
+    assert_eq!(apart.report().exit, Exit::Finished, "{}", apart.stderr);
+    signal(first.launcher(), Signal::INT);
+    assert_eq!(first.finish().report().exit, Exit::Interrupted);
+}
