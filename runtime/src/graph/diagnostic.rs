@@ -172,7 +172,7 @@ impl Report {
         &mut self.diagnostics[last]
     }
 
-    /// Whether the graph cannot run.
+    /// True if there is an error: the graph cannot run.
     pub(super) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }

@@ -14,7 +14,7 @@ pub use blocks::{
 };
 pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
-#[cfg(all(test, feature = "loom"))]
+#[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use mapping::{Region, RegionError};

@@ -42,7 +42,7 @@ pub struct PhysicsComponent<E> {
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
-    /// Where the base started \[m\].
+    /// Initial position of the base \[m\].
     start: [f64; 3],
     totals: Totals,
 }
