@@ -88,17 +88,17 @@ impl Freshness {
         if stamp.publish_time > latest || stamp.source_time > latest {
             return Age::Refused(Refusal::Future);
         }
-        let (origin, incarnation, sequence) = (stamp.origin, stamp.incarnation, stamp.sequence);
+        let (publisher, restart_count, sequence) = (stamp.publisher, stamp.restart_count, stamp.sequence);
         let in_order = match self.last {
-            Some((same, life, number)) if same == origin => {
-                incarnation > life || (incarnation == life && sequence >= number)
+            Some((same, life, number)) if same == publisher => {
+                restart_count > life || (restart_count == life && sequence >= number)
             }
             _ => true,
         };
         if sequence == 0 || !in_order {
             return Age::Refused(Refusal::Sequence);
         }
-        self.last = Some((origin, incarnation, sequence));
+        self.last = Some((publisher, restart_count, sequence));
         if now_ns.saturating_sub(stamp.publish_time) > self.stale_after_ns {
             return Age::Stale;
         }
@@ -121,8 +121,8 @@ mod tests {
             source_time: source,
             publish_time: at,
             state_time: source,
-            origin: 3,
-            incarnation: 0,
+            publisher: 3,
+            restart_count: 0,
         }
     }
 
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(check.check(&published(now, now, 7), now), Age::Fresh, "the same again");
         assert_eq!(check.check(&published(now, now, 6), now), Age::Refused(Refusal::Sequence));
         assert_eq!(check.check(&published(now, now, 0), now), Age::Refused(Refusal::Sequence));
-        let restarted = Stamp { incarnation: 1, ..published(now, now, 1) };
+        let restarted = Stamp { restart_count: 1, ..published(now, now, 1) };
         assert_eq!(check.check(&restarted, now), Age::Fresh);
         assert_eq!(
             check.check(&published(now, now, 8), now),

@@ -83,7 +83,7 @@ impl Setup {
         let context = self.context().clone();
         context.block().gate.open(joints.iter().map(|joint| joint.name.as_str()));
         let mut gate = Gate::new(joints, settings);
-        if context.incarnation() > 0 {
+        if context.restart_count() > 0 {
             // The robot was without its actuator: under `resume = "latch"` a person decides.
             gate.latch();
         }
@@ -139,8 +139,8 @@ impl CommandGate {
         let stamp = reading.stamp();
         let before = self.offered.replace(stamp);
         let is_same = |before: &Stamp| {
-            (before.sequence, before.origin, before.incarnation)
-                == (stamp.sequence, stamp.origin, stamp.incarnation)
+            (before.sequence, before.publisher, before.restart_count)
+                == (stamp.sequence, stamp.publisher, stamp.restart_count)
         };
         let is_new = !before.as_ref().is_some_and(is_same);
         let block = self.context.block();
