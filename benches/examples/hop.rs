@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use motorium::declare::ConfigError;
 use motorium::program::{Program, run_worker};
 use motorium::worker::{Kind, Registry, RobotSource};
-use motorium_benches::Part;
+use motorium_benches::Role;
 use motorium_benches::host::Loader;
 use motorium_benches::latency::{Bench, Case, catalogue, targets};
 use motorium_benches::relay::Relay;
@@ -20,8 +20,8 @@ fn no_robots(_: &str, _: &Path) -> Result<Vec<String>, ConfigError> {
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     // The second process of a measurement is this program again.
-    if let Some(part) = Part::from_arguments(&arguments) {
-        return part.run();
+    if let Some(role) = Role::from_arguments(&arguments) {
+        return role.run();
     }
     // So are the processes of a graph.
     match Program::from_arguments(&arguments) {

@@ -24,11 +24,11 @@ pub enum MeasureError {
     #[error(transparent)]
     Launch(#[from] LaunchError),
     /// A process of the measurement failed.
-    #[error("the process `{part}` of the measurement failed: {reason}")]
-    Part {
-        /// Which.
-        part: &'static str,
-        /// Its last words.
+    #[error("the process `{process}` of the measurement failed: {reason}")]
+    Process {
+        /// Name of the process.
+        process: &'static str,
+        /// Its last message.
         reason: String,
     },
     /// The graph of a measurement ended early.

@@ -9,14 +9,14 @@ pub mod host;
 pub mod kill;
 pub mod latency;
 pub mod pair;
-mod part;
 pub mod payload;
 mod processes;
 mod raw_chain;
 mod read;
 pub mod relay;
+mod role;
 pub mod timer;
 
 pub use distribution::Distribution;
 pub use error::MeasureError;
-pub use part::Part;
+pub use role::Role;

@@ -12,12 +12,12 @@ use crate::MeasureError;
 /// One of them could not be started, failed, or took longer than the limit: then all are ended.
 pub(crate) fn run_to_end(
     program: &Path,
-    parts: &[(&'static str, Vec<String>)],
+    processes: &[(&'static str, Vec<String>)],
     folder: &Path,
     limit: Duration,
 ) -> Result<(), MeasureError> {
     let mut children = Vec::new();
-    for (_, arguments) in parts {
+    for (_, arguments) in processes {
         let child = Command::new(program)
             .args(arguments)
             .arg(folder)
@@ -36,17 +36,17 @@ pub(crate) fn run_to_end(
     let end = Instant::now() + limit;
     loop {
         let mut ended = 0;
-        for (child, (part, _)) in children.iter_mut().zip(parts) {
+        for (child, (process, _)) in children.iter_mut().zip(processes) {
             match child.try_wait() {
                 Ok(Some(status)) if status.success() => ended += 1,
                 Ok(None) => {}
                 Ok(Some(_)) | Err(_) => {
-                    let words = child.stderr.take().and_then(|pipe| std::io::read_to_string(pipe).ok());
+                    let message = child.stderr.take().and_then(|pipe| std::io::read_to_string(pipe).ok());
                     kill(&mut children);
-                    let words = words.filter(|words| !words.trim().is_empty());
-                    return Err(MeasureError::Part {
-                        part,
-                        reason: words.map_or("it died".to_string(), |words| words.trim().to_string()),
+                    let message = message.filter(|message| !message.trim().is_empty());
+                    return Err(MeasureError::Process {
+                        process,
+                        reason: message.map_or("it died".to_string(), |message| message.trim().to_string()),
                     });
                 }
             }
@@ -56,7 +56,7 @@ pub(crate) fn run_to_end(
         }
         if Instant::now() > end {
             kill(&mut children);
-            return Err(MeasureError::Part { part: parts[0].0, reason: "it hung".to_string() });
+            return Err(MeasureError::Process { process: processes[0].0, reason: "it hung".to_string() });
         }
         std::thread::sleep(Duration::from_millis(5));
     }

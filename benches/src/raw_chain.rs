@@ -43,7 +43,7 @@ pub(crate) struct RawChain {
 /// From one process to the next.
 #[repr(C, align(1024))]
 struct Link {
-    rings: AtomicU32,
+    published: AtomicU32,
     ready: AtomicU32,
     fifo: AtomicU32,
     payload: [AtomicU64; NUMBERS],
@@ -87,16 +87,16 @@ impl Links {
 impl Link {
     fn send(&self, time_ns: u64) {
         self.payload.iter().for_each(|number| number.store(time_ns, Relaxed));
-        self.rings.fetch_add(1, SeqCst);
-        futex_wake(&self.rings);
+        self.published.fetch_add(1, SeqCst);
+        futex_wake(&self.published);
     }
 
     /// The time in the next payload, all of which is read.
-    fn receive(&self, heard: &mut u32) -> Result<u64, String> {
-        while self.rings.load(Acquire) == *heard {
-            futex_wait(&self.rings, *heard, Some(Duration::from_secs(5)));
+    fn receive(&self, seen: &mut u32) -> Result<u64, String> {
+        while self.published.load(Acquire) == *seen {
+            futex_wait(&self.published, *seen, Some(Duration::from_secs(5)));
         }
-        *heard = heard.wrapping_add(1);
+        *seen = seen.wrapping_add(1);
         let first = self.payload[0].load(Relaxed);
         let differ = self.payload.iter().fold(0, |differ, number| differ | (number.load(Relaxed) ^ first));
         if differ == 0 { Ok(first) } else { Err("a payload was torn".to_string()) }
@@ -114,17 +114,17 @@ pub(crate) fn measure(program: &Path, chain: &RawChain) -> Result<(Vec<u64>, u32
     let bytes = Links::bytes(chain) as u64;
     rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes)
         .map_err(|error| trouble(error.into()))?;
-    let parts: Vec<_> =
+    let processes: Vec<_> =
         (0..chain.processes).map(|index| ("link", vec![LINK.to_string(), index.to_string()])).collect();
     let limit = Duration::from_secs(20) + Duration::from_nanos(2 * PERIOD_NS * chain.rounds);
-    run_to_end(program, &parts, folder.path(), limit)?;
+    run_to_end(program, &processes, folder.path(), limit)?;
     let links = Links::open(folder.path()).map_err(|error| MeasureError::system("reading samples", error))?;
     let samples = links.samples().iter().map(|sample| sample.load(Relaxed)).collect();
     let fifo = links.links().iter().map(|link| link.fifo.load(Relaxed)).min().unwrap_or(0);
     Ok((samples, fifo))
 }
 
-/// Plays the part of one process.
+/// Runs one process of the chain.
 pub(crate) fn run_link(index: &str, folder: &Path) -> Result<(), String> {
     let index: usize = index.parse().map_err(|_| format!("`{index}` is no link"))?;
     let memory = Links::open(folder)?;
@@ -165,9 +165,9 @@ fn head(links: &[Link], chain: &RawChain) -> Result<(), String> {
 
 fn follow(links: &[Link], index: usize, memory: &Links) -> Result<(), String> {
     let last = index + 1 == links.len();
-    let (mut heard, mut round) = (0, 0);
+    let (mut seen, mut round) = (0, 0);
     loop {
-        let time = links[index - 1].receive(&mut heard)?;
+        let time = links[index - 1].receive(&mut seen)?;
         let now = monotonic_ns();
         if !last {
             links[index].send(time);

@@ -1,4 +1,4 @@
-//! The configuration manifold: moving along it, the way between two points on it, and other programs' coordinates.
+//! The configuration manifold: integration, differences, interpolation, and the coordinates of other programs.
 //!
 //! On a floating base `q` begins with the base's position in the world and its orientation as a quaternion x y z w, and
 //! `v` with the velocity of the base's origin and its angular velocity, both in the base's axes. Everything else is one

@@ -1,4 +1,4 @@
-//! Robots of others, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data folder.
+//! Installed robots, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data folder.
 //! Each folder there is a collection; whatever `.urdf` file lies in it is a robot.
 
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ fn installed_in(folder: &Path) -> Vec<Installed> {
     let mut found = Vec::new();
     for collection in entries(folder).into_iter().filter(|path| path.is_dir()) {
         let name = text(collection.file_name());
-        // What is being unpacked is not there yet.
+        // An installation in progress unpacks into a hidden folder.
         if !name.starts_with('.') {
             search(&collection, &name, 0, &mut found);
         }

@@ -35,7 +35,7 @@ impl Default for IkOptions {
     }
 }
 
-/// A configuration that does it.
+/// A configuration that reaches the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkSolution {
     /// Distance left \[m\].
@@ -140,8 +140,8 @@ impl InverseKinematics {
                     q.copy_from_slice(self.trial.as_slice());
                     return Ok(IkSolution { position_error, rotation_error, seed, iterations });
                 }
-                // The posture has its say first; the target has the last word. Other starting points are there to
-                // end up elsewhere.
+                // The first half of the steps from the given start is drawn towards the posture, the rest is not,
+                // so that the target is met. Other starts try other solutions.
                 let posture = (seed == 0 && 2 * iterations < options.iterations).then_some(&*q);
                 self.advance(model, frame, &error, posture, options);
             }

@@ -46,6 +46,7 @@ mod installed;
 mod inverse_kinematics;
 mod kinematics;
 pub mod lie;
+mod lines;
 mod load;
 mod mjcf;
 mod model;

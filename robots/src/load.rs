@@ -1,4 +1,4 @@
-//! Finding a robot by what a graph file calls it.
+//! Loading a robot by its name in a graph file, or by a path.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
 /// The measure is the Damerau-Levenshtein distance (letters inserted, left out, replaced or swapped) without regard to
 /// case, `-`, `_` and spaces being one letter. A candidate is near within a third of the letters of `wanted`, at least
 /// one; or when `wanted` (three letters or more) is its beginning or its end, as `index_q1` is of `left_index_q1`.
-/// Graph files are judged by the same measure.
+/// Graph files use the same measure.
 pub(crate) fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(wanted);

@@ -305,7 +305,7 @@ fn free_objects_are_checked_against_everything_and_obstacles_against_what_moves(
     let mut collisions = Collisions::new(&solids);
     let pair = expected.iter().position(|pair| *pair == [ball, can]).unwrap();
     assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.8, epsilon = 1e-12);
-    collisions.place(can, &at(0.0, 1.5, 0.0));
+    collisions.set_pose(can, &at(0.0, 1.5, 0.0));
     assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.3, epsilon = 1e-12);
     assert!(collisions.distance_within(&solids, pair, 0.2).is_none_or(|found| found.distance > 0.2));
     solids.retain_pairs(|pair| pair.contains(&ground));

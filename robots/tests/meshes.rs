@@ -186,6 +186,11 @@ fn a_faulty_mesh_is_refused_with_its_line() {
         refusal("g.dae", lost.as_bytes())
             .ends_with("url=\"#nothing\" of <instance_visual_scene> names nothing in this file")
     );
+    let unturned = dae().replace("0 0 1 90", "0 0 0 90");
+    assert!(
+        refusal("i.dae", unturned.as_bytes())
+            .ends_with("the axis of <rotate> is zero; give it a direction, such as 0 0 1")
+    );
     assert!(refusal("h.ply", b"ply").contains("convert it to .stl, .obj or .dae"));
 }
 

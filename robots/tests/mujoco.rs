@@ -29,13 +29,13 @@ fn compare(model: &Model, robot: &Value) -> f64 {
         robot["joints"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     assert_eq!(joints[usize::from(floating)..], *model.joint_names(), "order of the joints");
     let mut worst: f64 = 0.0;
-    let mut judge = |what: &str, ours: &[f64], theirs: &[f64]| {
+    let mut check = |what: &str, ours: &[f64], theirs: &[f64]| {
         let error = compare::error(ours, theirs);
         assert!(error < 1e-10, "{what}: {error:e}\n{ours:?}\n{theirs:?}");
         worst = worst.max(error);
     };
     for case in robot["cases"].as_array().unwrap() {
-        compare::case(model, case, &mut judge);
+        compare::case(model, case, &mut check);
     }
     worst
 }

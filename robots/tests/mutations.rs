@@ -56,7 +56,7 @@ fn texts() -> Vec<String> {
     texts
 }
 
-/// Where the words of a text begin and end: names, values of attributes, single characters of the rest.
+/// Bounds of the tokens of a text: names, values of attributes, single characters of the rest.
 fn words(text: &str) -> Vec<std::ops::Range<usize>> {
     let mut words: Vec<std::ops::Range<usize>> = Vec::new();
     let mut inside = false;

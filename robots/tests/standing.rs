@@ -1,4 +1,4 @@
-//! What stands in the catalogue stands: on its feet, held by its drives. What flies can hover. Left mirrors right.
+//! Legged robots of the catalogue stand, held by their drives; flying ones can hover; left mirrors right.
 
 use std::path::Path;
 

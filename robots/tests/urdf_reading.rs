@@ -1,4 +1,4 @@
-//! What a URDF file becomes.
+//! Models that are read from URDF files.
 
 use std::path::Path;
 

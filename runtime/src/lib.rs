@@ -26,7 +26,7 @@ pub mod component;
 pub mod declare;
 pub mod graph;
 pub mod launcher;
-#[cfg(all(test, feature = "loom"))]
+#[cfg(test)]
 mod model;
 pub mod nearest;
 pub mod os;

@@ -299,7 +299,7 @@ pub struct ComponentPlan {
     pub inputs: Vec<PortPlan>,
     /// Outputs in the order of declaration.
     pub outputs: Vec<PortPlan>,
-    /// Index in `inputs` of the port whose source time the outputs inherit.
+    /// Index in `inputs` of the port whose source time the outputs propagate.
     pub cause: Option<usize>,
     /// Parameters in the order of declaration.
     pub parameters: Vec<ParameterPlan>,
@@ -368,7 +368,7 @@ impl Plan {
         ports.map(|(pin, _)| pin).nth(before).unwrap_or_default()
     }
 
-    /// Whether all components that a topic triggers are pinned to the core of its writer.
+    /// True if all components that a topic triggers are pinned to the core of its writer.
     pub fn stays_on_core(&self, topic: usize) -> bool {
         let topic = &self.topics[topic];
         let core = |component: usize| self.components[component].core;

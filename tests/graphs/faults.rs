@@ -206,8 +206,9 @@ fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
         let (_folder, graph) = faulty(&format!("{{ fault = \"{fault}\" }}"), "");
         let ended = run(&graph, &[]);
         assert_eq!(ended.code, Some(1));
-        let told = ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
-        assert!(told, "{fault}: {}", ended.stderr);
+        let reported =
+            ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
+        assert!(reported, "{fault}: {}", ended.stderr);
     }
 }
 

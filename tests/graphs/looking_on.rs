@@ -118,7 +118,7 @@ fn echoes_samples(run: &str) {
         assert!(pair[0]["publish_time_ns"].as_u64() < pair[1]["publish_time_ns"].as_u64());
     }
     let value = &samples[0]["value"];
-    assert_eq!(samples[0]["origin"], "physics");
+    assert_eq!(samples[0]["publisher"], "physics");
     assert_eq!(value["count"], 8);
     for field in ["position", "velocity", "effort"] {
         let numbers = value[field].as_array().expect(field);

@@ -40,7 +40,8 @@ impl Serving {
 
     fn ask(&self, method: &str, path: &str) -> (String, String) {
         let mut client = TcpStream::connect(&self.address).expect("somebody listens");
-        write!(client, "{method} {path} HTTP/1.1\r\nHost: {}\r\n\r\n", self.address).expect("it is heard");
+        write!(client, "{method} {path} HTTP/1.1\r\nHost: {}\r\n\r\n", self.address)
+            .expect("the server reads the request");
         let mut answer = String::new();
         client.read_to_string(&mut answer).expect("it answers");
         let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");

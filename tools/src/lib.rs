@@ -58,8 +58,8 @@ pub fn main() -> ExitCode {
         Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
         Some(Program::Describe) | None => {}
     }
-    if let Some(part) = motorium_benches::Part::from_arguments(&arguments) {
-        return part.run();
+    if let Some(role) = motorium_benches::Role::from_arguments(&arguments) {
+        return role.run();
     }
     motorium::transport::quieten();
     let command = commands::Cli::parse();

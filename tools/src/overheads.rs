@@ -39,14 +39,14 @@ struct Saved {
 
 /// Overheads, and where they come from.
 #[derive(Debug, Clone)]
-pub(crate) struct Known {
+pub(crate) struct KnownOverheads {
     pub(crate) overheads: Overheads,
     /// In words, for the line that shows them.
     pub(crate) origin: &'static str,
 }
 
 /// The overheads that were saved for this machine, else the cautious ones that come with motorium.
-pub(crate) fn known() -> Known {
+pub(crate) fn load() -> KnownOverheads {
     let saved = file().and_then(|path| std::fs::read(path).ok()).map(|text| serde_json::from_slice(&text));
     let (overheads, origin) = match saved {
         Some(Ok(Saved { machine, overheads })) if machine == Machine::this() => {
@@ -60,7 +60,7 @@ pub(crate) fn known() -> Known {
             (Overheads::default(), "cautious values; `motorium calibrate --save` measures this machine's own")
         }
     };
-    Known { overheads, origin }
+    KnownOverheads { overheads, origin }
 }
 
 /// Saves overheads for this machine. Returns the file.

@@ -1,6 +1,7 @@
-//! A motorium component: swings one joint of a robot, smoothly, at a frequency that may be changed while it runs.
+//! A motorium component: moves one joint of a robot back and forth, smoothly, at a frequency that may be changed while
+//! it runs.
 //!
-//! The motion is [`Swing`], a plain calculation with tests; [`Controller`] makes it a component.
+//! The motion is [`Oscillation`], a plain calculation with tests; [`Controller`] makes it a component.
 
 use motorium::prelude::*;
 use schemars::JsonSchema;
@@ -12,10 +13,10 @@ motorium::main!(Controller);
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Config {
-    /// Index of the joint that swings.
+    /// Index of the joint that moves.
     #[serde(default)]
     joint: usize,
-    /// How far it swings from where it was found, rad.
+    /// Amplitude of the motion from the initial position, rad.
     amplitude: f64,
     /// Proportional gain of each joint, N m/rad.
     kp: Vec<f64>,
@@ -32,12 +33,12 @@ struct Setpoint {
 
 /// A motion to `amplitude` and back, again and again, which starts at rest: `amplitude/2 (1 - cos(phase))`.
 #[derive(Debug, Clone)]
-struct Swing {
+struct Oscillation {
     amplitude: f64,
     phase: f64,
 }
 
-impl Swing {
+impl Oscillation {
     fn new(amplitude: f64) -> Self {
         Self { amplitude, phase: 0.0 }
     }
@@ -53,13 +54,13 @@ impl Swing {
     }
 }
 
-/// Swings one joint, holds all others where they were found.
+/// Moves one joint back and forth, and holds all others at their initial positions.
 struct Controller {
     state: Input<JointState>,
     command: Output<JointCommand>,
     frequency: Parameter<f64>,
     config: Config,
-    swing: Swing,
+    motion: Oscillation,
     /// The first state that was seen: the motion is relative to it.
     start: Option<JointState>,
     /// The setpoint of the last step, and the largest error with which it was followed, rad.
@@ -69,14 +70,14 @@ struct Controller {
 
 impl Component for Controller {
     const KIND: &'static str = env!("CARGO_PKG_NAME");
-    const SUMMARY: &'static str = "swings one joint of a robot";
+    const SUMMARY: &'static str = "moves one joint of a robot back and forth";
     type Config = Config;
 
     // `motorium check` calls this: what is refused here is refused before anything runs.
     fn declare(config: &Config, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointState>("state", "measured joint state");
         declare.output::<JointCommand>("command", "setpoints and gains for all joints");
-        declare.float("frequency", 0.5, 0.05..=2.0, "Hz", "swings per second");
+        declare.float("frequency", 0.5, 0.05..=2.0, "Hz", "oscillations per second");
         let (joints, gains) = (config.kp.len(), config.kd.len());
         if joints != gains {
             let message = format!("{gains} values, but `kp` has {joints}");
@@ -99,7 +100,7 @@ impl Component for Controller {
             state: setup.input("state")?,
             command: setup.output("command")?,
             frequency: setup.parameter("frequency")?,
-            swing: Swing::new(config.amplitude),
+            motion: Oscillation::new(config.amplitude),
             config,
             start: None,
             last: None,
@@ -119,7 +120,7 @@ impl Component for Controller {
             self.largest_error = self.largest_error.max((last - state.position()[joint]).abs());
         }
         let start = self.start.get_or_insert(*state);
-        let setpoint = self.swing.advance(self.frequency.get(), tick.dt());
+        let setpoint = self.motion.advance(self.frequency.get(), tick.dt());
 
         // A lent sample is shared memory with old content: write every field.
         let mut command = self.command.loan()?;
@@ -135,7 +136,7 @@ impl Component for Controller {
         command.publish()
     }
 
-    // Stands under `results` in the report of the run.
+    // Appears under `results` in the report of the run.
     fn result(&self) -> Option<serde_json::Value> {
         Some(serde_json::json!({ "largest_error_rad": self.largest_error }))
     }
@@ -148,10 +149,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_swing_starts_at_rest_reaches_its_amplitude_and_comes_back() {
-        let mut swing = Swing::new(0.4);
+    fn an_oscillation_starts_at_rest_reaches_its_amplitude_and_comes_back() {
+        let mut motion = Oscillation::new(0.4);
         let dt = 1e-3;
-        let path: Vec<Setpoint> = (0..1000).map(|_| swing.advance(1.0, dt)).collect();
+        let path: Vec<Setpoint> = (0..1000).map(|_| motion.advance(1.0, dt)).collect();
         assert!(path[0].position.abs() < 1e-5 && path[0].velocity.abs() < 1e-2);
         assert!((path[499].position - 0.4).abs() < 1e-9);
         assert!(path[999].position.abs() < 1e-9);
@@ -159,12 +160,12 @@ mod tests {
 
     #[test]
     fn the_velocity_is_the_derivative_of_the_position_even_when_the_frequency_changes() {
-        let mut swing = Swing::new(0.4);
+        let mut motion = Oscillation::new(0.4);
         let dt = 1e-4;
-        let mut last = swing.advance(0.5, dt);
+        let mut last = motion.advance(0.5, dt);
         for i in 0..40_000 {
             let frequency = if i < 20_000 { 0.5 } else { 1.5 };
-            let next = swing.advance(frequency, dt);
+            let next = motion.advance(frequency, dt);
             let difference = (next.position - last.position) / dt;
             assert!((next.velocity - difference).abs() < 2e-3, "{} is not {difference}", next.velocity);
             last = next;
@@ -201,7 +202,7 @@ mod tests {
 
     // The component in a graph of its own, in simulated time: two seconds take a few milliseconds.
     #[test]
-    fn the_commands_start_where_the_robot_was_found_and_swing_one_joint() {
+    fn the_commands_start_where_the_robot_was_found_and_move_one_joint() {
         let commands = Probe::<JointCommand>::of("command");
         let controller = Instance::of::<Controller>("controller")
             .trigger("state")
@@ -212,7 +213,7 @@ mod tests {
             .config("amplitude", 0.2)
             .config("kp", vec![1.0, 2.0])
             .config("kd", vec![0.1, 0.2]);
-        let report = Graph::new("swing").with(robot()).with(controller).with(&commands).run("2 s").unwrap();
+        let report = Graph::new("motion").with(robot()).with(controller).with(&commands).run("2 s").unwrap();
 
         let path: Vec<f64> = commands.values().iter().map(|command| command.position()[1]).collect();
         assert_eq!(path.len(), 2000);

@@ -1,4 +1,4 @@
-//! What is measured: one call each, over a ring of states so that no branch and no cache line is learnt by heart.
+//! The measured calls: one each, over a ring of states so that no branch and no cache line is learnt by heart.
 
 use motorium_robots::{Derivatives, Dynamics, FrameId, Kinematics, Reference};
 use nalgebra::{DMatrix, Matrix6xX, Vector3};

@@ -1,4 +1,4 @@
-//! What is measured.
+//! The measured calls.
 
 use std::hint::black_box;
 

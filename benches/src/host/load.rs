@@ -15,14 +15,14 @@ const STREAMED: usize = 64 << 20;
 /// The generator of load.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Loader {
-    /// `stress-ng`: a process for each core that streams through memory, and one that throws through pipes.
+    /// `stress-ng`: a process for each core that streams through memory, and one that passes bytes through pipes.
     StressNg {
         /// Its version.
         version: String,
     },
-    /// `hackbench` of rt-tests: ten processes for each core that throw through pipes.
+    /// `hackbench` of rt-tests: ten processes for each core that pass bytes through pipes.
     Hackbench,
-    /// Two processes of our own for each core: one that streams through memory, one that throws through pipes.
+    /// Two processes of our own for each core: one that streams through memory, one that passes bytes through pipes.
     Own,
 }
 
@@ -80,7 +80,7 @@ impl core::fmt::Display for Loader {
 pub struct Load(Vec<Child>);
 
 impl Load {
-    /// Starts the load; our own with a program that hands its arguments to [`Part`](crate::Part).
+    /// Starts the load; our own with a program that hands its arguments to [`Role`](crate::Role).
     ///
     /// # Errors
     /// A process could not be started.
@@ -149,7 +149,7 @@ fn stream_memory() -> ! {
     }
 }
 
-/// Two threads throw a byte to and fro through pipes: system calls and context switches without end.
+/// Two threads pass a byte back and forth through pipes: system calls and context switches without end.
 fn call_the_system() {
     let (Ok((mut from_a, mut to_b)), Ok((mut from_b, mut to_a))) = (std::io::pipe(), std::io::pipe()) else {
         return;

@@ -2,7 +2,7 @@
 
 use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, Ran};
-use crate::pair::{self, Carrier, Throw};
+use crate::pair::{self, PingPong, Transport};
 use crate::raw_chain::{self, RawChain};
 use crate::{Distribution, MeasureError, read, timer};
 
@@ -26,7 +26,7 @@ pub struct Case {
 enum Kind {
     Clock,
     Timer,
-    Throw { carrier: Carrier, across: bool, bytes: usize, paced: bool },
+    PingPong { transport: Transport, across: bool, bytes: usize, paced: bool },
     Release { rate_hz: u32 },
     Chain { processes: usize },
     RawChain { processes: usize },
@@ -36,7 +36,7 @@ enum Kind {
     Read { bytes: usize },
 }
 
-/// Time between two round trips of a paced throw, ns: the receiver sleeps deeply.
+/// Time between two round trips of a paced ping-pong, ns: the receiver sleeps deeply.
 const PACE_NS: u64 = 1_000_000;
 
 /// The two things compared.
@@ -62,23 +62,28 @@ pub(super) fn group(name: &str) -> Option<&'static str> {
 
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
-    use Carrier::{Blocking, CacheLine, Futex, Plain, PlainBlocking, Polling, Stock};
+    use Transport::{Blocking, CacheLine, Futex, Plain, PlainBlocking, Polling, Stock};
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
         let group = group(&name);
         cases.push(Case { name, what, loaded: false, quick, group, kind });
     };
-    let throw = |carrier, across, bytes, paced| Kind::Throw { carrier, across, bytes, paced };
+    let ping_pong = |transport, across, bytes, paced| Kind::PingPong { transport, across, bytes, paced };
     let words = |across| if across { ("across", "across cores") } else { ("same", "on one core") };
-    add("floor.clock".into(), "one look at the clock, mean of 100".into(), true, Kind::Clock);
+    add("floor.clock".into(), "one reading of the clock, mean of 100".into(), true, Kind::Clock);
     add("floor.timer".into(), "wake-up by clock_nanosleep, 1 kHz".into(), true, Kind::Timer);
-    let line = "cache line, half of to and fro across cores".to_string();
-    add("floor.cache-line".into(), line, true, throw(CacheLine, true, 64, false));
+    let line = "cache line, half of a round trip across cores".to_string();
+    add("floor.cache-line".into(), line, true, ping_pong(CacheLine, true, 64, false));
     let plain = "a word and 512 B of plain memory across cores, written and read".to_string();
-    add("floor.plain.512".into(), plain, true, throw(Plain, true, 512, false));
+    add("floor.plain.512".into(), plain, true, ping_pong(Plain, true, 512, false));
     for bytes in [65_536, 1_048_576] {
         let what = format!("futex across cores and {} of plain memory, written and read", size(bytes));
-        add(format!("floor.plain-blocking.{bytes}"), what, false, throw(PlainBlocking, true, bytes, false));
+        add(
+            format!("floor.plain-blocking.{bytes}"),
+            what,
+            false,
+            ping_pong(PlainBlocking, true, bytes, false),
+        );
     }
     let what = "reading the newest state of 1 MiB without touching its bytes".to_string();
     add("read.newest.1048576".into(), what, true, Kind::Read { bytes: 1_048_576 });
@@ -87,28 +92,28 @@ pub fn catalogue() -> Vec<Case> {
         let quick = bytes == 512;
         let (name, what) =
             (format!("hop.polling.across.{bytes}"), format!("polling hop across cores, {size}"));
-        add(name, what, quick, throw(Polling, true, bytes, false));
+        add(name, what, quick, ping_pong(Polling, true, bytes, false));
     }
     let what = "polling hop on one core, 512 B, yielding".to_string();
-    add("hop.polling.same.512".into(), what, false, throw(Polling, false, 512, false));
+    add("hop.polling.same.512".into(), what, false, ping_pong(Polling, false, 512, false));
     for across in [false, true] {
         let (place, there) = words(across);
         let what = format!("raw futex hand-off {there}");
-        add(format!("floor.futex.{place}"), what, true, throw(Futex, across, 64, false));
+        add(format!("floor.futex.{place}"), what, true, ping_pong(Futex, across, 64, false));
         for bytes in [512, 64, 4096, 65_536, 1_048_576] {
             let what = format!("blocking hop {there}, {}", size(bytes));
             let name = format!("hop.blocking.{place}.{bytes}");
-            add(name, what, bytes == 512, throw(Blocking, across, bytes, false));
+            add(name, what, bytes == 512, ping_pong(Blocking, across, bytes, false));
             if bytes == 512 {
                 let what = format!("stock iceoryx2 event + publish-subscribe {there}, 512 B");
-                add(format!("iceoryx2.{place}.512"), what, true, throw(Stock, across, 512, false));
+                add(format!("iceoryx2.{place}.512"), what, true, ping_pong(Stock, across, 512, false));
             }
         }
     }
     let what = "raw futex across cores, 1 kHz: the receiver sleeps".to_string();
-    add("floor.futex.across.1khz".into(), what, false, throw(Futex, true, 64, true));
+    add("floor.futex.across.1khz".into(), what, false, ping_pong(Futex, true, 64, true));
     let what = "blocking hop across cores, 512 B, 1 kHz".to_string();
-    add("hop.blocking.across.1khz.512".into(), what, false, throw(Blocking, true, 512, true));
+    add("hop.blocking.across.1khz.512".into(), what, false, ping_pong(Blocking, true, 512, true));
     for rate_khz in [1, 4] {
         let what = format!("release lateness at {rate_khz} kHz, sleep then spin");
         add(
@@ -165,7 +170,7 @@ impl Case {
 
     /// True if it is a graph, or a chain of processes, which takes a while to start.
     pub(super) fn is_graph(&self) -> bool {
-        !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Read { .. } | Kind::Throw { .. })
+        !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Read { .. } | Kind::PingPong { .. })
     }
 
     /// Measures it: all samples, and the priority that was granted.
@@ -182,17 +187,17 @@ impl Case {
                 let measured = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
                 Ok(Outcome::of(measured.late_ns, u32::from(measured.fifo)))
             }
-            Kind::Throw { carrier, across, bytes, paced } => {
+            Kind::PingPong { transport, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
                 let samples = bench.samples;
-                // Two samples of every round trip, but one of the cache line and of a paced throw.
-                let rounds = match (carrier, paced) {
+                // Two samples of every round trip, but one of the cache line and of a paced ping-pong.
+                let rounds = match (transport, paced) {
                     (_, true) => bench.paced.min(samples),
-                    (Carrier::CacheLine, _) => samples,
+                    (Transport::CacheLine, _) => samples,
                     _ => samples.div_ceil(2),
                 };
-                let throw = Throw {
-                    carrier: *carrier,
+                let ping_pong = PingPong {
+                    transport: *transport,
                     bytes: *bytes,
                     cores: [if *across { other? } else { core }, core],
                     fifo: bench.fifo,
@@ -200,8 +205,8 @@ impl Case {
                     warm_up: if *paced { rounds / 10 } else { rounds.min(1_000) },
                     pace_ns: if *paced { PACE_NS } else { 0 },
                 };
-                let thrown = pair::measure(&bench.program, bench.registry, &throw)?;
-                Ok(Outcome::of(thrown.samples, thrown.fifo))
+                let measured = pair::measure(&bench.program, bench.registry, &ping_pong)?;
+                Ok(Outcome::of(measured.samples, measured.fifo))
             }
             Kind::Release { rate_hz } => {
                 let seconds = if *rate_hz > 1_000 { bench.fast_seconds } else { bench.seconds };
@@ -227,7 +232,7 @@ impl Case {
                 let tails = (1..=*readers).map(|i| way(&ran, &format!("tail-{i}")));
                 let tails: Vec<_> = tails.collect::<Result<_, _>>()?;
                 let last = tails.into_iter().max_by_key(|outcome| outcome.samples.p50());
-                last.ok_or_else(|| MeasureError::Ended("nobody read".to_string()))
+                last.ok_or_else(|| MeasureError::Ended("no reader has measured anything".to_string()))
             }
             Kind::Panda => {
                 let ran = bench.launch(graphs::panda(bench.panda_seconds))?;

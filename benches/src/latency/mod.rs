@@ -24,7 +24,7 @@ use crate::{Distribution, MeasureError};
 /// Settings of the measurements.
 #[derive(Debug)]
 pub struct Bench<'a> {
-    /// The program that hosts `bench.relay` and plays the [`Part`](crate::Part)s: this one, as a rule.
+    /// The program that hosts `bench.relay` and runs as a [`Role`](crate::Role): this one, as a rule.
     pub program: PathBuf,
     /// Its component kinds.
     pub registry: &'a Registry,

@@ -5,19 +5,19 @@ use std::time::Duration;
 
 use motorium::os::{futex_wait, futex_wake, monotonic_ns, sleep_until};
 
-use super::board::Board;
 use super::link::Link;
+use super::shared_buffer::SharedBuffer;
 
 /// A word and a futex: the least a blocking hand-off can do.
 pub(super) struct Futex<'a> {
-    pub(super) board: &'a Board,
+    pub(super) buffer: &'a SharedBuffer,
     pub(super) side: usize,
-    pub(super) heard: u32,
+    pub(super) seen: u32,
 }
 
 impl Link for Futex<'_> {
     fn send(&mut self, time_ns: u64) -> Result<(), String> {
-        let line = self.board.line(self.side);
+        let line = self.buffer.line(self.side);
         line.word.store(time_ns, Relaxed);
         line.futex.store(line.futex.load(Relaxed).wrapping_add(1), Release);
         futex_wake(&line.futex);
@@ -25,51 +25,51 @@ impl Link for Futex<'_> {
     }
 
     fn receive(&mut self) -> Result<u64, String> {
-        let line = self.board.line(1 - self.side);
-        while line.futex.load(Acquire) == self.heard {
-            futex_wait(&line.futex, self.heard, Some(Duration::from_secs(5)));
+        let line = self.buffer.line(1 - self.side);
+        while line.futex.load(Acquire) == self.seen {
+            futex_wait(&line.futex, self.seen, Some(Duration::from_secs(5)));
         }
-        self.heard = self.heard.wrapping_add(1);
+        self.seen = self.seen.wrapping_add(1);
         Ok(line.word.load(Relaxed))
     }
 }
 
-/// A word and 512 bytes in plain shared memory: the least a hop of that size can do whose receiver looks again and again.
+/// A word and 512 bytes in plain shared memory: the least that a polled hop of that size takes.
 pub(super) struct Plain<'a> {
-    pub(super) board: &'a Board,
+    pub(super) buffer: &'a SharedBuffer,
     pub(super) side: usize,
     pub(super) sent: u64,
-    pub(super) heard: u64,
+    pub(super) seen: u64,
 }
 
 impl Link for Plain<'_> {
     fn send(&mut self, time_ns: u64) -> Result<(), String> {
         self.sent += 1;
-        let payload = &self.board.payload(self.side, self.sent).0;
+        let payload = &self.buffer.payload(self.side, self.sent).0;
         payload.iter().for_each(|number| number.store(time_ns, Relaxed));
-        self.board.line(self.side).word.store(self.sent, Release);
+        self.buffer.line(self.side).word.store(self.sent, Release);
         Ok(())
     }
 
     fn receive(&mut self) -> Result<u64, String> {
-        self.heard += 1;
-        while self.board.line(1 - self.side).word.load(Acquire) != self.heard {
+        self.seen += 1;
+        while self.buffer.line(1 - self.side).word.load(Acquire) != self.seen {
             core::hint::spin_loop();
         }
-        let payload = &self.board.payload(1 - self.side, self.heard).0;
+        let payload = &self.buffer.payload(1 - self.side, self.seen).0;
         let first = payload[0].load(Relaxed);
         let differ = payload.iter().fold(0, |differ, number| differ | (number.load(Relaxed) ^ first));
         if differ == 0 { Ok(first) } else { Err("a payload was torn".to_string()) }
     }
 }
 
-/// Rounds on the cache line between two rests.
+/// Rounds on the cache line between two pauses.
 const BURST: u64 = 200_000;
 
-/// Throws the number of the round to and fro on one cache line each way; half of every round trip is a sample. The
+/// Passes the number of the round back and forth on one cache line each way; half of every round trip is a sample. The
 /// clock is read while the other side is at work, so that it is no part of the way.
-pub(super) fn cache_line(board: &Board, side: usize, rounds: u64, warm_up: u64) {
-    let (mine, theirs) = (board.line(side), board.line(1 - side));
+pub(super) fn cache_line(buffer: &SharedBuffer, side: usize, rounds: u64, warm_up: u64) {
+    let (mine, theirs) = (buffer.line(side), buffer.line(1 - side));
     let await_round = |round: u64| {
         while theirs.word.load(Acquire) != round {
             core::hint::spin_loop();
@@ -96,7 +96,7 @@ pub(super) fn cache_line(board: &Board, side: usize, rounds: u64, warm_up: u64) 
         mine.word.store(round + 1, Release);
         let now = monotonic_ns();
         if round > warm_up && !rest {
-            board.record(1, (now - last) / 2);
+            buffer.record(1, (now - last) / 2);
         }
         last = now;
     }

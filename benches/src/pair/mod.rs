@@ -1,14 +1,14 @@
-//! Two processes that throw something to and fro: the floors of the machine, and motorium's hops beside them.
+//! A ping-pong between two processes: the floors of the machine, and motorium's hops beside them.
 //!
 //! A hop is measured in one direction: from the clock read before the payload is written to the clock read after the
 //! other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The exception is the cache line:
 //! half of a round trip, with the clock read off its path, so that the floor is as low as the machine allows.
 
-mod board;
 mod floors;
 mod link;
-mod part;
 mod plain;
+mod role;
+mod shared_buffer;
 mod stock;
 mod topics;
 
@@ -24,24 +24,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::MeasureError;
 use crate::processes::run_to_end;
-use board::Board;
-pub(crate) use part::{PART, run_part};
+pub(crate) use role::{ROLE, run_role};
+use shared_buffer::SharedBuffer;
 
-/// What carries the payload, and how the receiver waits.
+/// The transport of the payload, with the way in which the receiver waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Carrier {
-    /// One word of shared memory that both cores look at: no payload.
+pub enum Transport {
+    /// One word of shared memory that both cores poll: no payload.
     CacheLine,
-    /// A word that both cores look at, and 512 bytes of plain shared memory.
+    /// A word that both cores poll, and 512 bytes of plain shared memory.
     Plain,
     /// A word and a futex, and a payload of any size in plain shared memory.
     PlainBlocking,
     /// A word and a futex, nothing around them: no payload.
     Futex,
-    /// A motorium topic, the receiver waits for its trigger.
+    /// A motorium topic, whose receiver waits for its trigger.
     Blocking,
-    /// A motorium topic, the receiver looks for it again and again.
+    /// A motorium topic, polled by the receiver.
     Polling,
     /// Stock iceoryx2: `ipc::Service` with publish-subscribe, and an event to wake the receiver.
     Stock,
@@ -49,9 +49,9 @@ pub enum Carrier {
 
 /// One measurement of two processes.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Throw {
-    /// What carries it.
-    pub carrier: Carrier,
+pub struct PingPong {
+    /// Transport of the payload.
+    pub transport: Transport,
     /// Bytes of payload; one of [`SIZES`](crate::payload::SIZES).
     pub bytes: usize,
     /// The cores of the two processes.
@@ -66,70 +66,70 @@ pub struct Throw {
     pub pace_ns: u64,
 }
 
-/// What came of it.
+/// Measured times of a ping-pong.
 #[derive(Debug, Clone)]
-pub struct Thrown {
+pub struct HopTimes {
     /// Time of each hop, ns.
     pub samples: Vec<u64>,
     /// `SCHED_FIFO` priority both had, read back; 0 for normal time sharing.
     pub fifo: u32,
 }
 
-/// What a part of a measurement finds in its folder.
+/// Description of the measurement that each process reads from its folder.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Assignment {
-    throw: Throw,
+    ping_pong: PingPong,
     /// Folder of the topics or of the stock domain.
-    exchange: PathBuf,
+    topics: PathBuf,
 }
 
 const SIDES: [&str; 2] = ["ping", "pong"];
 
-/// Runs a measurement with a program that hands its arguments to [`Part`](crate::Part).
+/// Runs a measurement with a program that hands its arguments to [`Role`](crate::Role).
 ///
 /// # Errors
 /// Shared memory or the processes could not be made, or one of them failed.
-pub fn measure(program: &Path, registry: &Registry, throw: &Throw) -> Result<Thrown, MeasureError> {
+pub fn measure(program: &Path, registry: &Registry, ping_pong: &PingPong) -> Result<HopTimes, MeasureError> {
     let folder = Folder::create()?;
-    let exchange = matches!(throw.carrier, Carrier::Blocking | Carrier::Polling)
-        .then(|| exchange(registry, throw))
+    let topics = matches!(ping_pong.transport, Transport::Blocking | Transport::Polling)
+        .then(|| topic_set(registry, ping_pong))
         .transpose()?;
     let assignment = Assignment {
-        throw: throw.clone(),
-        exchange: exchange.as_ref().map_or(folder.0.clone(), |exchange| exchange.path().to_path_buf()),
+        ping_pong: ping_pong.clone(),
+        topics: topics.as_ref().map_or(folder.0.clone(), |topics| topics.path().to_path_buf()),
     };
-    let text =
-        serde_json::to_vec(&assignment).map_err(|error| MeasureError::system("writing the parts", error))?;
+    let text = serde_json::to_vec(&assignment)
+        .map_err(|error| MeasureError::system("writing the assignment", error))?;
     std::fs::write(folder.0.join("assignment.json"), text)
-        .map_err(|error| MeasureError::system("writing the parts", error))?;
-    let board = Board::create(&folder.0.join("board"), throw.rounds)
+        .map_err(|error| MeasureError::system("writing the assignment", error))?;
+    let buffer = SharedBuffer::create(&folder.0.join("buffer"), ping_pong.rounds)
         .map_err(|error| MeasureError::system("making shared memory", error))?;
-    let ended = supervise(program, &folder.0, throw);
-    if throw.carrier == Carrier::Stock {
+    let ended = supervise(program, &folder.0, ping_pong);
+    if ping_pong.transport == Transport::Stock {
         Domain::new(&folder.0, &folder.name()).map(|domain| domain.remove()).ok();
     }
     ended?;
-    let mut samples = board.recorded(1);
+    let mut samples = buffer.recorded(1);
     // At a pace only the way there finds a receiver that sleeps.
-    if throw.pace_ns == 0 {
-        samples.extend(board.recorded(0));
+    if ping_pong.pace_ns == 0 {
+        samples.extend(buffer.recorded(0));
     }
-    let fifo = board.side(0).fifo.load(Relaxed).min(board.side(1).fifo.load(Relaxed));
-    Ok(Thrown { samples, fifo })
+    let fifo = buffer.side(0).fifo.load(Relaxed).min(buffer.side(1).fifo.load(Relaxed));
+    Ok(HopTimes { samples, fifo })
 }
 
 /// Starts both processes and waits for their end.
-fn supervise(program: &Path, folder: &Path, throw: &Throw) -> Result<(), MeasureError> {
-    let parts = SIDES.map(|side| (side, vec![PART.to_string(), side.to_string()]));
+fn supervise(program: &Path, folder: &Path, ping_pong: &PingPong) -> Result<(), MeasureError> {
+    let processes = SIDES.map(|side| (side, vec![ROLE.to_string(), side.to_string()]));
     // Far more than any machine needs: what takes longer hangs.
-    let rounds = (throw.rounds + throw.warm_up) as u64;
-    let limit = Duration::from_secs(20) + Duration::from_nanos(rounds * (throw.pace_ns * 2 + 4_000_000));
-    run_to_end(program, &parts, folder, limit.min(Duration::from_secs(180)))
+    let rounds = (ping_pong.rounds + ping_pong.warm_up) as u64;
+    let limit = Duration::from_secs(20) + Duration::from_nanos(rounds * (ping_pong.pace_ns * 2 + 4_000_000));
+    run_to_end(program, &processes, folder, limit.min(Duration::from_secs(180)))
 }
 
-/// Topics there and back. A graph must not go round in circles, so each process takes the places of two components.
-fn exchange(registry: &Registry, throw: &Throw) -> Result<TopicSet, MeasureError> {
-    let config = format!("config = {{ bytes = {} }}", throw.bytes);
+/// Topics there and back. A graph must not go round in circles, so each process joins as two components.
+fn topic_set(registry: &Registry, ping_pong: &PingPong) -> Result<TopicSet, MeasureError> {
+    let config = format!("config = {{ bytes = {} }}", ping_pong.bytes);
     let text = format!(
         r#"
 name = "bench-hop"
@@ -140,7 +140,7 @@ kind = "bench.relay"
 rate = "1 kHz"
 publish = {{ out = "bench/there" }}
 {config}
-[component.pong-hears]
+[component.pong-reader]
 kind = "bench.relay"
 trigger = "bench/there"
 subscribe = {{ in = "bench/there" }}
@@ -150,13 +150,13 @@ kind = "bench.relay"
 rate = "1 kHz"
 publish = {{ out = "bench/back" }}
 {config}
-[component.ping-hears]
+[component.ping-reader]
 kind = "bench.relay"
 trigger = "bench/back"
 subscribe = {{ in = "bench/back" }}
 {config}
 "#,
-        core = throw.cores[0]
+        core = ping_pong.cores[0]
     );
     let checked = graph::check(Path::new("bench-hop.toml"), text, &[], registry, &Machine::detect())
         .map_err(|error| MeasureError::Graph(error.render(false)))?;

@@ -20,27 +20,27 @@ pub(super) struct Topics<P: Payload> {
     seen: u64,
 }
 
-/// How the receiver waits.
+/// The way in which the receiver waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Waits {
-    /// For its trigger.
+    /// It sleeps until its trigger wakes it.
     Blocking,
-    /// It looks again and again.
+    /// It polls.
     Spinning,
-    /// It looks again and again, and lets the sender run in between: both are on one core.
+    /// It polls, and lets the sender run in between: both are on one core.
     Yielding,
 }
 
 impl<P: Payload> Topics<P> {
-    pub(super) fn open(exchange: &Path, side: usize, waits: Waits) -> Result<Self, TopicSetError> {
-        let seats = [
-            Endpoint::join(exchange, SIDES[side])?,
-            Endpoint::join(exchange, &format!("{}-hears", SIDES[side]))?,
+    pub(super) fn open(folder: &Path, side: usize, waits: Waits) -> Result<Self, TopicSetError> {
+        let endpoints = [
+            Endpoint::join(folder, SIDES[side])?,
+            Endpoint::join(folder, &format!("{}-reader", SIDES[side]))?,
         ];
-        let output = seats[0].output("out")?;
-        let input = seats[1].input("in")?;
-        let trigger = seats[1].trigger()?;
-        Ok(Self { _endpoints: seats, output, input, trigger, waits, seen: 0 })
+        let output = endpoints[0].output("out")?;
+        let input = endpoints[1].input("in")?;
+        let trigger = endpoints[1].trigger()?;
+        Ok(Self { _endpoints: endpoints, output, input, trigger, waits, seen: 0 })
     }
 }
 

@@ -73,7 +73,8 @@ fn bridge(max_rate: &str) -> Instance {
         .config("in", toml::Table::from_iter([("target".to_string(), toml::Value::Table(limits))]))
 }
 
-/// A graph whose source of `arm/state` is also a foreign program: `act` is called at every millisecond from the tenth on.
+/// A graph whose source of `arm/state` is also a foreign program: `act` is called at every millisecond from the tenth
+/// on.
 fn graph(
     name: &str,
     max_rate: &str,
@@ -111,10 +112,10 @@ fn foreign_values_are_published_in_order_under_the_stamp_of_the_bridge() {
     let goals: Vec<u64> = samples.iter().map(|sample| sample.value.goal).collect();
     assert_eq!(goals, (1..50).collect::<Vec<u64>>());
     let bridge = report.components.iter().position(|component| component.name == "bridge").unwrap();
-    for (index, Stamp { sequence, origin, publish_time, source_time, .. }) in
+    for (index, Stamp { sequence, publisher, publish_time, source_time, .. }) in
         samples.iter().map(|sample| sample.stamp).enumerate()
     {
-        assert_eq!((sequence, origin as usize), (index as u64 + 1, bridge));
+        assert_eq!((sequence, publisher as usize), (index as u64 + 1, bridge));
         assert_eq!(source_time, publish_time, "a foreign value begins a chain");
         assert!(
             publish_time <= 1_000_000_000,
@@ -202,7 +203,7 @@ fn a_mirrored_state_carries_the_stamp_and_the_bytes_of_its_writer() {
             let stamp = *sample.user_header();
             assert!(stamp.sequence > last && stamp.sequence <= tick, "{stamp:?} at {tick}");
             last = stamp.sequence;
-            assert_eq!((stamp.origin, *sample), (0, state(stamp.sequence - 1)));
+            assert_eq!((stamp.publisher, *sample), (0, state(stamp.sequence - 1)));
         }
         assert!(last + 6 >= tick || tick < 20, "sequence {last} at {tick}");
     });
@@ -342,10 +343,10 @@ fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
     assert!((20..=226).contains(&of(&counts["published"])), "{counts}");
     let bridge = report.components.iter().position(|component| component.name == "bridge").unwrap();
     for pair in probe.samples().windows(2) {
-        assert_eq!(pair[0].stamp.origin as usize, bridge);
+        assert_eq!(pair[0].stamp.publisher as usize, bridge);
         assert!(pair[1].stamp.state_time - pair[0].stamp.state_time >= 20_000_000);
     }
-    assert!(reader.samples().iter().all(|sample| sample.stamp.origin == 0));
+    assert!(reader.samples().iter().all(|sample| sample.stamp.publisher == 0));
     for component in &report.components {
         assert_eq!((component.allocations, component.restarts), (Some(0), 0), "{component:?}");
     }

@@ -1,4 +1,4 @@
-//! Learners of weights, without the runtime.
+//! Learners of the weights of movements, without the runtime.
 //!
 //! - [`Power`]: policy search by weighted exploration, for weights of a motion library or of a movement primitive.
 //! - [`perception`]: from the picture of a letter to the movement that writes it.

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 /// Settings of [`Power`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PowerSettings {
-    /// The rollouts that an update looks at: the best ever seen. Default 10.
+    /// Number of rollouts in an update: the best so far. Default 10.
     pub best: usize,
     /// The least and the largest factor on the first variance of exploration. Default 0.1 and 10.
     pub variance: [f64; 2],
@@ -19,7 +19,7 @@ impl Default for PowerSettings {
     }
 }
 
-/// Searches for the parameters `theta` of the largest reward, one rollout at a time.
+/// A search for the parameters `theta` of the largest reward, one rollout at a time.
 ///
 /// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal. Of all rollouts seen, the best are
 /// kept (importance sampling), and with their rewards `R_j > 0`, `eps_j = theta_j - theta`:
@@ -32,8 +32,22 @@ impl Default for PowerSettings {
 /// For weights of a motion library, `k^2 s_i^2 / N` (the variance of the weights in the library, `k` about 0.6) is the
 /// natural first exploration: large where movements differ.
 ///
-/// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the episodic form;
-/// the update of the variance after their appendix.
+/// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the episodic
+/// form; the update of the variance after their appendix.
+///
+/// ```
+/// use motorium_learners::{Power, PowerSettings};
+///
+/// // Finds the parameters (1, -2) from their reward alone.
+/// let mut search = Power::new(vec![0.0; 2], vec![1.0; 2], PowerSettings::default(), 7);
+/// for _ in 0..300 {
+///     let theta = search.propose();
+///     let reward = (-(theta[0] - 1.0).powi(2) - (theta[1] + 2.0).powi(2)).exp();
+///     search.report(reward);
+/// }
+/// let (best, reward) = search.best().unwrap();
+/// assert!(reward > 0.9, "{best:?}");
+/// ```
 #[derive(Clone, Debug)]
 pub struct Power {
     settings: PowerSettings,
@@ -53,7 +67,7 @@ struct Rollout {
 }
 
 impl Power {
-    /// Begins at `theta` with a variance of exploration for each parameter.
+    /// A search that starts at `theta`, with a variance of exploration for each parameter.
     ///
     /// # Panics
     /// When there are not as many variances as parameters.
@@ -64,7 +78,7 @@ impl Power {
         Self { settings, theta, first, variance, memory: Vec::new(), candidate, random }
     }
 
-    /// Parameters to try next: the first time those it began with.
+    /// The parameters to try next; at first the initial ones.
     pub fn propose(&mut self) -> &[f64] {
         self.candidate.copy_from_slice(&self.theta);
         if !self.memory.is_empty() {
@@ -76,8 +90,8 @@ impl Power {
         &self.candidate
     }
 
-    /// The reward of what was proposed last; one that is not a positive number counts nothing.
-    pub fn tell(&mut self, reward: f64) {
+    /// Records the reward of the last proposal; one that is not a positive number counts as zero.
+    pub fn report(&mut self, reward: f64) {
         let reward = if reward.is_finite() { reward.max(0.0) } else { 0.0 };
         let (theta, variance) = (self.candidate.clone(), self.variance.clone());
         self.memory.push(Rollout { reward, theta, variance });
@@ -107,7 +121,7 @@ impl Power {
         self.memory.first().map(|rollout| (rollout.theta.as_slice(), rollout.reward))
     }
 
-    /// The parameters that exploration is around.
+    /// The centre of the exploration.
     pub fn theta(&self) -> &[f64] {
         &self.theta
     }
@@ -127,7 +141,7 @@ mod tests {
             let mut power = Power::new(vec![0.0; 3], vec![0.5; 3], PowerSettings::default(), seed);
             for _ in 0..300 {
                 let reward = reward(power.propose());
-                power.tell(reward);
+                power.report(reward);
             }
             power
         };
@@ -144,7 +158,7 @@ mod tests {
         let mut power = Power::new(vec![1.0], vec![1.0], PowerSettings::default(), 0);
         for _ in 0..20 {
             power.propose();
-            power.tell(f64::NAN);
+            power.report(f64::NAN);
         }
         assert_eq!(power.theta(), [1.0]);
     }

@@ -9,17 +9,18 @@ const ROUNDS: usize = 8;
 const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
-    /// The same movements, with eigenforces of which the first `n` leave a small *mean* error, not a small mean square: a few
-    /// odd movements no longer bend them. From a library that was not truncated; as many are kept as `keep` says.
+    /// The same movements, with eigenforces of which the first `n` leave a small *mean* error, not a small mean square:
+    /// a few odd movements no longer bend them. From a library that was not truncated; as many are kept as `truncation`
+    /// says.
     ///
-    /// Iteratively reweighted: with the error `r_k` that `n` eigenforces leave of movement `k` in the metric of the library,
-    /// the next are those of the movements times `(r_k / median + 0.1)^(-1/2)`, which makes `sum r_k^2 c_k^2` about
-    /// `sum r_k`. A singular value is the norm of the weights of its eigenforce, as for any library; but weights of one are
-    /// not uncorrelated with those of another, so that splitting and merging such a library is approximate.
+    /// Iteratively reweighted: with the error `r_k` that `n` eigenforces leave of movement `k` in the metric of the
+    /// library, the next are those of the movements times `(r_k / median + 0.1)^(-1/2)`, which makes `sum r_k^2 c_k^2`
+    /// about `sum r_k`. A singular value is the norm of the weights of its eigenforce, as for any library; but weights
+    /// of one are not uncorrelated with those of another, so that splitting and merging such a library is approximate.
     ///
     /// # Errors
     /// Movements that do not move.
-    pub fn balanced(&self, n: usize, keep: Truncation) -> Result<Self, BuildError> {
+    pub fn balanced(&self, n: usize, truncation: Truncation) -> Result<Self, BuildError> {
         let LibraryParts { basis, weights, .. } = self.parts();
         let data = basis * weights;
         let n = n.clamp(1, self.rank());
@@ -43,8 +44,8 @@ impl MotionLibrary {
             errors.iter_mut().for_each(|error| *error = (*error / median + FLOOR).sqrt().recip());
             scaled.copy_from(&data);
             scaled.column_iter_mut().zip(&errors).for_each(|(mut column, weight)| column *= *weight);
-            let keep = if round + 1 == ROUNDS { keep } else { Truncation::Rank(n) };
-            found = left_singular(&scaled, keep.wanted(scaled.nrows())).vectors;
+            let truncation = if round + 1 == ROUNDS { truncation } else { Truncation::Rank(n) };
+            found = left_singular(&scaled, truncation.wanted(scaled.nrows())).vectors;
         }
         if found.ncols() == 0 {
             return Err(BuildError::Still);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
-/// Functions that forces are written in, and how their weights are found: `w = analysis^T f`, `f = functions w`.
+/// Basis functions of forces, with the analysis that gives their weights: `w = analysis^T f`, `f = functions w`.
 #[derive(Clone, Debug)]
 pub struct Basis {
     functions: DMatrix<f64>,
@@ -30,8 +30,8 @@ impl Basis {
         Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))
     }
 
-    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for each DoF, made
-    /// orthonormal on the samples.
+    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for each DoF,
+    /// made orthonormal on the samples.
     pub fn fourier(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let steps = spring.forces();
         let each = (n / layout.dofs()).clamp(1, steps);
@@ -48,9 +48,9 @@ impl Basis {
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
     }
 
-    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of them for each
-    /// DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s` falling to 1 %. Fitted by
-    /// least squares.
+    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of them for
+    /// each DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s` falling to 1 %.
+    /// Fitted by least squares.
     pub fn kernels(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let columns = kernel_functions(spring, (n / layout.dofs()).clamp(1, spring.forces()));
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
@@ -60,8 +60,8 @@ impl Basis {
         Self { analysis: functions.clone(), functions }
     }
 
-    /// Number of weights.
-    pub fn terms(&self) -> usize {
+    /// Number of functions, and so of weights.
+    pub fn size(&self) -> usize {
         self.functions.ncols()
     }
 
@@ -81,8 +81,8 @@ impl Basis {
     }
 }
 
-/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i / sum psi_j`,
-/// centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
+/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i / sum
+/// psi_j`, centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
 pub fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
     let decay = -(0.01_f64.ln());
     let phase = |progress: f64| (-decay * progress).exp();
@@ -122,15 +122,15 @@ impl MotionLibrary {
     ///
     /// # Errors
     /// Movements that do not move.
-    pub fn in_metric(&self, metric: Metric, keep: Truncation) -> Result<Self, super::BuildError> {
+    pub fn in_metric(&self, metric: Metric, truncation: Truncation) -> Result<Self, super::BuildError> {
         let forces = self.eigenforces() * self.weights();
         let kind = (self.layout().clone(), *self.spring());
-        Self::from_forces(forces, self.entries().to_vec(), kind, metric, keep)
+        Self::from_forces(forces, self.entries().to_vec(), kind, metric, truncation)
     }
 }
 
-/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels for each degree
-/// of freedom, in the least squares.
+/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels for each
+/// degree of freedom, in the least squares.
 pub fn kernel_error(forces: &[f64], spring: &SampledSpring, count: usize) -> f64 {
     let steps = spring.forces();
     let q = kernel_functions(spring, count.min(steps)).qr().q();

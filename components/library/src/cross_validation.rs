@@ -51,7 +51,7 @@ pub struct BasisErrors {
 /// ```
 #[derive(Clone, Debug)]
 pub struct CrossValidation {
-    terms: Vec<usize>,
+    eigenforces: Vec<usize>,
     splits: usize,
     errors: Vec<BasisErrors>,
     explained: Vec<Vec<f64>>,
@@ -61,13 +61,13 @@ pub struct CrossValidation {
 
 impl CrossValidation {
     /// A cross validation with these numbers of weights, without a split yet.
-    pub fn new(terms: Vec<usize>) -> Self {
-        Self { terms, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
+    pub fn new(eigenforces: Vec<usize>) -> Self {
+        Self { eigenforces, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
     }
 
     /// Calls of `progress` in one [`add`](Self::add).
     pub fn progress_of_split(&self) -> usize {
-        self.terms.len() + 2
+        self.eigenforces.len() + 2
     }
 
     /// Learns from the recordings `seen` and measures on those `held` out.
@@ -87,7 +87,7 @@ impl CrossValidation {
         };
         let (force, position) = (build(Metric::Force)?, build(Metric::Position)?);
         let libraries = [(FORCE, &force), (POSITION, &position)];
-        for (basis, found) in compare(&libraries, held, &self.terms, &mut progress) {
+        for (basis, found) in compare(&libraries, held, &self.eigenforces, &mut progress) {
             let row = match self.errors.iter_mut().find(|row| row.basis == basis && row.n == found.n) {
                 Some(row) => row,
                 None => {
@@ -108,15 +108,15 @@ impl CrossValidation {
         if held.trajectories.iter().any(|trajectory| trajectory.label.is_some()) {
             let rate =
                 |n: &usize| [&force, &position].map(|library| nearest_neighbour_rate(library, held, *n));
-            self.rates.push(self.terms.iter().map(rate).collect());
+            self.rates.push(self.eigenforces.iter().map(rate).collect());
         }
         self.splits += 1;
         Ok(())
     }
 
     /// Numbers of weights.
-    pub fn terms(&self) -> &[usize] {
-        &self.terms
+    pub fn eigenforces(&self) -> &[usize] {
+        &self.eigenforces
     }
 
     /// Number of splits.
@@ -142,10 +142,10 @@ impl CrossValidation {
         (0..first).map(mean).collect()
     }
 
-    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the splits; `None`
-    /// without labels.
+    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the splits;
+    /// `None` without labels.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
-        if self.rates.is_empty() || k >= self.terms.len() {
+        if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;
         }
         let count = self.rates.len() as f64;

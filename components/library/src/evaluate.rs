@@ -67,7 +67,7 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     let errors = path_errors(left.clone(), dofs, spring);
     let spread = mean_spread(recordings, spring);
     Evaluation {
-        n: basis.terms(),
+        n: basis.size(),
         force: (left.norm_squared() / forces.norm_squared().max(f64::MIN_POSITIVE)).sqrt(),
         position: PathError::of(errors.into_iter().map(|error| error / spread).collect()),
     }
@@ -111,18 +111,18 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
 /// Name of the eigenforces that are [balanced](MotionLibrary::balanced), in [`compare`].
 pub const BALANCED: &str = "eigenforces, balanced";
 
-/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in the metric of
-/// position is there twice, the second time balanced for each number.
+/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in the metric
+/// of position is there twice, the second time balanced for each number.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,
-    terms: &[usize],
+    eigenforces: &[usize],
     mut done: impl FnMut(),
 ) -> Vec<(&'static str, Evaluation)> {
     let mut found = Vec::new();
     let Some((_, first)) = libraries.first() else { return found };
     let (layout, spring): (&Layout, &SampledSpring) = (first.layout(), first.spring());
-    for &n in terms {
+    for &n in eigenforces {
         for (name, library) in libraries {
             found.push((*name, evaluate(&Basis::eigenforces(library, n), recordings, spring)));
             if library.metric() == Metric::Position

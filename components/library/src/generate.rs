@@ -13,22 +13,22 @@ pub struct Superposition {
 }
 
 impl Superposition {
-    /// A movement of the library by its first `terms` eigenforces.
-    pub fn of(library: &MotionLibrary, entry: usize, terms: usize) -> Self {
-        let terms = terms.clamp(1, library.rank());
-        let weights = library.weights().column(entry).rows(0, terms).iter().copied().collect();
+    /// A movement of the library by its first `eigenforces`.
+    pub fn of(library: &MotionLibrary, entry: usize, eigenforces: usize) -> Self {
+        let eigenforces = eigenforces.clamp(1, library.rank());
+        let weights = library.weights().column(entry).rows(0, eigenforces).iter().copied().collect();
         Self { weights, frame: library.entries()[entry].frame.clone() }
     }
 
-    /// The mean of the movements of one label, by the first `terms` eigenforces.
-    pub fn mean_of(library: &MotionLibrary, label: &str, terms: usize) -> Option<Self> {
+    /// The mean of the movements of one label, by the first `eigenforces`.
+    pub fn mean_of(library: &MotionLibrary, label: &str, eigenforces: usize) -> Option<Self> {
         let members: Vec<usize> = (0..library.entries().len())
             .filter(|k| library.entries()[*k].label.as_deref() == Some(label))
             .collect();
         let (&first, rest) = members.split_first()?;
-        let mut mean = Self::of(library, first, terms);
+        let mut mean = Self::of(library, first, eigenforces);
         for (count, &k) in rest.iter().enumerate() {
-            mean = mean.blend(&Self::of(library, k, terms), 1.0 / (count + 2) as f64);
+            mean = mean.blend(&Self::of(library, k, eigenforces), 1.0 / (count + 2) as f64);
         }
         Some(mean)
     }
@@ -84,7 +84,7 @@ pub enum GenerateError {
         expected: usize,
     },
     /// NaN or an infinite value.
-    #[error("{0} is no number to move by")]
+    #[error("{0}, expected a finite number")]
     NotFinite(f64),
     /// A duration that is not a positive time.
     #[error("a duration of {0} s, expected a positive time")]
@@ -94,8 +94,8 @@ pub enum GenerateError {
 /// Generates movements of a library in a control loop: starting, steering and stepping never allocate.
 ///
 /// At the start the forces are superposed and the spring follows them to the end of the movement; then, without forces,
-/// for a quarter of the duration more, in which what is left of the velocity dies out. Between samples the path is a cubic
-/// with continuous velocity.
+/// for a quarter of the duration more, in which what is left of the velocity dies out. Between samples the path is a
+/// cubic with continuous velocity.
 #[derive(Clone, Debug)]
 pub struct Generator {
     simd: Simd,

@@ -43,17 +43,20 @@ pub enum MergeError {
 ///
 /// If all were built from the same movements (the same ids in the same order), their weights say how the parts moved
 /// together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly the
-/// eigenforces of the whole ("correlated", for complete libraries). Otherwise it is [`merge_independent`]. `keep` chooses the
-/// rank of the result.
+/// eigenforces of the whole ("correlated", for complete libraries). Otherwise it is [`merge_independent`]. `truncation`
+/// chooses the rank of the result.
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
-pub fn merge_parts(libraries: &[&MotionLibrary], keep: Truncation) -> Result<MotionLibrary, MergeError> {
+pub fn merge_parts(
+    libraries: &[&MotionLibrary],
+    truncation: Truncation,
+) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     let ids = |library: &MotionLibrary| library.entries().iter().map(|e| e.id.clone()).collect::<Vec<_>>();
     let together = !first.entries().is_empty() && libraries.iter().all(|library| ids(library) == ids(first));
     if !together {
-        return merge_independent(libraries, keep);
+        return merge_independent(libraries, truncation);
     }
     let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
     let mut stacked = DMatrix::zeros(basis.ncols(), first.entries().len());
@@ -62,7 +65,7 @@ pub fn merge_parts(libraries: &[&MotionLibrary], keep: Truncation) -> Result<Mot
         stacked.rows_mut(row, library.rank()).copy_from(library.weights());
         row += library.rank();
     }
-    let inner = left_singular(&stacked, keep.wanted(basis.nrows()));
+    let inner = left_singular(&stacked, truncation.wanted(basis.nrows()));
     let weights = inner.vectors.transpose() * &stacked;
     let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
     let found = LeftSingular { vectors: basis * &inner.vectors, ..inner };
@@ -78,11 +81,11 @@ pub fn merge_parts(libraries: &[&MotionLibrary], keep: Truncation) -> Result<Mot
 /// Fewer than two libraries, or libraries that do not fit each other.
 pub fn merge_independent(
     libraries: &[&MotionLibrary],
-    keep: Truncation,
+    truncation: Truncation,
 ) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
-    let (found, weights, entries) = independent(libraries, &basis, keep);
+    let (found, weights, entries) = independent(libraries, &basis, truncation);
     Ok(assemble(first, layout, found, weights, entries))
 }
 
@@ -106,12 +109,15 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 
 /// A library of the movements of several, all of the same DoFs.
 ///
-/// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. Exact for complete libraries; with truncated
-/// ones, the leading eigenforces are hardly touched, the last ones miss what both had left out.
+/// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. Exact for complete libraries; with
+/// truncated ones, the leading eigenforces are hardly touched, the last ones miss what both had left out.
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
-pub fn merge_movements(libraries: &[&MotionLibrary], keep: Truncation) -> Result<MotionLibrary, MergeError> {
+pub fn merge_movements(
+    libraries: &[&MotionLibrary],
+    truncation: Truncation,
+) -> Result<MotionLibrary, MergeError> {
     let first = same_kind(libraries)?;
     for (k, library) in libraries.iter().enumerate() {
         if library.layout() != first.layout() {
@@ -129,7 +135,7 @@ pub fn merge_movements(libraries: &[&MotionLibrary], keep: Truncation) -> Result
             column += 1;
         }
     }
-    let found = left_singular(&scaled, keep.wanted(first.rows()));
+    let found = left_singular(&scaled, truncation.wanted(first.rows()));
     let mut weights = DMatrix::zeros(found.values.len(), movements);
     let (mut column, mut entries) = (0, Vec::new());
     for library in libraries {
@@ -180,14 +186,14 @@ fn assemble(
 fn independent(
     libraries: &[&MotionLibrary],
     basis: &DMatrix<f64>,
-    keep: Truncation,
+    truncation: Truncation,
 ) -> (LeftSingular, DMatrix<f64>, Vec<Entry>) {
     let energy: f64 = libraries.iter().map(|library| library.parts().energy).sum();
     let values: Vec<f64> = libraries.iter().flat_map(|library| library.parts().singular.clone()).collect();
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     let sorted: Vec<f64> = order.iter().map(|k| values[*k]).collect();
-    let kept = super::algebra::keep(&sorted, energy, keep.wanted(basis.nrows()));
+    let kept = super::algebra::count_wanted(&sorted, energy, truncation.wanted(basis.nrows()));
     let order = &order[..kept];
     let movements: usize = libraries.iter().map(|library| library.entries().len()).sum();
     let mut block = DMatrix::zeros(values.len(), movements);

@@ -52,6 +52,26 @@ pub struct LibraryParts {
 }
 
 /// Eigenforces, their singular values, and the movements they were found in as weights. Immutable.
+///
+/// ```
+/// use motorium_library::letters::{Variation, letters};
+/// use motorium_library::{DAMPING, Metric, MotionLibrary, Recogniser, SampledSpring, Superposition, Truncation};
+///
+/// let spring = SampledSpring::new(60, DAMPING)?;
+/// let library = MotionLibrary::build(&letters(2, Variation::default(), 1), spring, Metric::Position, Truncation::Rank(8))?;
+///
+/// // A movement half way between the first two, in 2 s.
+/// let [first, second] = [0, 1].map(|entry| Superposition::of(&library, entry, 8));
+/// let blend = first.blend(&second, 0.5).placed(None, None, Some(2.0));
+/// assert_eq!(blend.path(&library).shape(), (60, 2));
+///
+/// // A letter written anew is recognised.
+/// let written = letters(1, Variation { points: 0.0, shape: 0.0, pace: 0.0 }, 9);
+/// let found = Recogniser::new(&library, 8).recognise(&written.trajectories[0]);
+/// let (nearest, _) = found.nearest.unwrap();
+/// assert_eq!(library.entries()[nearest].label, written.trajectories[0].label);
+/// # Ok::<(), motorium_library::BuildError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLibrary {
     parts: LibraryParts,
@@ -105,7 +125,7 @@ impl MotionLibrary {
         recordings: &Recordings,
         spring: SampledSpring,
         metric: Metric,
-        keep: Truncation,
+        truncation: Truncation,
     ) -> Result<Self, BuildError> {
         let layout = Layout::new(recordings.names.clone())?;
         if recordings.trajectories.is_empty() {
@@ -120,7 +140,7 @@ impl MotionLibrary {
             let (id, label) = (trajectory.id.clone(), trajectory.label.clone());
             entries.push(Entry { id, label, frame: movement.frame });
         }
-        Self::from_forces(data, entries, (layout, spring), metric, keep)
+        Self::from_forces(data, entries, (layout, spring), metric, truncation)
     }
 
     /// Learns from forces: `dofs (samples - 1)` rows, one column a movement.
@@ -132,10 +152,10 @@ impl MotionLibrary {
         entries: Vec<Entry>,
         (layout, spring): (Layout, SampledSpring),
         metric: Metric,
-        keep: Truncation,
+        truncation: Truncation,
     ) -> Result<Self, BuildError> {
         metric.into_space(&spring, &mut data);
-        let found = left_singular(&data, keep.wanted(data.nrows()));
+        let found = left_singular(&data, truncation.wanted(data.nrows()));
         if found.values.is_empty() {
             return Err(BuildError::Still);
         }
@@ -348,7 +368,9 @@ pub(super) fn check(trajectory: &super::Trajectory, dofs: usize) -> Result<(), B
     }
     if let Some(k) = trajectory.positions.iter().position(|y| !y.is_finite()) {
         let (sample, dof) = (k % samples, k / samples);
-        return Err(refuse(format!("sample {sample} of degree of freedom {dof} is no number: fill the gap")));
+        return Err(refuse(format!(
+            "sample {sample} of degree of freedom {dof} is not a finite number: fill the gap"
+        )));
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{SampledSpring, Trajectory};
 
-/// Where, whence and how long: what turns forces into a path. One number for each DoF.
+/// Boundary conditions of a movement, which turn forces into a path. One number for each DoF.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
     /// Start, one number a degree of freedom.

@@ -23,7 +23,7 @@ pub struct Recogniser {
     /// rows x n
     analysis: Vec<f64>,
     rows: usize,
-    terms: usize,
+    eigenforces: usize,
     /// Weights of the library's movements, one after the other.
     known: Vec<f64>,
     weights: Vec<f64>,
@@ -31,26 +31,26 @@ pub struct Recogniser {
 }
 
 impl Recogniser {
-    /// By the first `terms` eigenforces.
-    pub fn new(library: &MotionLibrary, terms: usize) -> Self {
-        let terms = terms.clamp(1, library.rank());
+    /// A recogniser by the first `eigenforces`.
+    pub fn new(library: &MotionLibrary, eigenforces: usize) -> Self {
+        let eigenforces = eigenforces.clamp(1, library.rank());
         let rows = library.rows();
         Self {
             simd: Simd::new(),
             metric: library.metric(),
             spring: *library.spring(),
-            analysis: library.analysis().as_slice()[..rows * terms].to_vec(),
+            analysis: library.analysis().as_slice()[..rows * eigenforces].to_vec(),
             rows,
-            terms,
-            known: library.weights().rows(0, terms).iter().copied().collect(),
-            weights: vec![0.0; terms],
+            eigenforces,
+            known: library.weights().rows(0, eigenforces).iter().copied().collect(),
+            weights: vec![0.0; eigenforces],
             scratch: vec![0.0; rows],
         }
     }
 
     /// Number of weights.
-    pub fn terms(&self) -> usize {
-        self.terms
+    pub fn eigenforces(&self) -> usize {
+        self.eigenforces
     }
 
     /// Projects forces (as long as the library has rows): their weights.
@@ -80,7 +80,7 @@ impl Recogniser {
         let distance =
             |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         self.known
-            .chunks_exact(self.terms)
+            .chunks_exact(self.eigenforces)
             .map(distance)
             .enumerate()
             .min_by(|a, b| a.1.total_cmp(&b.1))

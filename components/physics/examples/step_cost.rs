@@ -1,4 +1,4 @@
-//! What a step of one millisecond costs, for the settings a user can choose.
+//! Cost of a step of one millisecond, for the settings a user can choose.
 //!
 //! ```sh
 //! cargo run --release -p motorium-physics --example step_cost

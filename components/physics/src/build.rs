@@ -35,7 +35,7 @@ pub enum BuildError {
     },
 }
 
-/// A doubt about a simulation that nevertheless runs.
+/// A warning about the set-up of a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildWarning {
     /// A collision shape that cannot be used.
@@ -85,14 +85,14 @@ pub enum BuildWarning {
     StartsBeyondLimit {
         /// The joint.
         joint: String,
-        /// Where it starts \[rad or m\].
+        /// Initial position \[rad or m\].
         position: f64,
         /// Its lower limit.
         lower: f64,
         /// Its upper limit.
         upper: f64,
     },
-    /// A drive that can do nothing.
+    /// A drive without effort.
     #[error(
         "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
     )]
@@ -103,7 +103,7 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// Joints that start beyond their limits at `q` (one per joint), or can do nothing.
+    /// Joints that start beyond their limits at `q` (one per joint), or whose drive has no effort.
     pub(crate) fn of_joints(model: &Model, joints: &[JointProperties], q: &[f64], into: &mut Vec<Self>) {
         for ((joint, name), position) in joints.iter().zip(model.joint_names()).zip(q.iter().copied()) {
             if position < joint.lower || position > joint.upper {

@@ -20,10 +20,10 @@ pub struct JointCommandConfig {
     pub kp: Option<Vec<f64>>,
     /// Damping of every joint, N m s/rad or N s/m. Without it, that of the robot's profile.
     pub kd: Option<Vec<f64>>,
-    /// Time over which it goes over from where the robot is to the movement, such as "1 s". Default 1 s.
+    /// Time of the transition from the robot's present position to the movement, such as "1 s". Default 1 s.
     pub ease: TimeSpan,
-    /// Whether the torque that gravity calls for is added: that of the limbs, with a floating base taken for upright and
-    /// held. Default true.
+    /// True to add the torque that holds the joints against gravity. A floating base is assumed to be upright and at
+    /// rest. Default true.
     pub gravity_compensation: bool,
 }
 
@@ -54,7 +54,7 @@ impl CommandedJoints {
         joints: impl Iterator<Item = (&'a str, String)>,
     ) -> Result<Self, ConfigError> {
         let robot = robot.ok_or_else(|| {
-            ConfigError::new("it moves the joints of a robot, and the component names none")
+            ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         let loaded = crate::robot::load(robot)?;
@@ -77,8 +77,9 @@ impl CommandedJoints {
                 let gains = loaded.profile.as_ref().map(|profile| profile.gains(&model));
                 Some(gains.transpose().map_err(|error| ConfigError::new(error.to_string()))?.ok_or_else(
                     || {
-                        ConfigError::new(format!("robot `{}` has no profile with gains", robot.name))
-                            .advise("give `drive.kp` and `drive.kd`, one number for each joint")
+                        ConfigError::new(format!("robot `{}` has no profile with gains", robot.name)).advise(
+                            "give `joint_command.kp` and `joint_command.kd`, one number for each joint",
+                        )
                     },
                 )?)
             }
@@ -101,15 +102,15 @@ impl CommandedJoints {
             (None, None) => Ok(DVector::zeros(model.joint_count())),
         };
         let gains = Gains {
-            kp: arrange(&config.kp, "drive.kp", profile.as_ref().map(|gains| &gains.kp))?,
-            kd: arrange(&config.kd, "drive.kd", profile.as_ref().map(|gains| &gains.kd))?,
+            kp: arrange(&config.kp, "joint_command.kp", profile.as_ref().map(|gains| &gains.kp))?,
+            kd: arrange(&config.kd, "joint_command.kd", profile.as_ref().map(|gains| &gains.kd))?,
         };
         let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
         let passive = passive.filter_map(|name| model.joint_index(name)).collect();
         Ok(Self { model, gains, joints: found, passive })
     }
 
-    /// Declares the ports and parameters of the drive.
+    /// Declares the ports and parameters of the joint command writer.
     pub(crate) fn declare(declare: &mut Declare) {
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.output::<JointCommand>(
@@ -121,8 +122,8 @@ impl CommandedJoints {
     }
 }
 
-/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others stay
-/// where they are found. Setpoints are kept within the position limits.
+/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others
+/// stay where they are found. Setpoints are kept within the position limits.
 #[derive(Debug)]
 pub(crate) struct JointCommandWriter {
     driven: CommandedJoints,

@@ -8,6 +8,21 @@
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //!
 //! The models themselves are plain libraries without the runtime: `motorium_primitives` and `motorium_library`.
+//!
+//! A program that hosts them registers their kinds, as the command does. Their ports can be asked for without running
+//! anything:
+//!
+//! ```
+//! use motorium::worker::{ConfigSource, Kind};
+//! use motorium_policies::DmpPolicy;
+//!
+//! let config = serde_json::json!({
+//!     "start": { "position": [0.4, 0.0, 0.4] },
+//!     "goals": [{ "position": [0.5, 0.2, 0.4], "duration": "2 s" }],
+//! });
+//! let declared = Kind::of::<DmpPolicy>().declare(ConfigSource::Json(config), None).unwrap();
+//! assert_eq!(declared.ports[0].name, "target");
+//! ```
 
 pub mod cpg;
 pub mod dmp;

@@ -24,8 +24,8 @@ use motorium_primitives::reach::Repeat;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProMpPolicyConfig {
-    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote, relative to
-    /// the graph file, or tables.
+    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote, relative
+    /// to the graph file, or tables.
     pub primitives: Vec<ProMpSource>,
     /// The joints that are moved, in the order of the primitive's dimensions. Default: all, in their order.
     #[serde(default)]
@@ -39,12 +39,12 @@ pub struct ProMpPolicyConfig {
     /// Time to stay at the end of a movement, such as "500 ms". Default none.
     #[serde(default)]
     pub dwell: TimeSpan,
-    /// What follows a movement: "once" stays at its end, "forever" begins the next.
+    /// Behaviour after a movement: "once" stays at its end, "forever" begins the next.
     #[serde(default)]
     pub repeat: Repeat,
     /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
-    pub drive: JointCommandConfig,
+    pub joint_command: JointCommandConfig,
 }
 
 /// Source of a primitive.
@@ -76,11 +76,11 @@ fn precise() -> f64 {
 
 /// Moves joints along the mean of a probabilistic primitive, conditioned on the places it is to pass.
 ///
-/// A movement begins with the first joint state, from where the robot is; the difference fades on the way. The parameter
-/// `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
+/// A movement begins with the first joint state, from where the robot is; the difference fades on the way. The
+/// parameter `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
 #[derive(Debug)]
 pub struct ProMpPolicy {
-    drive: JointCommandWriter,
+    writer: JointCommandWriter,
     runners: Vec<ProMpRunner>,
     durations: Vec<f64>,
     repeat: Repeat,
@@ -104,7 +104,7 @@ impl Component for ProMpPolicy {
 
     fn declare(config: &ProMpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let driven = CommandedJoints::new(
-            &config.drive,
+            &config.joint_command,
             declare.robot(),
             named(config, declare.robot())?.iter().map(borrowed),
         )?;
@@ -113,14 +113,14 @@ impl Component for ProMpPolicy {
         CommandedJoints::declare(declare);
         let last = config.primitives.len() as i64 - 1;
         declare.integer("primitive", 0, 0..=last, "the primitive of the next movement, counted from 0");
-        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the joints where they are");
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the present position");
         Ok(())
     }
 
     fn configure(config: ProMpPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let driven = CommandedJoints::new(
-            &config.drive,
+            &config.joint_command,
             Some(&robot),
             named(&config, Some(&robot))?.iter().map(borrowed),
         )?;
@@ -128,7 +128,7 @@ impl Component for ProMpPolicy {
         let primitives = primitives(&config, &robot.base, joints)?;
         let time = config.duration.map(|duration| duration.as_secs_f64());
         Ok(Self {
-            drive: JointCommandWriter::new(driven, &config.drive, setup)?,
+            writer: JointCommandWriter::new(driven, &config.joint_command, setup)?,
             durations: primitives.iter().map(|promp| time.unwrap_or(promp.duration())).collect(),
             runners: primitives.into_iter().map(ProMpRunner::new).collect(),
             repeat: config.repeat,
@@ -147,14 +147,14 @@ impl Component for ProMpPolicy {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if !self.drive.read()? {
+        if !self.writer.read()? {
             return Ok(());
         }
         let (dt, speed) = (tick.dt(), self.speed.get());
         match self.running {
             None => {
                 for (place, setpoint) in self.setpoint.iter_mut().enumerate() {
-                    *setpoint = self.drive.position(place);
+                    *setpoint = self.writer.position(place);
                 }
                 self.begin()?;
             }
@@ -176,10 +176,10 @@ impl Component for ProMpPolicy {
             *rate = speed * velocity;
         }
         for place in 0..self.setpoint.len() {
-            self.squares += (self.setpoint[place] - self.drive.position(place)).powi(2);
+            self.squares += (self.setpoint[place] - self.writer.position(place)).powi(2);
             self.samples += 1;
         }
-        self.drive.command(dt, &self.setpoint, &self.rate)
+        self.writer.command(dt, &self.setpoint, &self.rate)
     }
 
     fn result(&self) -> Option<serde_json::Value> {

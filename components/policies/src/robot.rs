@@ -10,14 +10,14 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
         .map_err(|error| ConfigError::new(error.to_string()))
 }
 
-/// The frame that is led: the one configured under `key`, else that of the robot's only end effector.
+/// The controlled frame: the one configured under `key`, else that of the robot's only end effector.
 pub(crate) fn end_effector(robot: &Loaded, frame: Option<&str>, key: &str) -> Result<FrameId, ConfigError> {
     robot.end_effector(frame).map_err(|error| {
         let message = error.to_string();
         match (&error, error.example()) {
             (EndEffectorError::UnknownFrame(_), _) => ConfigError::key(key, message),
             (_, Some(example)) => ConfigError::new(message)
-                .advise(format!("name the link that is led, such as `{key} = \"{example}\"`")),
+                .advise(format!("name the link to move, such as `{key} = \"{example}\"`")),
             (_, None) => ConfigError::new(message),
         }
     })

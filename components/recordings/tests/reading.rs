@@ -138,7 +138,7 @@ fn values_that_are_not_finite_are_refused_with_their_place() {
 fn a_topic_as_it_is_printed_is_read_with_the_field_that_is_asked_for() {
     let line = |t: f64, x: f64| {
         format!(
-            r#"{{"topic":"arm/joint_state","sequence":7,"time_s":{t},"origin":"encoder","value":{{"count":2,"position":[{x},2.0],"velocity":[9.0,{x}]}}}}"#
+            r#"{{"topic":"arm/joint_state","sequence":7,"time_s":{t},"publisher":"encoder","value":{{"count":2,"position":[{x},2.0],"velocity":[9.0,{x}]}}}}"#
         )
     };
     let text = format!("{}\n{}\n", line(1.5, 0.25), line(1.75, 0.5));

@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use motorium::prelude::*;
 
+use motorium_robots::RobotSource;
+
 use crate::encoder::{EncoderModel, EncoderSettings};
 
 /// A component that publishes the readings of the joint sensors of a robot.
@@ -28,7 +30,7 @@ impl Component for JointEncoder {
 
     fn declare(config: &EncoderSettings, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("an encoder has the joints of a robot, and there is none")
+            ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         // the period is not known yet: one that allows any latency
@@ -53,7 +55,7 @@ impl Component for JointEncoder {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         if let Some(state) = self.state.latest() {
             let stamp = state.stamp();
-            let name = (stamp.origin, stamp.incarnation, stamp.sequence);
+            let name = (stamp.publisher, stamp.restart_count, stamp.sequence);
             if name != self.last_state {
                 self.last_state = name;
                 self.model
@@ -90,7 +92,8 @@ impl Component for JointEncoder {
 }
 
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
-    let loaded = motorium_robots::load(&robot.urdf, &robot.base)
+    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base }
+        .load()
         .map_err(|error| ConfigError::new(error.to_string()))?;
     // a joint state holds no pose of a floating base, but the rotors that fly it
     let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());

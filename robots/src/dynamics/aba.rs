@@ -59,7 +59,7 @@ impl Dynamics {
     ) -> Result<(), SingularMassMatrix> {
         let n = model.nv();
         assert!(v.len() == n && tau.len() == n && a_out.len() == n, "length of v, tau and a");
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start_articulated(flat, q, v, gravity);
         self.release(flat, v);

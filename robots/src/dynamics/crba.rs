@@ -59,7 +59,7 @@ impl Dynamics {
                 self.base_block(out, n);
             }
         } else {
-            self.place(model, q);
+            self.set_positions(model, q);
             self.placed_mass(flat, out, n);
         }
         if BOTH {

@@ -127,7 +127,7 @@ impl Dynamics {
             out.q.nrows() == n && out.v.nrows() == n && out.input.nrows() == n,
             "size of the derivatives"
         );
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.sweep(flat);
         self.vary(flat, q, (v, a), gravity);

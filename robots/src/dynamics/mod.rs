@@ -34,6 +34,23 @@ pub use regressor::PARAMETERS;
 /// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the acceleration of
 /// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part; rotors of
 /// drives count as an armature on the diagonal of the mass matrix, without gyroscopic effects.
+///
+/// ```
+/// use motorium_robots::{Dynamics, load};
+/// use nalgebra::Vector3;
+///
+/// let model = load("panda", std::path::Path::new("."))?.model;
+/// let gravity = Vector3::new(0.0, 0.0, -9.81);
+/// let (q, v, a) = (model.neutral(), vec![0.1; model.nv()], vec![1.0; model.nv()]);
+/// let (mut tau, mut found) = (vec![0.0; model.nv()], vec![0.0; model.nv()]);
+/// let mut dynamics = Dynamics::new(&model);
+///
+/// // The efforts for an acceleration, and the acceleration for these efforts.
+/// dynamics.rnea(&model, &q, &v, &a, gravity, &mut tau);
+/// dynamics.forward(&model, &q, &v, &tau, gravity, &mut found)?;
+/// assert!(a.iter().zip(&found).all(|(a, found)| (a - found).abs() < 1e-8));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Dynamics {
     positions: Positions,
@@ -75,7 +92,7 @@ impl Dynamics {
     }
 
     #[inline(always)]
-    fn place(&mut self, model: &Model, q: &[f64]) {
+    fn set_positions(&mut self, model: &Model, q: &[f64]) {
         self.check(model, q);
         self.positions.update(&model.flat().nodes, q);
     }

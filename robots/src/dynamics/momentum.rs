@@ -66,7 +66,7 @@ impl Dynamics {
     /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0`
     /// it is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
-        // What moves the robot in the absence of gravity arrives at the base.
+        // Without gravity, the wrench at the base is the rate of the momentum.
         self.base_wrench(model, q, v, a);
         let (axes, centre) = self.compose(model, q);
         about(&axes, centre, self.local[0].wrench).into()
@@ -94,7 +94,7 @@ impl Dynamics {
 
     /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base coordinates.
     fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.sweep(flat);
         for (index, node) in flat.nodes.iter().enumerate().rev() {

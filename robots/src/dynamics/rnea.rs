@@ -63,7 +63,7 @@ impl Dynamics {
     ) {
         assert_eq!(a.len(), model.nv(), "length of a");
         assert_eq!(v.len(), model.nv(), "length of v");
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start(flat, q, gravity, Some((v, Some(a))));
         self.outward::<true>(flat, v, a);
@@ -87,7 +87,7 @@ impl Dynamics {
     ) {
         assert_eq!(a.len(), model.nv(), "length of a");
         assert_eq!(v.len(), model.nv(), "length of v");
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start(flat, q, gravity, Some((v, Some(a))));
         self.outward::<true>(flat, v, a);
@@ -104,7 +104,7 @@ impl Dynamics {
     /// Leaves the motions of all bodies in their slots.
     pub(super) fn motions(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64], gravity: Vector3<f64>) {
         assert!(v.len() == model.nv() && a.len() == model.nv(), "length of v and a");
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start(flat, q, gravity, Some((v, Some(a))));
         self.outward::<true>(flat, v, a);
@@ -121,7 +121,7 @@ impl Dynamics {
     /// Bias forces: `out = C(q, v) v + g(q)` \[Nm or N\], what [`rnea`](Self::rnea) gives for `a = 0`.
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start(flat, q, gravity, Some((v, None)));
         self.outward::<false>(flat, v, &[]);
@@ -130,7 +130,7 @@ impl Dynamics {
 
     /// Gravity torques: `out = g(q)` \[Nm or N\], the efforts that hold the robot still at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
-        self.place(model, q);
+        self.set_positions(model, q);
         let flat = model.flat();
         self.start(flat, q, gravity, None);
         for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {

@@ -1,4 +1,4 @@
-//! Capsules around points: a stand-in for a mesh that is a hundred times cheaper to ask.
+//! Capsules around points: replacements of meshes that are a hundred times faster to query.
 
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 
@@ -147,7 +147,7 @@ mod tests {
 
     use super::*;
 
-    /// Whether `point` is inside a capsule placed somewhere, within `slack`.
+    /// True if `point` is inside a placed capsule, within `slack`.
     fn holds(placement: &Isometry3<f64>, geometry: &Geometry, point: &Vector3<f64>, slack: f64) -> bool {
         let &Geometry::Capsule { radius, length } = geometry else { return false };
         let local = placement.inverse_transform_point(&Point3::from(*point));

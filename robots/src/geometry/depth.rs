@@ -1,4 +1,4 @@
-//! How deep two convex cores are in each other: the expanding polytope algorithm (van den Bergen 2001) in memory of
+//! Penetration depth of two convex cores: the expanding polytope algorithm (van den Bergen 2001) in memory of
 //! fixed size.
 //!
 //! The differences between points of the first core and points of the second make up a convex set that holds the
@@ -182,7 +182,7 @@ impl Polytope {
         self.horizon.clear();
         self.faces[face].alive = false;
         for edge in 0..3 {
-            self.look(corner.at, face, edge);
+            self.find_horizon(corner.at, face, edge);
         }
         let count = self.horizon.len();
         // From corner to corner around the region; what it covered is free.
@@ -219,7 +219,7 @@ impl Polytope {
     }
 
     /// Across an edge of a face that is seen: goes on over faces that are, notes the edge of one that is not.
-    fn look(&mut self, from: V3, face: usize, edge: usize) {
+    fn find_horizon(&mut self, from: V3, face: usize, edge: usize) {
         let Face { corners, neighbours, .. } = self.faces[face];
         let (place, begin) = (neighbours[edge], corners[(edge + 1) % 3]);
         let neighbour = &mut self.faces[place];
@@ -234,8 +234,8 @@ impl Polytope {
             return;
         }
         neighbour.alive = false;
-        self.look(from, place, (back + 1) % 3);
-        self.look(from, place, (back + 2) % 3);
+        self.find_horizon(from, place, (back + 1) % 3);
+        self.find_horizon(from, place, (back + 2) % 3);
     }
 
     /// The points that make up the foot of the origin on the boundary. A facet of the set is made of several faces,

@@ -21,14 +21,14 @@ const AGAIN: usize = 4;
 /// Projections from one core to the other and back, at most.
 const ALTERNATIONS: usize = 30;
 
-/// How near two solids are.
+/// The distance of two solids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
     /// Index in [`CollisionModel::pairs`].
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or minus the depth.
     pub distance: f64,
-    /// Where each is nearest to (or deepest in) the other \[m, world\].
+    /// The point of each that is nearest to (or deepest in) the other \[m, world\].
     pub points: [Point3<f64>; 2],
     /// From the first to the second, world axes: `distance == normal . (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
@@ -92,7 +92,7 @@ impl Collisions {
 
     /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update): `pose` is that of its
     /// [placement](CollisionModel::placement) in the world.
-    pub fn place(&mut self, index: usize, pose: &Isometry3<f64>) {
+    pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
     }
@@ -127,7 +127,7 @@ impl Collisions {
         &self.near
     }
 
-    /// What [`within`](Self::within) found last.
+    /// The result of the last [`within`](Self::within).
     pub fn found(&self) -> &[Proximity] {
         &self.near
     }
@@ -223,7 +223,7 @@ impl Collisions {
         }
     }
 
-    /// Where surfaces take part parry looks for itself.
+    /// Distance of a pair with a surface, by parry.
     fn measure_surfaces(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         let [a, b] = model.pairs[pair];
         let (first, second) = (model.shape(a)?, model.shape(b)?);
@@ -254,7 +254,7 @@ impl Collisions {
         })
     }
 
-    /// What the bounding spheres say: never more than the distance.
+    /// A lower bound of the distance by bounding spheres.
     fn bound(&self, model: &CollisionModel, pair: usize) -> Proximity {
         let [a, b] = model.pairs[pair];
         let (first, second) = (model.solids[a].reach, model.solids[b].reach);
@@ -271,7 +271,7 @@ impl Collisions {
     }
 }
 
-/// What a search came to.
+/// The result of a search.
 enum Search {
     /// Points of both cores and the normal from the first to the second.
     Found(V3, V3, V3),
@@ -310,7 +310,7 @@ fn search(
                     .search(pair)
                     .map_or(Search::Lost, |(p, q, normal)| Search::Found(p, q, normal));
             }
-            // It says so when it gives up, too: the gap along the direction proves it.
+            // Also returned where the search gives up: only a gap along the direction proves it.
             GJKResult::NoIntersection(along) => {
                 if -along.dot(CsoPoint::from_shapes(&still, first, second, along).point) > range {
                     return Search::Farther;
@@ -322,8 +322,8 @@ fn search(
     Search::Lost
 }
 
-/// On round cores the simplex grows so small that its own rounding stops the search some micrometres early. The plane
-/// square to the way found tells; starting again from there, without the old corners, goes on.
+/// Continues a search that stopped early: on round cores the simplex becomes so small that its rounding stops the search
+/// some micrometres short. A plane square to the direction found shows it; a restart without the old corners goes on.
 fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, f64)) -> Search {
     let still = parry3d_f64::math::Pose::IDENTITY;
     let [first, second] = pair;

@@ -1,4 +1,4 @@
-//! How distances change with the motion of the robot.
+//! Derivatives of distances with respect to the motion of the robot.
 
 use nalgebra::{DMatrix, Vector3};
 

@@ -1,4 +1,4 @@
-//! Which solids there are, and which pairs of them are checked.
+//! The solids of a collision model, and the pairs of them to check.
 
 use std::collections::HashSet;
 
@@ -12,10 +12,10 @@ use crate::model::flat::FlatModel;
 use crate::nearest::{nearest, suggestion};
 use crate::{Geometry, Model, Shape};
 
-/// How a robot's collision model is made.
+/// Options of a robot's collision model.
 #[derive(Clone, Debug)]
 pub struct CollisionOptions {
-    /// What stands for meshes.
+    /// The collision shape that replaces meshes.
     pub meshes: MeshMode,
     /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all files.
     pub adjacent: bool,
@@ -63,7 +63,7 @@ pub enum CollisionError {
     Solid {
         /// Link at fault.
         link: String,
-        /// What is wrong with its shape.
+        /// The defect of its shape.
         problem: SolidProblem,
     },
     /// A rule for a link that the robot does not have.
@@ -78,12 +78,12 @@ pub enum CollisionError {
     },
 }
 
-/// The solids of a robot, what obstacles there are, and the pairs to check. Immutable while a
+/// The solids of a robot and the obstacles, with the pairs to check. Immutable while a
 /// [`Collisions`](super::Collisions) works on it.
 #[derive(Clone)]
 pub struct CollisionModel {
     pub(super) solids: Vec<Solid>,
-    /// What each is fixed to, as the algorithms count: base, bodies, world.
+    /// The frame each is fixed to, as a slot: base, bodies, world.
     pub(super) slots: Vec<usize>,
     pub(super) pairs: Vec<[usize; 2]>,
     /// Solids from here on are obstacles.
@@ -302,7 +302,7 @@ impl CollisionModel {
         &self.solids[index].link
     }
 
-    /// What solid `index` is made of.
+    /// The shape of solid `index`.
     pub fn kind(&self, index: usize) -> SolidKind {
         self.solids[index].kind
     }

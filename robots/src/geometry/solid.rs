@@ -1,4 +1,4 @@
-//! One piece of collision geometry, ready to be asked.
+//! A solid: one collision shape, ready for distance queries.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use super::support::{Cloud, Core, v3, vector};
 use crate::algebra::{M3, V3};
 use crate::{Geometry, Shape};
 
-/// What stands for a mesh.
+/// The collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshMode {
     /// Its convex hull, or a capsule around it where the hull has more corners than this.
@@ -37,7 +37,7 @@ impl Default for MeshMode {
     }
 }
 
-/// What a solid is made of.
+/// The shape of a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolidKind {
     /// As the file gives it.
@@ -53,7 +53,7 @@ pub enum SolidKind {
     HalfSpace,
     /// The triangles of a mesh.
     Surface {
-        /// How many.
+        /// Number of triangles.
         triangles: usize,
     },
 }
@@ -78,7 +78,7 @@ pub enum SolidProblem {
     NoHull {
         /// The file.
         path: PathBuf,
-        /// What parry says.
+        /// The error of parry.
         why: String,
     },
     /// A size that is not positive.
@@ -288,7 +288,7 @@ impl Solid {
                 let points: Vec<_> = cloud.points().map(vector).collect();
                 SharedShape::convex_hull(&points).unwrap_or_else(|| SharedShape::ball(self.reach))
             }
-            // Its distances are never asked of parry.
+            // Distances of a half-space are computed in closed form, not by parry.
             Core::HalfSpace => SharedShape::halfspace(vector(z)),
         });
     }

@@ -37,8 +37,26 @@ impl BodyState {
 
 /// Workspace for the kinematics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
-/// Call one of the updates, then ask. Methods panic on slices and matrices of another size than the model's, and on a
+/// Call one of the updates before the other methods. Methods panic on slices and matrices of another size than the model's, and on a
 /// model with another number of bodies.
+///
+/// ```
+/// use motorium_robots::{Kinematics, Reference, load};
+/// use nalgebra::Matrix6xX;
+///
+/// let panda = load("panda", std::path::Path::new("."))?;
+/// let (model, tool) = (&panda.model, panda.end_effector(None)?);
+/// let mut kinematics = Kinematics::new(model);
+/// let mut jacobian = Matrix6xX::zeros(model.nv());
+///
+/// let q = panda.profile.as_ref().unwrap().home(model)?;
+/// kinematics.update(model, q.as_slice());
+/// kinematics.jacobian(model, tool, Reference::LocalWorldAligned, &mut jacobian);
+/// assert!(kinematics.pose(model, tool).translation.x > 0.3, "m");
+/// // Turning the first joint moves the tool sideways.
+/// assert!(jacobian[(1, 0)] > 0.3, "m/rad");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Kinematics {
     positions: Positions,
@@ -64,7 +82,7 @@ impl Kinematics {
 
     /// Forward kinematics of all bodies at `q` (nq). Velocities and accelerations become zero.
     pub fn update(&mut self, model: &Model, q: &[f64]) {
-        self.place(model, q);
+        self.set_positions(model, q);
         for body in &mut self.bodies {
             (body.linear, body.angular) = (V3::ZERO, V3::ZERO);
             (body.linear_rate, body.angular_rate) = (V3::ZERO, V3::ZERO);
@@ -74,14 +92,14 @@ impl Kinematics {
     /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a = 0`: the
     /// drift `Jdot v` of every frame.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
-        self.place(model, q);
+        self.set_positions(model, q);
         self.differentiate::<false>(model, v, &[]);
     }
 
     /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a` (nv).
     pub fn update_with_acceleration(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         assert_eq!(a.len(), model.nv(), "length of a");
-        self.place(model, q);
+        self.set_positions(model, q);
         self.differentiate::<true>(model, v, a);
     }
 
@@ -91,7 +109,7 @@ impl Kinematics {
         assert_eq!(self.bodies.len(), model.bodies().len() + 1, "the workspace was made for another model");
     }
 
-    fn place(&mut self, model: &Model, q: &[f64]) {
+    fn set_positions(&mut self, model: &Model, q: &[f64]) {
         self.check(model, q);
         let flat = model.flat();
         self.positions.update(&flat.nodes, q);

@@ -45,7 +45,7 @@ pub(super) fn read_actuators<'a, 'i>(
     Ok(())
 }
 
-/// Whether a joint is a free one: no body here has it.
+/// True if a joint is a free joint.
 fn is_free(section: Node<'_, '_>, name: Option<&str>) -> bool {
     let named = |node: &Node<'_, '_>| node.attribute("name") == name;
     let mut nodes = section.document().descendants().filter(named);

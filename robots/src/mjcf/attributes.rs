@@ -7,6 +7,7 @@ use roxmltree::{Document, Node};
 
 use super::error::{MjcfError, MjcfProblem};
 use super::schema::{POSE, Schema, Use, is_off};
+use crate::lines::Lines;
 use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 
@@ -24,9 +25,9 @@ struct Given<'a, 'i> {
 /// before.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
-/// The document, its `<default>` classes (values by kind of element) and the warnings so far.
+/// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
 pub(super) struct Attributes<'a, 'i> {
-    document: &'a Document<'i>,
+    lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
     warnings: RefCell<Vec<ModelWarning>>,
 }
@@ -34,7 +35,8 @@ pub(super) struct Attributes<'a, 'i> {
 impl<'a, 'i> Attributes<'a, 'i> {
     pub(super) fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
         let classes = HashMap::from([(MAIN, HashMap::new())]);
-        let mut attributes = Self { document, classes, warnings: RefCell::default() };
+        let lines = Lines::new(document.input_text());
+        let mut attributes = Self { lines, classes, warnings: RefCell::default() };
         for section in document.root_element().children().filter(|node| node.has_tag_name("default")) {
             attributes.read_class(section, None)?;
         }
@@ -146,7 +148,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
                 return;
             }
         }
-        warnings.push(ModelWarning::Ignored { what, at: self.place(node), count: 1, reason });
+        warnings.push(ModelWarning::Ignored { what, at: self.position(node), count: 1, reason });
     }
 
     pub(super) fn warnings(&self) -> Vec<ModelWarning> {
@@ -169,12 +171,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     pub(super) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
-        MjcfError { file: None, at: self.place(node), problem: Box::new(problem) }
+        MjcfError { file: None, at: self.position(node), problem: Box::new(problem) }
     }
 
-    fn place(&self, node: Node<'_, '_>) -> Position {
-        let at = self.document.text_pos_at(node.range().start);
-        Position { line: at.row, column: at.col }
+    fn position(&self, node: Node<'_, '_>) -> Position {
+        self.lines.position(node.range().start)
     }
 
     /// Numbers separated by spaces, as many as `count` has.
@@ -217,7 +218,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     pub(super) fn checked(self) -> Result<Self, MjcfError> {
         self.attributes.refuse_unknown(self.node, |name| self.schema.contains(name))?;
         for (treatment, name) in self.schema.exceptions() {
-            match (self.given(name).filter(|given| !is_off(given.value)), treatment) {
+            match (self.explicit(name).filter(|given| !is_off(given.value)), treatment) {
                 (Some(given), Use::Refused(reason)) => {
                     return Err(self.attributes.refused(given.node, name, given.value, reason));
                 }
@@ -236,25 +237,25 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
 
     /// Warns that an attribute is ignored.
     pub(super) fn ignore(&self, name: &str, reason: &'static str) {
-        let node = self.given(name).map_or(self.node, |given| given.node);
+        let node = self.explicit(name).map_or(self.node, |given| given.node);
         self.ignored(node, name, reason);
     }
 
-    fn given(&self, name: &str) -> Option<Given<'a, 'i>> {
+    fn explicit(&self, name: &str) -> Option<Given<'a, 'i>> {
         let own = self.node.attribute(name).map(|value| Given { value, node: self.node });
         own.or_else(|| self.defaults?.get(name)?.last().copied())
     }
 
     /// The value that the element or its class gives.
     pub(super) fn get(&self, name: &str) -> Option<&'a str> {
-        self.given(name).map(|given| given.value)
+        self.explicit(name).map(|given| given.value)
     }
 
     /// The one attribute that turns the element, its value and the element that gives it: its own before its class's.
     pub(super) fn orientation(&self) -> Result<Option<(&'static str, &'a str, Node<'a, 'i>)>, MjcfError> {
         let found = match self.attributes.orientation(self.node)? {
             Some(own) => Some(own),
-            None => POSE[1..].iter().find_map(|way| Some((*way, self.given(way)?))),
+            None => POSE[1..].iter().find_map(|way| Some((*way, self.explicit(way)?))),
         };
         Ok(found.map(|(way, given)| (way, given.value, given.node)))
     }
@@ -270,7 +271,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
 
     /// Exactly `N` numbers.
     pub(super) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
-        let Some(given) = self.given(name) else { return Ok(None) };
+        let Some(given) = self.explicit(name) else { return Ok(None) };
         let numbers = self.attributes.parse(given.node, name, given.value, N..=N)?;
         Ok(Some(std::array::from_fn(|index| numbers[index])))
     }
@@ -297,7 +298,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
 
     /// Refuses an attribute that the element or its class gives.
     pub(super) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
-        let given = self.given(name).unwrap_or(Given { value: "", node: self.node });
+        let given = self.explicit(name).unwrap_or(Given { value: "", node: self.node });
         self.attributes.refused(given.node, name, given.value, reason)
     }
 
@@ -309,7 +310,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.error(self.node, problem)
     }
 
-    /// An error in words of its own.
+    /// An error with a message of its own.
     pub(super) fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }

@@ -18,7 +18,7 @@ use crate::{Base, Body, Frame, Inertia, Shape, Srdf};
 /// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
 const DEEPEST: usize = 150;
 
-/// The surroundings of an element.
+/// The context of an element.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     /// Body they belong to; `None` for the world or a floating base.

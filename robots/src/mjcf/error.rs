@@ -94,7 +94,7 @@ pub enum MjcfProblem {
         /// The name.
         name: String,
     },
-    /// Another problem, in words of its own.
+    /// Another problem, with its message.
     #[error("{0}")]
     Other(String),
 }

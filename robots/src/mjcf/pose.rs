@@ -74,8 +74,8 @@ pub(super) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3
     Ok(Some((placement, 0.5 * (from - to).norm())))
 }
 
-/// The least rotation from z to `axis`. Within 1e-7 rad of z it is none, within 1e-7 rad of -z the half turn about x,
-/// as in MuJoCo.
+/// The least rotation from z to `axis`. As in MuJoCo it is the identity for axes within 1e-7 rad of z, and the half
+/// turn about x for axes within 1e-7 rad of -z.
 fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     match (axis.x.hypot(axis.y) <= 1e-7, axis.z > 0.0) {
         (true, true) => UnitQuaternion::identity(),

@@ -52,7 +52,7 @@ impl Schema {
     }
 }
 
-/// Whether a value switches an attribute off: zeros, or a word that says so.
+/// True if a value switches an attribute off: zeros, or "false", "auto" or "none".
 pub(super) fn is_off(value: &str) -> bool {
     let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
     value.split_whitespace().all(off)

@@ -17,10 +17,10 @@ pub struct Placed<'a> {
     pub placement: Isometry3<f64>,
 }
 
-/// Models that do not go together.
+/// Models that cannot be combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AttachError {
-    /// A tool that moves on its own.
+    /// The tool has a floating base.
     #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
     Floating(String),
     /// A link that stands in the world beside a floating base.

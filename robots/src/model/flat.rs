@@ -65,7 +65,7 @@ pub(crate) struct FlatModel {
     starts: Vec<usize>,
     /// Mass of each body and all it carries \[kg\], the base first.
     pub(crate) carried_masses: Vec<f64>,
-    /// Where what each body carries ends, counted in bodies: with bodies depth first it carries those up to there.
+    /// For each body, the end of its subtree: with bodies depth first, body `i` carries the bodies up to `ends[i]`.
     pub(crate) ends: Vec<usize>,
 }
 

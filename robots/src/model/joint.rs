@@ -70,7 +70,7 @@ impl Default for Drive {
     }
 }
 
-/// Limits that a safe controller keeps, inside those of the joint (URDF's `<safety_controller>`). For who controls: no
+/// Limits that a safe controller keeps, inside those of the joint (URDF's `<safety_controller>`). For controllers: no
 /// quantity of this crate contains them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {

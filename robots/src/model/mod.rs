@@ -54,6 +54,18 @@ pub struct Base {
 }
 
 /// A robot: a base and the bodies its joints move.
+///
+/// ```
+/// use motorium_robots::load;
+///
+/// let panda = load("panda", std::path::Path::new("."))?.model;
+/// assert_eq!((panda.name(), panda.nq(), panda.nv()), ("panda", 8, 8));
+/// let elbow = panda.joint_index("panda_joint4").unwrap();
+/// assert!(panda.upper()[elbow] < 0.0, "rad");
+/// let wrong = panda.frame("panda_hnad").unwrap_err();
+/// assert_eq!(wrong.to_string(), "robot \"panda\" has no link \"panda_hnad\" (did you mean \"panda_hand\"?)");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Model {
     name: String,
@@ -224,7 +236,7 @@ impl Model {
     }
 }
 
-/// Makes a piece, given in the frame of `carrier` (or of the base), part of it.
+/// Adds a rigid part, given in the frame of `carrier` (or of the base), part of it.
 fn weld(
     base: &mut Base,
     bodies: &mut [Body],

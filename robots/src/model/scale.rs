@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use super::{Geometry, Inertia, JointKind, Model, Shape};
 
-/// A size that no robot has.
+/// An invalid scale.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a robot cannot be scaled by {0}; give a number above 0")]
 pub struct ScaleError(pub f64);

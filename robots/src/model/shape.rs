@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Vector3};
 
-/// One piece of collision geometry, fixed to a body or to the base.
+/// A collision shape, fixed to a body or to the base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// URDF link it belongs to.

@@ -9,6 +9,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::error::{Position, UrdfError, UrdfProblem};
 use super::transmission;
 use super::warning::ModelWarning;
+use crate::lines::Lines;
 use crate::nearest::nearest;
 use crate::{Drive, SafetyController};
 
@@ -81,9 +82,9 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
         UrdfError::new(Position { line: at.row, column: at.col }, UrdfProblem::Xml(message))
     })?;
     let root = document.root_element();
-    let source = Source { document: &document };
+    let source = Source { lines: Lines::new(document.input_text()) };
     if let Some(node) = document.descendants().find(|node| is_xacro(node)) {
-        return Err(UrdfError::new(source.at(node), UrdfProblem::Xacro));
+        return Err(UrdfError::new(source.position(node), UrdfProblem::Xacro));
     }
     if root.tag_name().name() != "robot" {
         return Err(source.error(root, UrdfProblem::Root(root.tag_name().name().to_owned())));
@@ -94,7 +95,7 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
         match child.tag_name().name() {
             "link" => {
                 source.check_link(child, &mut unused)?;
-                links.push(source.at(child));
+                links.push(source.position(child));
             }
             "joint" => joints.push(source.check_joint(child, &mut unused)?),
             "transmission" => {
@@ -115,18 +116,17 @@ fn is_xacro(node: &Node<'_, '_>) -> bool {
     node.is_element() && node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))
 }
 
-struct Source<'a, 'input> {
-    document: &'a Document<'input>,
+struct Source<'a> {
+    lines: Lines<'a>,
 }
 
-impl<'a> Source<'a, '_> {
-    fn at(&self, node: Node<'_, '_>) -> Position {
-        let at = self.document.text_pos_at(node.range().start);
-        Position { line: at.row, column: at.col }
+impl<'a> Source<'a> {
+    fn position(&self, node: Node<'_, '_>) -> Position {
+        self.lines.position(node.range().start)
     }
 
     fn error(&self, node: Node<'_, '_>, problem: UrdfProblem) -> UrdfError {
-        UrdfError::new(self.at(node), problem)
+        UrdfError::new(self.position(node), problem)
     }
 
     fn check_link(&self, link: Node<'a, '_>, unused: &mut Vec<Range<usize>>) -> Result<(), UrdfError> {
@@ -210,8 +210,8 @@ impl<'a> Source<'a, '_> {
         if let Some(limit) = limit.filter(|_| kind != "fixed") {
             self.require_attribute(limit, "velocity")?;
         }
-        let limit =
-            limit.map(|limit| LimitSource { at: self.at(limit), has_effort: limit.has_attribute("effort") });
+        let limit = limit
+            .map(|limit| LimitSource { at: self.position(limit), has_effort: limit.has_attribute("effort") });
         let safety = joint.children().find(|child| child.has_tag_name("safety_controller")).map(|safety| {
             // The numbers have been checked.
             let number =
@@ -223,7 +223,7 @@ impl<'a> Source<'a, '_> {
                 k_velocity: number("k_velocity", 0.0),
             }
         });
-        Ok(JointSource { at: self.at(joint), limit, safety })
+        Ok(JointSource { at: self.position(joint), limit, safety })
     }
 
     /// Every attribute of [`NUMBERS`] below `parent` holds its numbers.

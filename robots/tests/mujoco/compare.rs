@@ -33,13 +33,13 @@ fn coordinates(model: &Model, q: &[f64], v: &[f64]) -> (DMatrix<f64>, DVector<f6
 }
 
 /// Compares a state of `robot` with MuJoCo's: calls `judge` with a name, our numbers and theirs.
-pub(crate) fn case(model: &Model, case: &Value, judge: &mut impl FnMut(&str, &[f64], &[f64])) {
+pub(crate) fn case(model: &Model, case: &Value, check: &mut impl FnMut(&str, &[f64], &[f64])) {
     let n = model.nv();
     let (qpos, qvel) = (numbers(&case["qpos"]), numbers(&case["qvel"]));
     let (q, v) = model.from_mujoco(&qpos, &qvel);
     let (back, back_v) = model.to_mujoco(&q, &v);
-    judge("qpos there and back", &back, &qpos);
-    judge("qvel there and back", &back_v, &qvel);
+    check("qpos there and back", &back, &qpos);
+    check("qvel there and back", &back_v, &qvel);
 
     let (turn, drift) = coordinates(model, &q, &v);
     let ours = |theirs: &[f64]| turn.tr_mul(&DVector::from_column_slice(theirs));
@@ -47,18 +47,18 @@ pub(crate) fn case(model: &Model, case: &Value, judge: &mut impl FnMut(&str, &[f
     let mut mass = DMatrix::zeros(n, n);
     dynamics.crba(model, &q, &mut mass);
     let theirs = turn.transpose() * mass_matrix(&case["M"], n) * &turn;
-    judge("M", mass.as_slice(), theirs.as_slice());
+    check("M", mass.as_slice(), theirs.as_slice());
     let mut tau = DVector::zeros(n);
     for (what, a) in [("bias", Some(vec![0.0; n])), ("inverse", case.get("a").map(numbers))] {
         let Some(a) = a else { continue };
         let a = ours(&a) - &drift;
         dynamics.rnea(model, &q, &v, a.as_slice(), GRAVITY, tau.as_mut_slice());
-        judge(what, tau.as_slice(), ours(&numbers(&case[what])).as_slice());
+        check(what, tau.as_slice(), ours(&numbers(&case[what])).as_slice());
         let mut back = vec![0.0; n];
         let solved = dynamics.forward(model, &q, &v, tau.as_slice(), GRAVITY, &mut back).is_ok();
         let off = back.iter().zip(&a).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
         // Through a factored mass matrix: 1e-8 instead of 1e-10 of 1e-3.
-        judge("forward dynamics", &[if solved { 1e-5 * off } else { 1.0 }], &[0.0]);
+        check("forward dynamics", &[if solved { 1e-5 * off } else { 1.0 }], &[0.0]);
     }
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, &q);
@@ -67,9 +67,9 @@ pub(crate) fn case(model: &Model, case: &Value, judge: &mut impl FnMut(&str, &[f
         let Ok(frame) = model.frame(name) else { continue };
         let pose = numbers(pose);
         let found = kinematics.pose(model, frame);
-        judge(name, found.translation.vector.as_slice(), &pose[..3]);
+        check(name, found.translation.vector.as_slice(), &pose[..3]);
         let turn = Quaternion::new(pose[3], pose[4], pose[5], pose[6]);
-        judge(name, &[found.rotation.angle_to(&UnitQuaternion::new_normalize(turn))], &[0.0]);
+        check(name, &[found.rotation.angle_to(&UnitQuaternion::new_normalize(turn))], &[0.0]);
     }
 }
 

@@ -170,12 +170,12 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
         return Ok((f64::INFINITY, robot.warnings));
     };
     let mut worst = 0.0_f64;
-    let mut judge = |_: &str, ours: &[f64], theirs: &[f64]| {
+    let mut check = |_: &str, ours: &[f64], theirs: &[f64]| {
         // Not a number is wrong, too.
         let error = error(ours, theirs);
         worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
     };
-    let mut same = |what: &str, yes: bool| judge(what, &[f64::from(u8::from(!yes))], &[0.0]);
+    let mut same = |what: &str, yes: bool| check(what, &[f64::from(u8::from(!yes))], &[0.0]);
     for (index, joint) in joints[floating..].iter().enumerate() {
         let Limits { lower, upper, effort, .. } = model.joint(index).limits;
         let name = &model.joint(index).name;
@@ -192,7 +192,7 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     same("frames", frames.keys().all(|name| model.frame(name).is_ok()));
     let free = 6 * floating;
     let (damping, friction) = (numbers(&file["damping"]), numbers(&file["friction"]));
-    judge(
+    check(
         "damping and friction of the base",
         &[damping[..free].iter().chain(&friction[..free]).sum()],
         &[0.0],
@@ -200,18 +200,18 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     for (index, joint) in joints[floating..].iter().enumerate() {
         let Limits { lower, upper, effort, .. } = model.joint(index).limits;
         let passive = model.joint(index).dynamics;
-        judge("damping", &[passive.damping], &[damping[free + index]]);
-        judge("friction", &[passive.friction], &[friction[free + index]]);
+        check("damping", &[passive.damping], &[damping[free + index]]);
+        check("friction", &[passive.friction], &[friction[free + index]]);
         if let Some(range) = joint.get("range").map(numbers) {
-            judge("range", &[lower, upper], &range);
+            check("range", &[lower, upper], &range);
         }
         if let Some(range) = joint.get("effort").map(numbers) {
             // The smaller of two different limits is taken, with a warning.
-            judge("effort", &[effort], &[range[1].min(-range[0])]);
+            check("effort", &[effort], &[range[1].min(-range[0])]);
         }
     }
     for state in file["cases"].as_array().unwrap() {
-        case(model, state, &mut judge);
+        case(model, state, &mut check);
     }
     for coupling in couplings {
         let follower = coupling[0].as_str().unwrap();
@@ -219,9 +219,9 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
             coupling.as_array().unwrap()[2..].iter().map(|x| x.as_f64().unwrap()).collect();
         match mimic(&coupled.model, follower) {
             Some((leader, ours)) if coupling[1] == leader.as_str() => {
-                judge("coupling", &[ours[0], ours[1], 0.0, 0.0, 0.0], &factors);
+                check("coupling", &[ours[0], ours[1], 0.0, 0.0, 0.0], &factors);
             }
-            _ => judge("coupling", &[1.0], &[0.0]),
+            _ => check("coupling", &[1.0], &[0.0]),
         }
     }
     Ok((worst, robot.warnings))

@@ -1,4 +1,4 @@
-//! What the tests of distances share: a robot of one shape, poses, random numbers.
+//! Support of the distance tests: a robot of one shape, poses, random numbers.
 
 use motorium_robots::{Geometry, LoadOptions, Model, parse_urdf_with};
 use nalgebra::{Isometry3, Vector3};

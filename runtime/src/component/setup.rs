@@ -120,7 +120,9 @@ impl Setup {
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
-        let Some(place) = self.place(index, plan) else { return Ok(Input::unwired(self.context.clone())) };
+        let Some(place) = self.input_place(index, plan) else {
+            return Ok(Input::unwired(self.context.clone()));
+        };
         let input = Input::<T>::open(&self.node, place, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
@@ -133,7 +135,7 @@ impl Setup {
     pub fn slice_input<T: StateBuffer>(&mut self, port: &str) -> Result<SliceInput<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
-        let Some(place) = self.place(index, plan) else {
+        let Some(place) = self.input_place(index, plan) else {
             return Ok(SliceInput::unwired(self.context.clone()));
         };
         let input = SliceInput::<T>::open(&self.node, place, self.context.clone())?;
@@ -169,7 +171,9 @@ impl Setup {
     /// It is not declared, or its topic cannot be joined.
     pub fn raw_input(&mut self, port: &str) -> Result<RawInput, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
-        let Some(place) = self.place(index, plan) else { return Ok(RawInput::unwired(self.context.clone())) };
+        let Some(place) = self.input_place(index, plan) else {
+            return Ok(RawInput::unwired(self.context.clone()));
+        };
         let input = RawInput::open(&self.node, place, self.context.clone())?;
         self.ports.extend(input.connection());
         Ok(input)
@@ -193,7 +197,7 @@ impl Setup {
     }
 
     /// The place of an input in the graph; `None` if it is unwired.
-    fn place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
+    fn input_place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
         let topic = plan.topic?;
         Some(InputPlace {
             index: topic,
@@ -306,7 +310,8 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older ones.
+    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older
+    /// ones.
     pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for (word, number) in self.words.iter_mut().zip(numbers) {
             *word = number.to_bits();
@@ -316,7 +321,7 @@ impl Checkpoint {
 
     /// The numbers saved before a restart of the component; `None` at its first start, or if one is not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
-        if self.context.incarnation() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
+        if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;
         }
         let numbers: Vec<f64> = self.words.iter().map(|word| f64::from_bits(*word)).collect();

@@ -172,7 +172,7 @@ impl Report {
         &mut self.diagnostics[last]
     }
 
-    /// Whether the graph cannot run.
+    /// True if there is an error: the graph cannot run.
     pub(super) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }
@@ -211,7 +211,7 @@ fn shortened(text: String) -> String {
 fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let group = |(i, digit): (usize, char)| {
-        let comma = (i > 0 && (digits.len() - i) % 3 == 0).then_some(',');
+        let comma = (i > 0 && (digits.len() - i).is_multiple_of(3)).then_some(',');
         comma.into_iter().chain([digit])
     };
     digits.chars().enumerate().flat_map(group).collect()

@@ -17,7 +17,7 @@ use crate::nearest::{list, nearest};
 /// One value of the command line in place of that of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Where it goes, dotted: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a
+    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a
     /// component may stand for `component.NAME`.
     pub path: String,
     /// The value as TOML; what is not TOML is taken as text, so that `clock=lockstep` needs no quotes.

@@ -54,7 +54,7 @@ impl<'s> Texts<'s> {
             }
         }
         if !errors.is_empty() {
-            // what the parser made of the rest would only give mistakes that are none
+            // the rest was not parsed reliably and would give false errors
             return None;
         }
         let span = graph.span();

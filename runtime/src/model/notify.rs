@@ -11,7 +11,7 @@ use crate::atomics::Site;
 use crate::transport::latest::notify::{Futex, interrupt, notify, sleep};
 use crate::transport::latest::protocol::{Newest, announce, newest, newest_with_time};
 
-/// What the kernel does: it looks at the word and puts the thread to sleep in one go, under a lock that wakers take.
+/// The kernel's futex: compares the word and puts the thread to sleep in one step, under a lock that wakers take.
 struct Kernel {
     lock: Mutex<()>,
     asleep: Condvar,
@@ -66,7 +66,7 @@ fn a_publication_wakes() {
     waiter.join().unwrap();
 }
 
-/// Who waits for a publication that never comes still hears of a command.
+/// A command wakes a thread that waits for a publication.
 fn an_interrupt_wakes() {
     let shared = Arc::new((Topic::new(0, 1), kernel(), AtomicU32::new(0)));
     let waiter = {

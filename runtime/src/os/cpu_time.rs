@@ -6,7 +6,7 @@ use rustix::thread::ClockId;
 
 /// CPU time of the calling thread, ns: `CLOCK_THREAD_CPUTIME_ID`. A system call of a few hundred nanoseconds.
 ///
-/// A guest kernel that is told of time stolen by its host leaves it out.
+/// In a virtual machine, time stolen by the host is left out if the host reports it.
 pub fn thread_cpu_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64

@@ -1,5 +1,5 @@
-//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor, kernel, and how
-//! each core spends its time. All functions open files: none belongs into the step of a component.
+//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor, kernel, and
+//! how each core spends its time. All functions open files: none belongs into the step of a component.
 
 use core::ops::Sub;
 use std::fs::File;
@@ -33,7 +33,7 @@ pub fn online_cores() -> Vec<usize> {
     online
 }
 
-/// The cores that the scheduler gives work only when told to (`isolcpus`).
+/// The cores isolated from the scheduler (`isolcpus`).
 pub fn isolated_cores() -> Vec<usize> {
     cores("isolated")
 }

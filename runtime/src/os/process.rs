@@ -85,7 +85,7 @@ impl Watch {
         let _ = rustix::process::pidfd_send_signal(&self.0, signal);
     }
 
-    /// Whether it has ended.
+    /// True if it has ended.
     pub fn has_ended(&self) -> bool {
         self.wait(Some(Duration::ZERO))
     }

@@ -13,6 +13,6 @@ pub use blocks::{
 };
 pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
-#[cfg(all(test, feature = "loom"))]
+#[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
 pub use mapping::{Region, RegionError};

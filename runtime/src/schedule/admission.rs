@@ -9,11 +9,12 @@ use crate::severity::Severity;
 
 /// The result of the analysis of a graph's times, with the arithmetic.
 ///
-/// What is not known (components without a budget, releases by components that are not real-time) counts as nothing in
-/// all sums. What exceeds its limit even so is refused; what does not, but rests on it, is not provable.
+/// Unknown times (components without a budget, releases by components that are not real-time) count as zero in all
+/// sums. A bound that exceeds its limit even so is refused; one that holds, but rests on an unknown time, is not
+/// provable.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Admission {
-    /// The worst of everything below.
+    /// The worst verdict of all bounds below.
     pub verdict: Verdict,
     /// The clock of the graph: in lockstep nothing has a deadline, and nothing is analysed.
     pub clock: ClockKind,
@@ -23,13 +24,13 @@ pub struct Admission {
     pub rt_limit: RtLimit,
     /// Every core with real-time components.
     pub cores: Vec<CoreLoad>,
-    /// What is scheduled by deadlines, on all cores together; `null` if nothing is.
+    /// The load of the components under `SCHED_DEADLINE`, on all cores together; `null` if the graph has none.
     pub deadlines: Option<DeadlineLoad>,
     /// Every component, in the order of the plan.
     pub tasks: Vec<TaskBound>,
     /// Every latency budget, in the order of the plan.
     pub latencies: Vec<LatencyBound>,
-    /// Problems: bounds that do not hold, or cannot be proved to.
+    /// Problems: bounds that do not hold, or that cannot be proved to hold.
     pub problems: Vec<Problem>,
 }
 
@@ -49,13 +50,13 @@ impl Admission {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Not real-time: nothing is promised, nothing was analysed.
+    /// Not real-time: there is no bound, and nothing was analysed.
     BestEffort,
-    /// It holds, whatever happens within the budgets.
+    /// The bound holds as long as all steps keep their budgets.
     Holds,
-    /// Nothing says that it does not hold, but something that it rests on is not known.
+    /// The bound is within its limit, but rests on a time that is not known.
     NotProvable,
-    /// It cannot be guaranteed: the bound lies beyond the limit.
+    /// The bound exceeds its limit.
     Exceeds,
 }
 
@@ -104,7 +105,7 @@ pub struct LoadTerm {
     pub cost_ns: u64,
     /// The period, ns.
     pub period_ns: u64,
-    /// One by the other.
+    /// `time_ns` divided by `period_ns`.
     pub share: f64,
 }
 
@@ -112,11 +113,11 @@ pub struct LoadTerm {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activity {
-    /// Waiting awake for its release.
+    /// Spinning before its release.
     Spin,
-    /// Its step, with what the runtime adds.
+    /// Its step, with the overhead of the runtime.
     Step,
-    /// All that the kernel has promised to a component that it schedules by its deadline: it may run here.
+    /// The whole reservation that the kernel holds for a `SCHED_DEADLINE` component, which may run on this core.
     Reserved,
 }
 
@@ -167,7 +168,7 @@ pub struct LatencyBound {
     pub arithmetic: String,
 }
 
-/// Something that does not hold (an error), or cannot be proved to (a warning).
+/// A bound that does not hold (an error), or that cannot be proved to hold (a warning).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
     /// The severity.

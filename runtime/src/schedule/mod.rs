@@ -1,24 +1,25 @@
 //! The analysis of a plan's times: a static plan, response times, latencies; pure functions without a clock.
 //!
-//! [`admit`] is the check before a launch. Its model, and what it rests on:
+//! [`admit`] is the check before a launch. Its model and its assumptions:
 //!
-//! * Real-time components are `SCHED_FIFO` threads on one core each, or scheduled by their deadlines: these run before
-//!   all priorities, on any core; each core is taken to have all of them. Those that trigger one another on a core at a
-//!   priority are one task ([`StaticPlan`]); the response time of every stage of it is bounded, across cores and
-//!   priorities through release jitter.
-//! * Phases count: tasks on the common clock that never meet do not hold each other up. A component with the overrun
-//!   policy `rephase` may leave the clock; it is taken to be released at any time.
-//! * Spinning before a release takes the core from everything that is not more urgent.
-//! * Budgets are kept. A component that outruns its budget, a host that steals time, interrupts, and a kernel that
-//!   cannot be interrupted are no part of the model: they show while the graph runs, counted by cause.
-//! * Equal priorities: a chain that is ahead in the queue is counted whole. What waits for the clock goes to the end of
-//!   the queue once more as it gets the core, so that those which a publication woke meanwhile come first.
-//! * A component publishes at the end of its step (matters for latencies only). What the worker does after that holds
-//!   up those that are triggered on its core, unless they are more urgent.
-//! * What is not known counts as nothing, and what rests on it as not provable.
+//! * Real-time components are `SCHED_FIFO` threads on one core each, or `SCHED_DEADLINE` threads. The latter run before
+//!   all priorities, on any core; each core is assumed to run all of them. Components that trigger one another on one
+//!   core at one priority are one task ([`StaticPlan`]); the response time of every stage of it is bounded, across
+//!   cores and priorities through release jitter.
+//! * Phases count: tasks on the common clock whose releases never meet do not delay each other. A component with the
+//!   overrun policy `rephase` may leave the clock; it is assumed to be released at any time.
+//! * Spinning before a release occupies the core against everything that is not more urgent.
+//! * Budgets are kept. A component that exceeds its budget, a host that steals time, interrupts, and a kernel that
+//!   cannot be preempted are outside the model: they are counted by cause while the graph runs.
+//! * Equal priorities: a chain that is ahead in the queue is counted whole. A component that waits for the clock goes
+//!   to the end of the queue once more when it first gets the core, so that components which a publication woke
+//!   meanwhile run first.
+//! * A component publishes at the end of its step (this matters for latencies only). The worker's own work after that
+//!   delays the components that are triggered on its core, unless they are more urgent.
+//! * An unknown time counts as zero, and every bound that rests on it as not provable.
 //!
-//! [`timeline()`] draws up one hyperperiod as it runs when all budgets are used up. [`assign`] gives priorities and
-//! cores to components for which a graph does not.
+//! [`timeline()`] simulates one hyperperiod in which all budgets are used up. [`assign`] chooses the priorities and
+//! cores that a graph leaves open.
 
 mod admission;
 mod analysis;

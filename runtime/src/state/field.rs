@@ -234,3 +234,19 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
         T::digest_all(self, digest);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_arrays_are_checked_alike_by_wide_instructions_and_portably() {
+        let mut values: Vec<f64> = (0..1_003).map(|i| f64::from(i - 500) * 1e300).collect();
+        assert_eq!((gathered(&values) << 1, gathered_portably(&values) << 1), (0, 0));
+        for (index, wrong) in [(0, f64::NAN), (499, f64::INFINITY), (1_002, f64::NEG_INFINITY)] {
+            let right = core::mem::replace(&mut values[index], wrong);
+            assert!(gathered(&values) << 1 != 0 && gathered_portably(&values) << 1 != 0, "{index}");
+            values[index] = right;
+        }
+    }
+}

@@ -54,7 +54,7 @@ impl TypeLayout {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
     }
 
-    /// Whether this stands for a type that only the writer of the topic gives.
+    /// True if this is a placeholder for the type that the writer of the topic declares.
     pub fn is_any(&self) -> bool {
         self.size == 0 && self.fields.is_empty()
     }

@@ -11,7 +11,7 @@ crate::state_buffer! {
         pub linear_velocity: [f64; 3],
         /// Angular velocity, rad/s.
         pub angular_velocity: [f64; 3],
-        /// Counts the goals that this target leads to: it changes when a new goal is set out for.
+        /// Counts the goals that this target leads to: it changes when the motion to a new goal starts.
         pub goal: u64,
         /// 1 when the target rests at its goal, else 0.
         pub at_goal: u64,
@@ -19,7 +19,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Where the base of a robot is and how it moves: with the joints' state, the whole state of a robot whose base
+    /// Pose and velocity of the base of a robot: with the joints' state, the whole state of a robot whose base
     /// moves freely.
     ///
     /// Position, orientation, then both velocities are the base's part of the `q` and `v` of `motorium-robots`.

@@ -11,7 +11,7 @@ crate::state_buffer! {
     pub struct Stamp as "motorium.Stamp" {
         /// Number of the sample among those of its publisher, from 1; 0 is never published.
         pub sequence: u64,
-        /// Time of publication of the sample at the head of the chain: a sample made from an input inherits the
+        /// Time of publication of the sample at the head of the chain: a sample made from an input has the
         /// input's source time, so `publish_time - source_time` is the latency of the whole chain so far.
         pub source_time: u64,
         /// Time of publication of this sample.
@@ -20,8 +20,8 @@ crate::state_buffer! {
         /// sample at the head of the chain of triggers. It keeps to the grid of the rate, however late the step was.
         pub state_time: u64,
         /// Index of the publishing component in the plan.
-        pub origin: u32,
+        pub publisher: u32,
         /// Restarts of the publishing component before this sample.
-        pub incarnation: u32,
+        pub restart_count: u32,
     }
 }

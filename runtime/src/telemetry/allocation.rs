@@ -61,7 +61,7 @@ pub fn allocations() -> Allocations {
     Allocations { own: OWN.get(), set_apart: SET_APART.get() }
 }
 
-/// Whether [`CountingAllocator`] is installed in this program.
+/// True if [`CountingAllocator`] is installed in this program.
 pub fn counts_allocations() -> bool {
     let before = allocations();
     drop(core::hint::black_box(Box::new(0u64)));

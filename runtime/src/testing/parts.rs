@@ -171,7 +171,7 @@ impl<T: StateBuffer + Send> From<&Probe<T>> for Instance {
             Ok(step(move |tick| {
                 let Some(reading) = input.latest() else { return Ok(()) };
                 let stamp = reading.stamp();
-                let number = (stamp.origin, stamp.incarnation, stamp.sequence);
+                let number = (stamp.publisher, stamp.restart_count, stamp.sequence);
                 if last != Some(number) {
                     last = Some(number);
                     let sample = Sample { tick: *tick, stamp, time_ns: reading.time_ns(), value: *reading };

@@ -42,7 +42,7 @@ pub enum DomainError {
     Node {
         /// The domain's folder.
         root: PathBuf,
-        /// What iceoryx2 said.
+        /// The error of iceoryx2.
         reason: String,
     },
 }
@@ -175,7 +175,7 @@ impl Domain {
         Path::new(SHARED_MEMORY).join(format!("{}lock", self.prefix))
     }
 
-    /// What begins the names of the domain's shared memory objects.
+    /// Prefix of the names of the domain's shared memory objects.
     pub fn prefix(&self) -> &str {
         &self.prefix
     }

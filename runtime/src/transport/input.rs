@@ -35,7 +35,7 @@ use crate::state::{Stamp, StateBuffer};
 pub struct Input<T: StateBuffer> {
     source: Source<T>,
     context: Rc<Context>,
-    /// Whether outputs of the step take over this input's source time.
+    /// True if outputs of the step propagate this input's source time.
     is_cause: bool,
     /// Index of the edge from the topic to this component.
     edge: Option<usize>,
@@ -80,7 +80,8 @@ impl<T: StateBuffer> Reading<'_, T> {
     }
 
     /// The time that the state is for, ns since the run began: the scheduled release of the time-triggered step at the
-    /// head of the chain of triggers. It keeps to the grid of that rate, so a difference quotient over it does not jitter;
+    /// head of the chain of triggers. It keeps to the grid of that rate, so a difference quotient over it does not
+    /// jitter;
     /// [`Tick::time_ns`](crate::component::Tick::time_ns) of a time-triggered component is on the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
@@ -144,12 +145,12 @@ impl<T: StateBuffer> Input<T> {
         }
     }
 
-    /// Whether the graph wires this input.
+    /// True if the graph wires this input.
     pub fn is_wired(&self) -> bool {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// Whether the topic was published since the last read of this input. For loops that poll: this reads one word and
+    /// True if the topic was published since the last read of this input. For loops that poll: this reads one word and
     /// does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
@@ -178,8 +179,8 @@ impl<T: StateBuffer> Input<T> {
         self.read()
     }
 
-    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest one if it is
-    /// new.
+    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest one if it
+    /// is new.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         let is_new = match &self.source {
             Source::Unwired => false,

@@ -70,9 +70,9 @@ pub(super) struct Wired {
     topic: usize,
     memory: Rc<TopicMemory>,
     after: Rc<AfterOutput>,
-    /// Whether the worker ends each step and does then what is left to the end of it.
+    /// True if the worker runs deferred work at the end of each step.
     ends_steps: bool,
-    /// Whether all components that the topic triggers run on this core, and so are woken at the end of the step.
+    /// True if all components that the topic triggers run on this core, and so are woken at the end of the step.
     wakes_late: bool,
     probes: Vec<Probe>,
     digest: Digest,
@@ -143,8 +143,8 @@ impl<T: StateBuffer> Output<T> {
         Ok(Self { port, sink, wired: Some(wired), context })
     }
 
-    /// The worker ends every step of this output's component; only then the components are woken that it triggers, if they
-    /// are all on its own core.
+    /// The worker ends every step of this output's component; only then the components are woken that it triggers, if
+    /// they are all on its own core.
     pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
         if let Some(wired) = &mut self.wired {
             wired.ending_steps(&self.context, stays_on_core);
@@ -160,7 +160,7 @@ impl<T: StateBuffer> Output<T> {
         }
     }
 
-    /// Whether the graph wires this output.
+    /// True if the graph wires this output.
     pub fn is_wired(&self) -> bool {
         self.wired.is_some()
     }
@@ -257,7 +257,7 @@ impl<T: StateBuffer> Loan<'_, T> {
             }
             (Sink::Stream(_) | Sink::Unwired(_), _) => {}
         }
-        wired.tell(context, stamp);
+        wired.announce(context, stamp);
         Ok(())
     }
 }
@@ -269,8 +269,8 @@ pub(super) fn stamp(context: &Context, sequence: u64, now: u64) -> Stamp {
         source_time: context.causality().source_time_or(now),
         publish_time: now,
         state_time: context.causality().state_time_or(context.clock().step_ns()),
-        origin: context.index() as u32,
-        incarnation: context.incarnation(),
+        publisher: context.index() as u32,
+        restart_count: context.restart_count(),
     }
 }
 
@@ -312,8 +312,8 @@ impl Wired {
         context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
     }
 
-    /// Wakes those who wait, and counts and measures.
-    pub(super) fn tell(&self, context: &Context, stamp: Stamp) {
+    /// Wakes the waiting components, counts the publication and measures its latency.
+    pub(super) fn announce(&self, context: &Context, stamp: Stamp) {
         let region = context.region();
         if self.wakes_late {
             self.after.owes_wake.set(true);

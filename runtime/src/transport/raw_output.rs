@@ -95,8 +95,8 @@ impl RawOutput {
     /// Publishes a copy of a value under a stamp of this component and wakes the components that it triggers.
     ///
     /// # Errors
-    /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than the
-    /// type, or comes too late.
+    /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than
+    /// the type, or comes too late.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         let context = &*self.context;
         if let Err(defect) = self.check.check(bytes) {
@@ -117,7 +117,7 @@ impl RawOutput {
         }
         memory.publish_from(context.core());
         state.publish(stamp);
-        wired.tell(context, stamp);
+        wired.announce(context, stamp);
         Ok(())
     }
 }

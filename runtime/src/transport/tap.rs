@@ -16,9 +16,10 @@ use crate::state::{Stamp, TypeLayout};
 
 /// A reader of every value of a topic, in order, that is no part of the graph: for tools and recorders.
 ///
-/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value: as
-/// many as its `history`, and a few more. What was overwritten before it was read is counted ([`missed`](Self::missed)).
-/// A topic has places for four taps at a time; the place of one that was killed is free again.
+/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value:
+/// as many as its `history`, and a few more. What was overwritten before it was read is counted
+/// ([`missed`](Self::missed)). A topic has places for four taps at a time; the place of one that was killed is free
+/// again.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -109,7 +110,7 @@ impl Tap {
                 if last.1 > 0 {
                     *missed += stamp.sequence.saturating_sub(last.1 + 1);
                 }
-                *last = (stamp.incarnation, stamp.sequence);
+                *last = (stamp.restart_count, stamp.sequence);
                 // SAFETY: the payload of a fixed-size custom sample is one value of `layout.size` bytes; it is held
                 // while the bytes are read.
                 let bytes = unsafe {

@@ -53,9 +53,9 @@ pub enum PortError {
     Refused {
         /// The topic.
         topic: String,
-        /// What was tried.
+        /// The operation that failed.
         action: &'static str,
-        /// What iceoryx2 said.
+        /// The error of iceoryx2.
         reason: String,
     },
 }
@@ -211,5 +211,5 @@ pub(crate) fn open_trigger(
     topic: &TopicPlan,
     context: &Context,
 ) -> Result<Trigger, PortError> {
-    context.memory(node, topic).map(|memory| Trigger::new(memory, context.incarnation()))
+    context.memory(node, topic).map(|memory| Trigger::new(memory, context.restart_count()))
 }

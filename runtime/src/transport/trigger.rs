@@ -7,7 +7,8 @@ use super::latest::TopicMemory;
 use super::latest::protocol::{Newest, Words as _, newest_with_time};
 use crate::os::{current_core, monotonic_ns};
 
-/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken there.
+/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken
+/// there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 /// Largest number of waits without polling after a poll that found nothing.
 const LARGEST_PAUSE: u32 = 64;
@@ -49,7 +50,7 @@ impl Trigger {
         sleeps
     }
 
-    /// Whether there was a publication since the last call or wait; never waits.
+    /// True if there was a publication since the last call or wait; never waits.
     pub fn is_due(&self) -> bool {
         let newest = self.memory.newest();
         self.seen.replace(newest).number() != newest.number()

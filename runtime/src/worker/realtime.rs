@@ -106,7 +106,7 @@ pub(super) fn run_triggered<C: Component>(
     mut rest: Rest,
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
-    if stepper.context().incarnation() > 0 {
+    if stepper.context().restart_count() > 0 {
         // What was published while it started again is not what it lost.
         trigger.is_due();
     }

@@ -35,7 +35,7 @@ fn read(path: &Path) -> toml::Table {
     std::fs::read_to_string(path).expect("a manifest").parse().expect("a manifest")
 }
 
-/// Whether the crate in one folder may use that in another.
+/// True if the crate in one folder may use that in another.
 fn may_use(from: &str, to: &str) -> bool {
     let wing = |folder: &str| folder.strip_prefix("components/").map(str::to_string);
     match (wing(from), wing(to)) {

@@ -82,7 +82,7 @@ pub(crate) fn arrows(module: &[String], tokens: &[Token], macros: &BTreeMap<Stri
     found
 }
 
-/// Whether `::` stands here.
+/// True if the tokens at `at` are `::`.
 fn is_path(tokens: &[Token], at: usize) -> bool {
     tokens.get(at).is_some_and(|token| token.is(":")) && tokens.get(at + 1).is_some_and(|token| token.is(":"))
 }

@@ -140,7 +140,7 @@ fn attribute(tokens: &[Token], at: usize) -> Option<usize> {
     (tokens.get(at)?.is("#") && tokens.get(at + 1)?.is("[")).then(|| closing(tokens, at + 1))
 }
 
-/// Whether an attribute keeps what follows out of the product.
+/// True if an attribute excludes the item that follows from ordinary builds.
 fn is_test(attribute: &[Token]) -> bool {
     attribute.get(2).is_some_and(|token| token.is("cfg"))
         && attribute.iter().any(|token| token.is("test") || token.is("doc"))

@@ -30,7 +30,7 @@ struct Family {
     is_member: fn(&str) -> bool,
 }
 
-/// Colours that can be told apart on white, by people who see few of them too (P. Tol's "bright" and "muted").
+/// Colours that are distinct on white, also with colour blindness (P. Tol's "bright" and "muted").
 const FAMILIES: [Family; 3] = [
     Family {
         title: "floors of this machine",

@@ -30,10 +30,10 @@ pub(crate) struct Chart {
 const COLOURS: [&str; 8] =
     ["#1f6feb", "#d1242f", "#1a7f37", "#9a6700", "#8250df", "#0b7285", "#bf3989", "#57606a"];
 const SIZE: [f64; 2] = [760.0, 440.0];
-/// Left, top, right, bottom of what is around the plot.
+/// Margins around the plot: left, top, right, bottom.
 const MARGIN: [f64; 4] = [78.0, 40.0, 190.0, 56.0];
 
-/// An axis: from values to places.
+/// An axis: from values to positions in the plot.
 struct Axis {
     low: f64,
     high: f64,
@@ -58,7 +58,7 @@ impl Axis {
     }
 
     /// From 0 to 1 along the axis.
-    fn place(&self, value: f64) -> f64 {
+    fn fraction(&self, value: f64) -> f64 {
         let at = |x: f64| if self.log { x.max(self.low * 1e-3).log10() } else { x };
         ((at(value) - at(self.low)) / (at(self.high) - at(self.low))).clamp(0.0, 1.0)
     }
@@ -104,8 +104,8 @@ impl Chart {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let x_axis = Axis::of(points().map(|p| p[0]), self.log_x);
         let y_axis = Axis::of(points().flat_map(|p| [p[1] - p[2], p[1], p[1] + p[2]]), self.log_y);
-        let x = |value: f64| left + width * x_axis.place(value);
-        let y = |value: f64| top + height * (1.0 - y_axis.place(value));
+        let x = |value: f64| left + width * x_axis.fraction(value);
+        let y = |value: f64| top + height * (1.0 - y_axis.fraction(value));
         let mut svg = begin(SIZE[0], SIZE[1]);
         let _ = writeln!(svg, "<text x=\"{left}\" y=\"24\" font-size=\"15\">{}</text>", escape(&self.title));
         for tick in x_axis.ticks() {

@@ -18,7 +18,7 @@ use super::loading::GraphArgs;
 use crate::out::{err, errln, out, outln};
 use crate::{draw, exit, overheads, registry, style};
 
-/// No more than this of a hyperperiod is drawn unless more is asked for.
+/// Longest part of a hyperperiod drawn by default.
 const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 
 /// Check a graph file without starting anything: wiring, types, and whether its times can hold.
@@ -31,17 +31,17 @@ const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 pub(crate) struct Check {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Draw who has which core when, over one hyperperiod; text if not given
+    /// Draw the use of the cores over one hyperperiod; text if not given
     #[arg(long, value_enum, value_name = "FORMAT")]
     timeline: Option<Format>,
-    /// Draw no more than this of it [default: 1 s]
+    /// Longest part of the hyperperiod to draw [default: 1 s]
     #[arg(long, value_name = "TIME")]
     span: Option<TimeSpan>,
     /// File to write the timeline to; standard output if not given
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
-    /// Print the checked plan and what its times come to, or what is wrong, as JSON; the timeline, too, with --timeline
-    /// or --span
+    /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline or --span
+    /// the timeline, too
     #[arg(long)]
     json: bool,
 }
@@ -61,7 +61,7 @@ impl Check {
             Err(code) => return Ok(code),
         };
         let plan = &checked.plan;
-        let known = overheads::known();
+        let known = overheads::load();
         let admission = admit(plan, &known.overheads, RtLimit::detect());
         let span = self.span.unwrap_or(LONGEST);
         let drawn = (plan.clock == ClockKind::Realtime).then(|| timeline(plan, &known.overheads, span.ns));
@@ -86,7 +86,7 @@ impl Check {
         Ok(if admission.refuses() { exit::invalid() } else { ExitCode::SUCCESS })
     }
 
-    /// Writes the timeline where it is wanted; whether that was a file.
+    /// Writes the timeline to its file or to standard output; true for a file.
     fn write(&self, plan: &Plan, drawn: Option<&Timeline>) -> anyhow::Result<bool> {
         let (Some(format), Some(path)) = (self.timeline, &self.output) else { return Ok(false) };
         let drawn = drawn.context("a graph in lockstep has no timeline: nothing in it has a deadline")?;

@@ -1,4 +1,4 @@
-//! Loading a graph file for a command: what is wrong with it is shown in its place.
+//! Loading a graph file for a command, with its errors printed.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use crate::out::{errln, outln};
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
 
-/// Which graph, and what to change in it.
+/// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
     /// The graph file
@@ -31,8 +31,8 @@ impl Default for GraphArgs {
 }
 
 impl GraphArgs {
-    /// Loads and checks the graph. What is wrong goes to standard error, or as JSON to standard output; the error is
-    /// then the exit code.
+    /// Loads and checks the graph. Its errors go to standard error, or as JSON to standard output; `Err` is then the
+    /// exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         match graph::load(&self.graph, &self.set, registry) {

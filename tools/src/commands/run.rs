@@ -69,7 +69,7 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
-        let known = overheads::known();
+        let known = overheads::load();
         let admission = schedule::admit(&checked.plan, &known.overheads, RtLimit::detect());
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
             err!("{}", problems(&admission));
@@ -136,7 +136,7 @@ impl Run {
             return None;
         }
         let together = schedule::beside(plan, &others);
-        let admission = schedule::admit(&together, &overheads::known().overheads, RtLimit::detect());
+        let admission = schedule::admit(&together, &overheads::load().overheads, RtLimit::detect());
         if !admission.refuses() {
             return None;
         }

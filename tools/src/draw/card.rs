@@ -1,4 +1,4 @@
-//! Boxes: what is written on a component and at its outputs, and how much room that takes, in pixels.
+//! Boxes: the texts of a component and its outputs, and their size in pixels.
 
 use motorium::plan::Plan;
 

@@ -113,7 +113,7 @@ impl<'a> View<'a> {
             ),
             (
                 ["component_execution", "component_execution_max"],
-                "From the beginning to the end of the step, on the clock on the wall.",
+                "From the beginning to the end of the step, in wall-clock time.",
                 "The largest execution time of the run.",
                 |c| &c.execution,
             ),

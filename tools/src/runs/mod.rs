@@ -15,7 +15,7 @@ pub(crate) use events::event_line;
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
-    /// Which run: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    /// Run to show: its id, the beginning of it, or the name of its graph. Not needed when only one runs
     #[arg(long = "run", value_name = "ID")]
     run: Option<String>,
 }

@@ -67,7 +67,7 @@ impl Component for QpController {
 
     fn declare(config: &QpControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("it controls a robot, and the component names none")
+            ConfigError::new("the component names no robot to control")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         let parts = ControllerSetup::new(config, robot)?;
@@ -176,7 +176,7 @@ impl Component for QpController {
 }
 
 impl QpController {
-    /// Takes over the newest joint state. False without a fresh one.
+    /// Reads the newest joint state. False without a fresh one.
     fn read_state(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
         if state.age_ns() > self.state_timeout_ns {
@@ -212,7 +212,7 @@ impl QpController {
         }
     }
 
-    /// Takes over parameters and targets.
+    /// Applies the current parameters and targets.
     fn prepare(&mut self, dt: f64) {
         let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
         for (_, task) in &mut self.tasks {

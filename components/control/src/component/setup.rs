@@ -1,7 +1,7 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, load};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, RobotSource};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
@@ -24,8 +24,9 @@ pub(super) struct ControllerSetup {
 impl ControllerSetup {
     /// Loads the robot and checks everything but the tasks' own tables.
     pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+        let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base };
         let Loaded { model, profile, .. } =
-            load(&robot.urdf, &robot.base).map_err(|error| ConfigError::key("robot", error.to_string()))?;
+            source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
         if model.base().floating {
             let message = format!(
                 "robot `{}` has a floating base, and this controller moves robots whose base is fixed",

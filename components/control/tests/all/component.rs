@@ -124,7 +124,7 @@ fn place(value: &serde_json::Value) -> [f64; 3] {
     std::array::from_fn(|axis| number(&value[axis]))
 }
 
-/// Where the centre of mass stays if nothing moves the arm.
+/// The centre of mass of the arm at its initial position.
 fn resting_centre_of_mass() -> [f64; 3] {
     place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["centre_of_mass"])
 }

@@ -13,7 +13,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    pub(super) fn at(time: f64) -> Self {
+    pub(super) fn at_time(time: f64) -> Self {
         Self { time, port: "", groups: Groups { groups: [Group::EMPTY; GROUPS], count: 0 } }
     }
 
@@ -153,7 +153,7 @@ mod tests {
         let mut state = JointState::default();
         state.set_count(2);
         state.position_mut().copy_from_slice(&[0.5, -1.25]);
-        let mut line = Line::at(1.5);
+        let mut line = Line::at_time(1.5);
         line.port = "joint_state";
         state.print(&mut line.groups);
         assert_eq!(

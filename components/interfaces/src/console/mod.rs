@@ -1,6 +1,6 @@
 //! `log.console`: prints the newest samples of topics as lines, on standard error.
 //!
-//! The step only copies numbers into a ring; a thread beside it formats and prints them. A slow terminal or a full pipe
+//! The step only copies numbers into a bounded queue; a thread beside it formats and prints them. A slow terminal or a full pipe
 //! never holds up the graph: lines are dropped and counted instead.
 
 mod line;
@@ -35,7 +35,7 @@ impl Default for ConsoleLogConfig {
 /// A component that prints the newest sample of every wired input, once per step.
 pub struct ConsoleLog {
     inputs: Vec<Box<dyn Source>>,
-    ring: Producer<Line>,
+    queue: Producer<Line>,
     printed: u64,
     dropped: u64,
     printer: Option<JoinHandle<()>>,
@@ -58,13 +58,13 @@ impl<T: StateBuffer + Print> Source for Typed<T> {
     fn fill(&mut self, line: &mut Line) -> bool {
         let Some(sample) = self.input.latest() else { return false };
         let stamp = sample.stamp();
-        if (stamp.incarnation, stamp.sequence) == self.last {
+        if (stamp.restart_count, stamp.sequence) == self.last {
             return false;
         }
         line.port = self.name;
         line.groups.clear();
         sample.print(&mut line.groups);
-        self.last = (stamp.incarnation, stamp.sequence);
+        self.last = (stamp.restart_count, stamp.sequence);
         true
     }
 }
@@ -122,23 +122,23 @@ impl Component for ConsoleLog {
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));
         }
-        let (ring, lines) = RingBuffer::new(config.backlog);
+        let (queue, lines) = RingBuffer::new(config.backlog);
         let finished = Arc::new(AtomicBool::new(false));
         let printer = std::thread::Builder::new().name("printer".to_string()).spawn({
             let finished = finished.clone();
             move || print_all(lines, usize::from(config.digits), &finished)
         });
         let printer = Some(printer.map_err(ConfigureError::failed)?);
-        Ok(Self { inputs, ring, printed: 0, dropped: 0, printer, finished })
+        Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let mut line = Line::at(tick.time());
+        let mut line = Line::at_time(tick.time());
         for input in &mut self.inputs {
             if !input.fill(&mut line) {
                 continue;
             }
-            match self.ring.push(line) {
+            match self.queue.push(line) {
                 Ok(()) => self.printed += 1,
                 Err(_) => self.dropped += 1,
             }
@@ -165,7 +165,7 @@ fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
         let last_round = finished.load(Relaxed);
         let mut out = std::io::stderr().lock();
         while let Ok(line) = lines.pop() {
-            // Nobody may be listening any more; the graph does not care.
+            // Standard error may be closed: that must not stop the graph.
             let _ = writeln!(out, "{}", line.display(digits));
         }
         let _ = out.flush();

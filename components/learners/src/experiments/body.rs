@@ -39,8 +39,8 @@ const RIGHT_ARM: &str = "rhumerus*,rradius*,rwrist*,rhand_*";
 const LEFT_LEG: &str = "lfemur*,ltibia*";
 const RIGHT_LEG: &str = "rfemur*,rtibia*";
 
-/// Windows of clips with the channels [`CHANNELS`] (in deg), in rad and smoothed: those of the first four fifths of each
-/// clip to learn from, those of the rest to measure on.
+/// Windows of clips with the channels [`CHANNELS`] (in deg), in rad and smoothed: those of the first four fifths of
+/// each clip to learn from, those of the rest to measure on.
 pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     let mut rest = Recordings { names: clips.names.clone(), trajectories: Vec::new() };
     for clip in &mut clips.trajectories {
@@ -70,16 +70,16 @@ pub fn difference(a: &MotionLibrary, b: &MotionLibrary) -> f64 {
 /// An error of [`Body::learn`].
 #[derive(Debug, thiserror::Error)]
 pub enum BodyError {
-    /// Windows that no library is learned from.
+    /// No library can be learned from these windows.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// Recordings without arms or legs.
+    /// The recordings have no arms or no legs.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// Parts that do not merge.
+    /// The parts cannot be merged.
     #[error(transparent)]
     Merge(#[from] MergeError),
-    /// A spring that is unstable in the samples of a window.
+    /// The spring is unstable with the samples of a window.
     #[error(transparent)]
     Spring(#[from] SpringError),
 }
@@ -162,7 +162,7 @@ impl Body {
         let rows: Vec<usize> = names
             .filter_map(|name| library.layout().names().iter().position(|other| other == name))
             .collect();
-        DMatrix::from_fn(self.whole.rows(), basis.terms(), |i, k| {
+        DMatrix::from_fn(self.whole.rows(), basis.size(), |i, k| {
             basis.functions()[(rows[i / steps] * steps + i % steps, k)]
         })
     }

@@ -1,4 +1,4 @@
-//! Letters written from their pictures by networks, against the nearest picture known.
+//! Letters written from their pictures by networks, compared with the nearest known picture.
 
 use motorium_library::{BuildError, Recordings, SampledSpring, Trajectory};
 use nalgebra::DMatrix;
@@ -11,7 +11,7 @@ const COMPARED: usize = 200;
 /// Chamfer distances of written curves from those shown, in letter sizes (the larger side), one a letter.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveErrors {
-    /// Both curves begin at the same point: a picture does not say where on the paper it is.
+    /// Both curves start at the same point: a picture does not show the place on the paper.
     pub begun: Vec<f64>,
     /// Both curves are centred.
     pub centred: Vec<f64>,
@@ -34,7 +34,7 @@ impl CurveErrors {
     }
 }
 
-/// Letters that are learned from and letters that are held out, as curves of unit extent and as pictures.
+/// Letters for training and held-out letters, as curves of unit extent and as pictures.
 #[derive(Clone, Debug)]
 pub struct Letters {
     seen: Recordings,
@@ -50,9 +50,9 @@ pub struct Letters {
 pub struct NetworkResult {
     /// Loss of each epoch: the squared error of position, in letter sizes.
     pub losses: Vec<f64>,
-    /// Curves that it writes for the letters held out, samples x 2.
+    /// Curves it writes for the held-out letters, samples x 2.
     pub written: Vec<DMatrix<f64>>,
-    /// Their distances from those shown.
+    /// Distances of these curves from the true ones.
     pub errors: CurveErrors,
 }
 
@@ -67,7 +67,7 @@ impl Letters {
         Self { seen: seen.clone(), known, known_pictures, shown, pictures }
     }
 
-    /// Errors when the letter with the nearest picture known is written.
+    /// Errors of writing the known letter with the nearest picture.
     pub fn nearest_picture(&self) -> CurveErrors {
         let mut errors = CurveErrors::default();
         for (picture, shown) in self.pictures.iter().zip(&self.shown) {
@@ -80,7 +80,7 @@ impl Letters {
         errors
     }
 
-    /// Trains a network on the letters seen and writes those held out; `progress` is called after every epoch.
+    /// Trains a network on the known letters and writes the held-out ones; `progress` is called after every epoch.
     ///
     /// # Errors
     /// Letters that are not of two degrees of freedom, or none.
@@ -98,7 +98,7 @@ impl Letters {
         let mut errors = CurveErrors::default();
         let mut written = Vec::new();
         for (picture, shown) in self.pictures.iter().zip(&self.shown) {
-            let path = even_speed(&coupling.see(picture).path(coupling.library()), COMPARED);
+            let path = even_speed(&coupling.movement(picture).path(coupling.library()), COMPARED);
             errors.add(&path, shown);
             written.push(path);
         }

@@ -18,25 +18,25 @@ const SCALES: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.0];
 /// Searches for each goal, with different seeds.
 const SEEDS: u64 = 3;
 
-/// A movement to be found.
+/// A goal of a search: a movement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     /// Forces of the movement, degrees of freedom times forces of the spring.
     pub forces: Vec<f64>,
-    /// Spread of its path, in which errors are counted.
+    /// Spread of its path, the unit of errors.
     pub spread: f64,
 }
 
 impl Goal {
-    /// The goal to make a recorded movement.
+    /// The goal of reproducing a recorded movement.
     pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let spread = Trajectory::spread(&trajectory.resampled(spring.samples()));
         Self { forces: Movement::of(trajectory, spring).forces, spread }
     }
 }
 
-/// Source of the first exploration of kernels. The library knows how much each of its weights varies; kernels are given as
-/// much.
+/// Initial exploration of kernels. The library knows the variance of each of its weights; kernels get a total of the
+/// same size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel has the same share of the squared force of the movements.
@@ -47,7 +47,7 @@ pub enum KernelPrior {
     Fitted,
 }
 
-/// Functions to search with, and the variance of exploration of each weight.
+/// Basis functions of a search, with the variance of exploration of each weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchSpace {
     /// Functions, forces x weights.
@@ -122,8 +122,8 @@ impl SearchSpace {
         Self { functions: self.functions.clone(), variance }
     }
 
-    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in [`REPORTED`]. The reward
-    /// is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
+    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in [`REPORTED`]. The
+    /// reward is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
     pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
         let start = vec![0.0; self.variance.len()];
         let mut power = Power::new(start, self.variance.clone(), PowerSettings::default(), seed);
@@ -135,7 +135,7 @@ impl SearchSpace {
             simd.superpose(self.functions.as_slice(), power.propose(), &mut left);
             left.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
             let squared = left.iter().map(|y| y * y).sum::<f64>() / spring.samples() as f64;
-            power.tell((-3.0 * squared / (goal.spread * goal.spread)).exp());
+            power.report((-3.0 * squared / (goal.spread * goal.spread)).exp());
             if let Some(k) = REPORTED.iter().position(|reported| *reported == rollout) {
                 reported[k] = power.best().map_or(0.0, |(_, reward)| reward);
             }
@@ -185,7 +185,7 @@ impl Search {
     }
 }
 
-/// Tells whether the mean `a` is larger than `b` by more than their standard errors together.
+/// True if the mean `a` is larger than `b` by more than their standard errors together.
 pub fn is_clearly_larger(a: (f64, f64), b: (f64, f64)) -> bool {
     a.0 - b.0 > a.1.hypot(b.1)
 }

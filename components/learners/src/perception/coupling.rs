@@ -17,39 +17,65 @@ use motorium_library::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Training {
     /// Weights of the library. Default 16.
-    pub terms: usize,
-    /// Times that every letter is seen, each time a little changed. Default 220.
+    pub eigenforces: usize,
+    /// Epochs: passes over all letters, each with new random changes. Default 220.
     pub epochs: usize,
     /// Letters in a batch. Default 8.
     pub batch: usize,
-    /// First rate of learning; it falls to 0 along a cosine. Default 1.5e-3.
+    /// Initial learning rate; it falls to 0 along a cosine. Default 1.5e-3.
     pub rate: f32,
-    /// Draws the parameters of the network to 0. Default 1e-5.
+    /// Weight decay of the parameters of the network. Default 1e-5.
     pub decay: f32,
-    /// Size of the random changes of letters: rad and parts. Default 0.08.
+    /// Size of the random changes of letters, in rad and as a fraction. Default 0.08.
     pub augmentation: f64,
-    /// Of the network, the order and the changes. Default 1.
+    /// Seed of the network's start, of the order of the letters and of their changes. Default 1.
     pub seed: u64,
 }
 
 impl Default for Training {
     fn default() -> Self {
-        Self { terms: 16, epochs: 220, batch: 8, rate: 1.5e-3, decay: 1e-5, augmentation: 0.08, seed: 1 }
+        Self {
+            eigenforces: 16,
+            epochs: 220,
+            batch: 8,
+            rate: 1.5e-3,
+            decay: 1e-5,
+            augmentation: 0.08,
+            seed: 1,
+        }
     }
 }
 
-/// A network that sees letters, and the library of their movements.
+/// A network from pictures of letters to movements, with the library of these movements.
+///
+/// ```
+/// use motorium_learners::perception::{Coupling, Picture, Training, unit_extent};
+/// use motorium_library::letters::{Variation, letters};
+/// use motorium_library::{DAMPING, SampledSpring};
+///
+/// let mut known = letters(1, Variation::default(), 1);
+/// known.trajectories.truncate(4);
+/// let spring = SampledSpring::new(40, DAMPING)?;
+/// // A real training takes the default of 220 epochs.
+/// let training = Training { epochs: 1, eigenforces: 4, ..Training::default() };
+/// let coupling = Coupling::train(&known, spring, &training, |epoch, loss| println!("{epoch}: {loss}"))?;
+///
+/// let letter = known.trajectories[0].resampled(40);
+/// let movement = coupling.movement(&Picture::of(&unit_extent(&letter)));
+/// assert_eq!(movement.path(coupling.library()).shape(), (40, 2));
+/// # Ok::<(), motorium_library::BuildError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Coupling {
     network: ConvolutionalNetwork,
     library: MotionLibrary,
-    /// Outputs of zero, and what a unit of the network means: `o = mean + turn z`.
+    /// Mean and scale of the outputs, `o = mean + scale z` for the output `z` of the network.
     mean: DVector<f64>,
-    turn: DMatrix<f64>,
+    scale: DMatrix<f64>,
 }
 
 impl Coupling {
-    /// Learns from letters. `progress` is told the epoch (from 1) and its mean loss: the squared error of position in
+    /// Learns from letters. `progress` gets the epoch (from 1) and its mean loss: the squared error of position in
     /// letter sizes.
     ///
     /// # Errors
@@ -69,19 +95,20 @@ impl Coupling {
         let trajectories =
             written.map(|(letter, curve)| Trajectory { positions: curve.clone(), ..letter.clone() });
         let set = Recordings { names: letters.names.clone(), trajectories: trajectories.collect() };
-        let library = MotionLibrary::build(&set, spring, Metric::Position, Truncation::Rank(training.terms))?;
+        let library =
+            MotionLibrary::build(&set, spring, Metric::Position, Truncation::Rank(training.eigenforces))?;
         let outputs: Vec<DVector<f64>> = curves.iter().map(|curve| output(curve, &library)).collect();
         let mean = outputs.iter().sum::<DVector<f64>>() / outputs.len() as f64;
-        let turn = turn(&library);
-        let back = turn.clone().try_inverse().expect("a triangular matrix with a positive diagonal");
+        let scale = scale(&library);
+        let inverse = scale.clone().try_inverse().expect("a triangular matrix with a positive diagonal");
         let mut random = Pcg64::seed_from_u64(training.seed);
         let mut network = ConvolutionalNetwork::random(mean.len(), &mut random);
         let mut adam = network.optimiser();
         let mut order: Vec<usize> = (0..curves.len()).collect();
         let label = |k: usize| letters.trajectories[k].label.as_deref();
-        let alike =
+        let same_label =
             |k: usize| (0..curves.len()).filter(|j| label(k).is_some() && label(*j) == label(k)).collect();
-        let mates: Vec<Vec<usize>> = (0..curves.len()).map(alike).collect();
+        let siblings: Vec<Vec<usize>> = (0..curves.len()).map(same_label).collect();
         let batches = training.epochs * curves.len().div_ceil(training.batch);
         let mut step = 0;
         for epoch in 1..=training.epochs {
@@ -91,10 +118,10 @@ impl Coupling {
                 let mut pictures = DMatrix::zeros(PIXELS * PIXELS, chunk.len());
                 let mut targets = DMatrix::zeros(mean.len(), chunk.len());
                 for (column, letter) in chunk.iter().enumerate() {
-                    let curve = between(&curves, &mates[*letter], *letter, &mut random);
+                    let curve = between(&curves, &siblings[*letter], *letter, &mut random);
                     let curve = augmented(&curve, training.augmentation, &mut random);
                     pictures.column_mut(column).copy_from_slice(&Picture::of(&curve).0);
-                    let target = &back * (output(&curve, &library) - &mean);
+                    let target = &inverse * (output(&curve, &library) - &mean);
                     targets
                         .column_mut(column)
                         .iter_mut()
@@ -109,21 +136,21 @@ impl Coupling {
             }
             progress(epoch, 2.0 * total / curves.len() as f64 * UNIT * UNIT);
         }
-        Ok(Self { network, library, mean, turn })
+        Ok(Self { network, library, mean, scale })
     }
 
     /// The movement that writes the letter in a picture, in a frame of extent 1 and a duration of 1 s.
-    pub fn see(&self, picture: &Picture) -> Superposition {
+    pub fn movement(&self, picture: &Picture) -> Superposition {
         let seen = self.network.forward(&DMatrix::from_column_slice(PIXELS * PIXELS, 1, &picture.0));
         let z = DVector::from_iterator(seen.len(), seen.iter().map(|value| f64::from(*value)));
-        let out = &self.mean + &self.turn * z;
+        let out = &self.mean + &self.scale * z;
         let (n, dofs) = (self.library.rank(), self.library.layout().dofs());
         let numbers = |k: usize| out.as_slice()[n + k * dofs..n + (k + 1) * dofs].to_vec();
         let frame = Frame { start: numbers(0), goal: numbers(1), velocity: numbers(2), duration: 1.0 };
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
-    /// The library whose weights it sees.
+    /// The library whose weights it predicts.
     pub fn library(&self) -> &MotionLibrary {
         &self.library
     }
@@ -134,11 +161,11 @@ impl Coupling {
     }
 }
 
-/// A letter between one and another of its label: up to half way, since a blend of movements is a movement.
-fn between(curves: &[DMatrix<f64>], mates: &[usize], letter: usize, random: &mut Pcg64) -> DMatrix<f64> {
-    let Some(mate) = mates.choose(random) else { return curves[letter].clone() };
+/// A random blend of a letter with another of its label, up to half way: a blend of movements is a movement.
+fn between(curves: &[DMatrix<f64>], siblings: &[usize], letter: usize, random: &mut Pcg64) -> DMatrix<f64> {
+    let Some(sibling) = siblings.choose(random) else { return curves[letter].clone() };
     let part = 0.5 * random.random::<f64>();
-    &curves[letter] * (1.0 - part) + &curves[*mate] * part
+    &curves[letter] * (1.0 - part) + &curves[*sibling] * part
 }
 
 /// Output of the network for a curve: weights, start, goal, velocity.
@@ -151,11 +178,11 @@ fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
     DVector::from_iterator(library.rank() + 3 * frame.dofs(), all.copied())
 }
 
-/// The error of position, in letter sizes, that one unit of the network stands for.
+/// The error of position, in letter sizes, of one unit of the network's output.
 const UNIT: f64 = 0.2;
 
 /// `L^-T` for `A^T A = L L^T`, with `A` the path of each output.
-fn turn(library: &MotionLibrary) -> DMatrix<f64> {
+fn scale(library: &MotionLibrary) -> DMatrix<f64> {
     let (spring, dofs, n) = (library.spring(), library.layout().dofs(), library.rank());
     let samples = spring.samples();
     let mut paths = DMatrix::zeros(samples * dofs, n + 3 * dofs);

@@ -13,14 +13,14 @@
 //! **Loss.** The path is linear in the outputs, `y = A o`. With `A^T A = L L^T` the squared error of position is
 //! `|L^T (o' - o)|^2`; the network learns `z = L^T o`, in which all outputs count alike, and `o = L^-T z`.
 //!
-//! **Time.** How fast a letter was written is not in its picture. So the letters are learned as they are drawn at even
+//! **Time.** The picture of a letter does not show its speed. So the letters are learned as they are drawn at even
 //! speed along the stroke ([`even_speed`]), and paths are compared as curves ([`chamfer`]).
 //!
-//! The network is small enough for plain matrix products on one core; a framework for it would cost more to build than it
-//! saves. Training is seeded: the same seed gives the same weights on the same machine.
+//! The network is small enough for plain matrix products on one core; a framework for it would cost more to build than
+//! it saves. Training is seeded: the same seed gives the same weights on the same machine.
 //!
-//! Source: Delhaisse, PhD thesis, 2019, section 3.4 (picture to weights); the loss and the layers are our own. Adam: Kingma,
-//! Ba, ICLR 2015.
+//! Source: Delhaisse, PhD thesis, 2019, section 3.4 (picture to weights); the loss and the layers are our own. Adam:
+//! Kingma, Ba, ICLR 2015.
 
 mod coupling;
 mod letter;

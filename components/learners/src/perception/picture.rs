@@ -1,4 +1,4 @@
-//! A stroke as a picture.
+//! Pictures of strokes.
 
 use motorium_models::networks::IMAGE_SIDE;
 use nalgebra::DMatrix;
@@ -10,9 +10,9 @@ pub const PIXELS: usize = IMAGE_SIDE;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture(pub Vec<f32>);
 
-/// Pixels of the larger side of a letter of extent 1.
+/// Size in the picture of a letter of extent 1, pixels.
 const EXTENT: f64 = 20.0;
-/// Standard deviation of a line across, pixels.
+/// Half width of a line, as the standard deviation of its profile, pixels.
 const LINE: f64 = 0.7;
 
 impl Picture {

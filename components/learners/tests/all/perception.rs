@@ -21,7 +21,7 @@ fn the_nearest_picture_of_a_letter_that_is_known_is_its_own() {
 fn a_network_learns_epoch_by_epoch_and_writes_every_letter_held_out() {
     let (seen, held) = (letters(3, Variation::default(), 1), letters(1, Variation::default(), 5));
     let spring = SampledSpring::new(60, DAMPING).unwrap();
-    let training = Training { epochs: 6, terms: 8, ..Training::default() };
+    let training = Training { epochs: 6, eigenforces: 8, ..Training::default() };
     let mut epochs = 0;
     let set = Letters::new(&seen, &held);
     let network = set.network(spring, &training, || epochs += 1).unwrap();

@@ -36,9 +36,9 @@ const ROUNDING: f64 = 1e-15;
 /// The leading left singular vectors of a matrix.
 ///
 /// The Gram matrix of the shorter side holds squares, and resolves singular values `s` only to
-/// `eps s_1^2 / s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they leave,
-/// and the rest is found there, in the same way, until enough are found. All singular values with a vector are so exact
-/// to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle (QR).
+/// `eps s_1^2 / s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they
+/// leave, and the rest is found there, in the same way, until enough are found. All singular values with a vector are
+/// so exact to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle (QR).
 pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     let (rows, columns) = matrix.shape();
     if rows == 0 || columns == 0 {
@@ -62,7 +62,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     // levels meet where singular values are about equal: rounding can leave two out of order there
     let mut order: Vec<usize> = (0..found.values.len()).collect();
     order.sort_by(|a, b| found.values[*b].total_cmp(&found.values[*a]));
-    let kept = keep(&order.iter().map(|k| found.values[*k]).collect::<Vec<_>>(), energy, wanted);
+    let kept = count_wanted(&order.iter().map(|k| found.values[*k]).collect::<Vec<_>>(), energy, wanted);
     found.vectors = DMatrix::from_fn(rows, kept, |i, k| found.vectors[(i, order[k])]);
     found.values = order[..kept].iter().map(|k| found.values[*k]).collect();
     found.spectrum.sort_by(|a, b| b.total_cmp(a));
@@ -70,7 +70,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
 }
 
 /// Number of the singular values wanted.
-pub(crate) fn keep(values: &[f64], energy: f64, wanted: Wanted) -> usize {
+pub(crate) fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),
         Wanted::Rank(rank) => rank.min(values.len()),
@@ -104,7 +104,7 @@ fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut Left
     // no more than are wanted, and one that shows that it is enough
     let known = found.values.len();
     let ahead: Vec<f64> = found.values.iter().chain(&roots[..head]).copied().collect();
-    let count = (keep(&ahead, found.energy, wanted) + 1).saturating_sub(known).clamp(1, head);
+    let count = (count_wanted(&ahead, found.energy, wanted) + 1).saturating_sub(known).clamp(1, head);
     let vectors = solved.vectors(0, count);
     // the length of a row is exact to second order in the error of its vector
     let rows = vectors.transpose() * here;

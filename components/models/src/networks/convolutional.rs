@@ -17,6 +17,21 @@ const GAIN: f32 = 1.0;
 const SIDES: [usize; 3] = [IMAGE_SIDE - 4, (IMAGE_SIDE - 4) / 2, (IMAGE_SIDE - 4) / 2 - 4];
 
 /// Two convolutions and two dense layers.
+///
+/// ```
+/// use motorium_models::networks::{ConvolutionalNetwork, IMAGE_SIDE};
+/// use nalgebra::DMatrix;
+/// use rand_pcg::Pcg64;
+///
+/// let mut network = ConvolutionalNetwork::random(2, &mut Pcg64::new(1, 2));
+/// let mut adam = network.optimiser();
+/// // One image of a vertical bar, and the outputs that it should have.
+/// let image = DMatrix::from_fn(IMAGE_SIDE * IMAGE_SIDE, 1, |pixel, _| if pixel % IMAGE_SIDE == 9 { 1.0 } else { 0.0 });
+/// let target = DMatrix::from_column_slice(2, 1, &[0.5, -0.5]);
+/// let losses: Vec<f32> = (0..20).map(|_| network.learn(&mut adam, (&image, &target), 1e-3, 0.0)).collect();
+/// assert!(losses[19] < 0.1 * losses[0]);
+/// assert!((network.forward(&image) - target).amax() < 0.3);
+/// ```
 #[derive(Clone, Debug)]
 pub struct ConvolutionalNetwork {
     layers: [Linear; 4],

@@ -58,8 +58,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// is semi-implicit Euler, of first order in h.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
-/// outermost points of meshes, each against the surface of the other collider. Edges that cross far from any corner
-/// do not find each other, and a mesh is not touched by the points of another shape.
+/// outermost points of meshes, each against the surface of the other collider. Where these miss a
+/// contact, as between crossing edges, the nearest points of the two colliders are used.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
 /// step the velocity of the base is corrected by the momentum that the integration lost.
@@ -123,7 +123,7 @@ impl Engine for Articulated {
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
         self.scene.restart(world);
-        self.scene.place(&robot.kinematics, &robot.base_pose());
+        self.scene.set_poses(&robot.kinematics, &robot.base_pose());
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
@@ -134,7 +134,7 @@ impl Engine for Articulated {
                 return;
             }
             self.scene.exclude(&close);
-            self.scene.place(&robot.kinematics, &robot.base_pose());
+            self.scene.set_poses(&robot.kinematics, &robot.base_pose());
         }
     }
 
@@ -229,7 +229,7 @@ impl Simulation<Articulated> {
             robot.state.q[2] += height - lowest;
             robot.state.v.fill(0.0);
             robot.refresh();
-            self.engine.scene.place(&robot.kinematics, &robot.base_pose());
+            self.engine.scene.set_poses(&robot.kinematics, &robot.base_pose());
         }
     }
 

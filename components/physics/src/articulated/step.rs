@@ -9,7 +9,7 @@ use crate::contact::ContactResponse;
 use crate::robot::{Robot, base_pose};
 use crate::{StepError, StepReport};
 
-/// Contact points are looked for at least this far ahead \[m\].
+/// Margin within which contact points are found at least \[m\].
 const FORESIGHT: f64 = 0.002;
 
 /// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
@@ -19,7 +19,7 @@ impl Articulated {
     /// The robot's and the objects' next state, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
-        self.scene.place(&robot.kinematics, &robot.base_pose());
+        self.scene.set_poses(&robot.kinematics, &robot.base_pose());
         let near = !self.scene.detect(NEAR).is_empty();
         let steps = if near { self.options.contact_iterations } else { self.options.substeps };
         let mut report = StepReport::default();
@@ -29,7 +29,7 @@ impl Articulated {
                 self.kinematics.update_with_velocity(&robot.model, &state.q_next, &state.v_next);
                 let base =
                     if robot.model.base().floating { base_pose(&state.q_next) } else { robot.base_pose() };
-                self.scene.place(&self.kinematics, &base);
+                self.scene.set_poses(&self.kinematics, &base);
             }
             self.integrate(robot, step == 0, dt / steps as f64, &mut report)?;
         }

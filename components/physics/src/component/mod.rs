@@ -44,7 +44,7 @@ pub struct PhysicsComponent<E> {
     safe: SafeStates,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
-    /// Where the base started \[m\].
+    /// Initial position of the base \[m\].
     start: [f64; 3],
     totals: Totals,
 }

@@ -49,8 +49,7 @@ const NEAREST: u32 = u32::MAX >> 1;
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
 ///
 /// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other.
-/// Where these miss the contact, as between edges that cross or on a hull, it is found at the nearest points of the
-/// two.
+/// If these miss the contact, as between edges that cross or on a hull, the nearest points of the two are used.
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     poses: Vec<Isometry3<f64>>,
@@ -100,16 +99,16 @@ impl Detector {
     /// Places a collider of the world.
     pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
         self.poses[collider] = pose;
-        self.distances.place(collider, &pose);
+        self.distances.set_pose(collider, &pose);
         self.complete_within = 0.0;
     }
 
     /// Places all colliders whose owner moves; `pose` is that of an owner in the world.
-    pub(crate) fn place(&mut self, colliders: &[Collider], pose: impl Fn(Owner) -> Isometry3<f64>) {
+    pub(crate) fn set_poses(&mut self, colliders: &[Collider], pose: impl Fn(Owner) -> Isometry3<f64>) {
         for (index, (collider, place)) in colliders.iter().zip(&mut self.poses).enumerate() {
             if collider.owner != Owner::World {
                 *place = pose(collider.owner) * collider.placement;
-                self.distances.place(index, place);
+                self.distances.set_pose(index, place);
             }
         }
         self.complete_within = 0.0;
@@ -136,7 +135,7 @@ impl Detector {
         margin: f64,
     ) -> &[ContactPoint] {
         if margin <= self.complete_within {
-            // Nothing has moved since a look farther around.
+            // Nothing has moved since a detection with a larger margin.
             self.points.retain(|point| point.distance < margin);
             self.complete_within = margin;
             return &self.points;

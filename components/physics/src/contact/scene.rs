@@ -59,16 +59,16 @@ impl ContactScene {
         &self.colliders
     }
 
-    /// Takes pairs of colliders out of the detection. The poses must be [placed](Self::place) anew.
+    /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.
     pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
         self.colliders.exclude(pairs);
         self.detector = Detector::new(&self.colliders);
     }
 
     /// Places the robot as `kinematics` stands, its base at `base`, and the objects in their next state.
-    pub(crate) fn place(&mut self, kinematics: &Kinematics, base: &Isometry3<f64>) {
+    pub(crate) fn set_poses(&mut self, kinematics: &Kinematics, base: &Isometry3<f64>) {
         let objects = &self.objects.next;
-        self.detector.place(&self.colliders.colliders, |owner| match owner {
+        self.detector.set_poses(&self.colliders.colliders, |owner| match owner {
             Owner::World => Isometry3::identity(),
             Owner::Base => *base,
             Owner::Body(index) => kinematics.body_pose(index),

@@ -126,7 +126,7 @@ impl Engine for Rapier {
         self.dt = dt;
         let mut report = StepReport { near_contact: true, ..StepReport::default() };
         if self.stale {
-            self.multibody.place(&robot.model, &mut self.scene, &robot.state.q);
+            self.multibody.set_positions(&robot.model, &mut self.scene, &robot.state.q);
             self.overdriven.fill(false);
         }
         self.stale = false;

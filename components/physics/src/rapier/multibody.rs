@@ -104,7 +104,7 @@ impl Multibody {
     }
 
     /// Places the links at `q`.
-    pub(super) fn place(&mut self, model: &Model, scene: &mut Scene, q: &[f64]) {
+    pub(super) fn set_positions(&mut self, model: &Model, scene: &mut Scene, q: &[f64]) {
         let Some(first) = self.joints.first().copied() else { return };
         for (index, body) in model.bodies().iter().enumerate() {
             let (multibody, id) = self.link_mut(scene, index);

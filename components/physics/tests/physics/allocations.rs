@@ -1,4 +1,4 @@
-//! What a step allocates once everything has happened once.
+//! Allocations of a step after the first contact, limit and command.
 
 use motorium::telemetry::{allocations, counts_allocations, set_apart};
 use motorium_physics::{

@@ -1,4 +1,4 @@
-//! What the drives do: the impedance law, its limits, its stability.
+//! The joint drives: the impedance law, its limits, its stability.
 
 use motorium_physics::{JointCommand, Options, Simulator, StepError, World};
 use motorium_robots::{Dynamics, MimicMode, Model, PackagePath, parse_urdf};

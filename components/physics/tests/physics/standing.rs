@@ -1,4 +1,4 @@
-//! How robots come to stand, against MuJoCo; `golden/generate_standing.py` writes the vectors.
+//! Robots that settle to a stand, compared with MuJoCo; `golden/generate_standing.py` writes the vectors.
 
 use motorium_physics::{LinkForce, Simulator};
 use motorium_robots::{Dynamics, Kinematics, Reference};

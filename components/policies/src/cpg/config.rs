@@ -41,7 +41,7 @@ pub struct CpgPolicyConfig {
     pub matsuoka: Option<MatsuokaConfig>,
     /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
-    pub drive: JointCommandConfig,
+    pub joint_command: JointCommandConfig,
 }
 
 /// Model of oscillators.
@@ -84,7 +84,7 @@ impl Default for HopfConfig {
 pub struct MatsuokaConfig {
     /// Strength of fatigue, `beta`. Default 2.5.
     pub fatigue: f64,
-    /// How strongly the two inhibit each other, `w`: more than `1 + time_ratio`, less than `1 + fatigue`. Default 2.2.
+    /// Mutual inhibition of the two, `w`: more than `1 + time_ratio`, less than `1 + fatigue`. Default 2.2.
     pub inhibition: f64,
     /// Rise time over fatigue time, `tau_1 / tau_2`; both are scaled to the frequency. Default 0.5.
     pub time_ratio: f64,
@@ -101,19 +101,20 @@ impl Default for MatsuokaConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LegConfig {
-    /// Its joints that swing, at least one.
-    pub joints: Vec<SwingConfig>,
+    /// Its moving joints, at least one.
+    pub joints: Vec<JointOscillationConfig>,
 }
 
-/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model for the cosine.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model for the
+/// cosine.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SwingConfig {
+pub struct JointOscillationConfig {
     /// Name of the joint.
     pub joint: String,
     /// Amplitude, rad or m.
     pub amplitude: f64,
-    /// About which it swings, rad or m. Default 0.
+    /// Centre of the oscillation, rad or m. Default 0.
     #[serde(default)]
     pub offset: f64,
     /// Ahead of the phase of its leg, rad. Default 0.
@@ -139,16 +140,13 @@ impl CpgPolicyConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         for (l, leg) in self.legs.iter().enumerate() {
             if leg.joints.is_empty() {
-                return Err(ConfigError::key(
-                    format!("legs[{l}].joints"),
-                    "a leg without a joint that swings",
-                ));
+                return Err(ConfigError::key(format!("legs[{l}].joints"), "a leg without joints"));
             }
-            for (j, swing) in leg.joints.iter().enumerate() {
-                let all = [swing.amplitude, swing.offset, swing.phase];
+            for (j, oscillation) in leg.joints.iter().enumerate() {
+                let all = [oscillation.amplitude, oscillation.offset, oscillation.phase];
                 if let Some(value) = all.into_iter().find(|value| !value.is_finite()) {
                     let key = format!("legs[{l}].joints[{j}]");
-                    return Err(ConfigError::key(key, format!("{value} is no number to work with")));
+                    return Err(ConfigError::key(key, format!("{value}, expected a finite number")));
                 }
             }
         }
@@ -164,7 +162,7 @@ impl CpgPolicyConfig {
             (given && self.model != model).then(|| {
                 ConfigError::key(
                     key,
-                    format!("numbers of a model that is not used: `model` is \"{}\"", self.model.name()),
+                    format!("settings of another model: `model` is \"{}\"", self.model.name()),
                 )
                 .advise(format!("say `model = \"{key}\"`, or remove `{key}`"))
             })

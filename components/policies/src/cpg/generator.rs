@@ -4,15 +4,15 @@ use motorium::declare::ConfigError;
 
 use super::config::{CpgModel, CpgPolicyConfig};
 use motorium_primitives::cpg::{
-    CpgError, Entrainment, NetworkSettings, Node, OscillatorNetwork, OscillatorNetworkSettings, PhaseNetwork,
-    Swing,
+    CpgError, Entrainment, JointOscillation, NetworkSettings, Node, OscillatorNetwork,
+    OscillatorNetworkSettings, PhaseNetwork,
 };
 
 /// A phase-amplitude network or a rhythm of oscillators: joints in, setpoints and their rates out.
 #[derive(Debug)]
 pub(super) struct Generator {
     model: Model,
-    swings: Vec<Swing>,
+    oscillations: Vec<JointOscillation>,
     /// Phase of every joint in the gait.
     pattern: Vec<f64>,
     frequency: f64,
@@ -28,23 +28,23 @@ impl Generator {
     /// From a config that was checked, and the phases of the legs in its gait.
     pub(super) fn new(config: &CpgPolicyConfig, gait: &[f64]) -> Result<Self, ConfigError> {
         let legs = config.legs.iter().enumerate();
-        let swings: Vec<Swing> = legs
-            .flat_map(|(leg, config)| config.joints.iter().map(move |swing| (leg, swing)))
-            .map(|(leg, swing)| Swing {
+        let oscillations: Vec<JointOscillation> = legs
+            .flat_map(|(leg, config)| config.joints.iter().map(move |oscillation| (leg, oscillation)))
+            .map(|(leg, oscillation)| JointOscillation {
                 leg,
-                amplitude: swing.amplitude,
-                offset: swing.offset,
-                phase: swing.phase,
+                amplitude: oscillation.amplitude,
+                offset: oscillation.offset,
+                phase: oscillation.phase,
             })
             .collect();
         let model = match config.oscillator() {
             None => {
-                let nodes: Vec<Node> = swings
+                let nodes: Vec<Node> = oscillations
                     .iter()
-                    .map(|swing| Node {
-                        amplitude: swing.amplitude,
-                        offset: swing.offset,
-                        phase: gait[swing.leg] + swing.phase,
+                    .map(|oscillation| Node {
+                        amplitude: oscillation.amplitude,
+                        offset: oscillation.offset,
+                        phase: gait[oscillation.leg] + oscillation.phase,
                     })
                     .collect();
                 let weights = PhaseNetwork::all_to_all(&nodes, config.coupling);
@@ -58,7 +58,7 @@ impl Generator {
                     duty_factor: config.duty_factor(),
                     ..OscillatorNetworkSettings::default()
                 };
-                OscillatorNetwork::new(oscillator, &swings, gait, settings)
+                OscillatorNetwork::new(oscillator, &oscillations, gait, settings)
                     .map(|rhythm| Model::Oscillators(Box::new(rhythm)))
             }
         };
@@ -66,13 +66,13 @@ impl Generator {
             CpgModel::Hopf | CpgModel::Matsuoka => ConfigError::key(config.model.name(), error.to_string()),
             CpgModel::Phase | CpgModel::Kuramoto => ConfigError::new(error.to_string()),
         };
-        let pattern = vec![0.0; swings.len()];
-        Ok(Self { model: model.map_err(refused)?, swings, pattern, frequency: config.frequency })
+        let pattern = vec![0.0; oscillations.len()];
+        Ok(Self { model: model.map_err(refused)?, oscillations, pattern, frequency: config.frequency })
     }
 
     /// Number of joints.
     pub(super) fn joints(&self) -> usize {
-        self.swings.len()
+        self.oscillations.len()
     }
 
     pub(super) fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
@@ -92,11 +92,15 @@ impl Generator {
 
     /// Commands all amplitudes, as a factor of those configured.
     pub(super) fn set_scale(&mut self, scale: f64) -> Result<(), CpgError> {
-        for (joint, swing) in self.swings.iter().enumerate() {
-            let amplitude = scale * swing.amplitude;
+        for (joint, oscillation) in self.oscillations.iter().enumerate() {
+            let amplitude = scale * oscillation.amplitude;
             match &mut self.model {
-                Model::Phase(network) => network.set_amplitude_offset(joint, amplitude, swing.offset)?,
-                Model::Oscillators(rhythm) => rhythm.set_amplitude_offset(joint, amplitude, swing.offset)?,
+                Model::Phase(network) => {
+                    network.set_amplitude_offset(joint, amplitude, oscillation.offset)?
+                }
+                Model::Oscillators(rhythm) => {
+                    rhythm.set_amplitude_offset(joint, amplitude, oscillation.offset)?
+                }
             }
         }
         Ok(())
@@ -106,8 +110,8 @@ impl Generator {
     pub(super) fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
         match &mut self.model {
             Model::Phase(network) => {
-                for (phase, swing) in self.pattern.iter_mut().zip(&self.swings) {
-                    *phase = gait[swing.leg] + swing.phase;
+                for (phase, oscillation) in self.pattern.iter_mut().zip(&self.oscillations) {
+                    *phase = gait[oscillation.leg] + oscillation.phase;
                 }
                 network.set_pattern(&self.pattern)
             }
@@ -121,7 +125,7 @@ impl Generator {
             Model::Phase(network) if self.frequency > 0.0 => {
                 let omega = std::f64::consts::TAU * self.frequency;
                 let measured =
-                    Entrainment::measured_phase(position, velocity, self.swings[joint].offset, omega);
+                    Entrainment::measured_phase(position, velocity, self.oscillations[joint].offset, omega);
                 Entrainment { gain, lead: 0.0 }.pull(measured, network.phases()[joint])
             }
             Model::Phase(_) => 0.0,

@@ -1,9 +1,9 @@
-//! `policy.cpg`: legs (or any joints) that swing in a gait.
+//! `policy.cpg`: legs (or any joints) that move in a gait.
 
 mod config;
 mod generator;
 
-pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, LegConfig, MatsuokaConfig, SwingConfig};
+pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, JointOscillationConfig, LegConfig, MatsuokaConfig};
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -14,15 +14,16 @@ use config::{DUTY_FACTOR, FREQUENCY};
 use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
-/// Swings the joints of legs by a phase-amplitude network ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf's,
-/// Matsuoka's or Kuramoto's oscillators ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
+/// Moves the joints of legs by a phase-amplitude network ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or
+/// by Hopf's, Matsuoka's or Kuramoto's oscillators
+/// ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///
-/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency and amplitude
-/// (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With `entrainment`, the measured
-/// joints draw the rhythm along.
+/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency and
+/// amplitude (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With `entrainment`,
+/// the measured joints draw the rhythm along.
 #[derive(Debug)]
 pub struct CpgPolicy {
-    drive: JointCommandWriter,
+    writer: JointCommandWriter,
     generator: Generator,
     pull: Vec<f64>,
     frequency: Parameter<f64>,
@@ -40,13 +41,13 @@ pub struct CpgPolicy {
 
 impl Component for CpgPolicy {
     const KIND: &'static str = "policy.cpg";
-    const SUMMARY: &'static str = "swings joints in a gait by a central pattern generator";
+    const SUMMARY: &'static str = "moves joints in a gait by a central pattern generator";
     type Config = CpgPolicyConfig;
 
     fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let default = gait_number(config)?;
         generator(config)?;
-        CommandedJoints::new(&config.drive, declare.robot(), joints(config))?;
+        CommandedJoints::new(&config.joint_command, declare.robot(), joints(config))?;
         let gaits = Gait::of(config.legs.len());
         CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
@@ -60,21 +61,21 @@ impl Component for CpgPolicy {
             0.0,
             0.0..=20.0,
             "rad/s",
-            "how strongly the measured joints draw the phases along",
+            "gain of the entrainment of the phases by the measured joints",
         );
         if config.model == CpgModel::Hopf {
             let default = config.duty_factor();
-            declare.float("duty_factor", default, DUTY_FACTOR, "", "the part of a stride that is stance");
+            declare.float("duty_factor", default, DUTY_FACTOR, "", "share of a stride that is stance");
         }
         Ok(())
     }
 
     fn configure(config: CpgPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let generator = generator(&config)?;
-        let driven = CommandedJoints::new(&config.drive, Some(setup.robot()?), joints(&config))?;
+        let driven = CommandedJoints::new(&config.joint_command, Some(setup.robot()?), joints(&config))?;
         let duty_factor = (config.model == CpgModel::Hopf).then(|| setup.parameter("duty_factor"));
         Ok(Self {
-            drive: JointCommandWriter::new(driven, &config.drive, setup)?,
+            writer: JointCommandWriter::new(driven, &config.joint_command, setup)?,
             pull: vec![0.0; generator.joints()],
             frequency: setup.parameter("frequency")?,
             amplitude: setup.parameter("amplitude")?,
@@ -92,16 +93,16 @@ impl Component for CpgPolicy {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if !self.drive.read()? {
+        if !self.writer.read()? {
             return Ok(());
         }
-        self.obey()?;
+        self.apply_parameters()?;
         let dt = tick.dt();
         let gain = self.entrainment.get();
         // before the robot has gone over to the movement, what it does says nothing about it
-        if gain > 0.0 && self.drive.is_eased_in() {
+        if gain > 0.0 && self.writer.is_eased_in() {
             for (joint, pull) in self.pull.iter_mut().enumerate() {
-                let (q, v) = (self.drive.position(joint), self.drive.speed(joint));
+                let (q, v) = (self.writer.position(joint), self.writer.speed(joint));
                 *pull = self.generator.pull(joint, q, v, gain);
             }
         } else {
@@ -109,7 +110,7 @@ impl Component for CpgPolicy {
         }
         self.generator.step(dt, &self.pull);
         self.strides += self.frequency.get() * dt;
-        self.drive.command(dt, self.generator.output(), self.generator.velocity())
+        self.writer.command(dt, self.generator.output(), self.generator.velocity())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
@@ -124,9 +125,9 @@ impl Component for CpgPolicy {
 }
 
 impl CpgPolicy {
-    /// Takes over the parameters.
-    fn obey(&mut self) -> Result<(), StepError> {
-        let refused = |_| StepError::failed("the pattern generator refused its parameters");
+    /// Applies the current values of the parameters.
+    fn apply_parameters(&mut self) -> Result<(), StepError> {
+        let refused = |_| StepError::failed("a parameter of the pattern generator is out of range");
         self.generator.set_frequency(self.frequency.get()).map_err(refused)?;
         if let Some(duty_factor) = &self.duty_factor {
             self.generator.set_duty_factor(duty_factor.get()).map_err(refused)?;
@@ -143,7 +144,7 @@ impl CpgPolicy {
         {
             let phases = gait
                 .phases(self.number_of_legs)
-                .map_err(|_| StepError::failed("a gait for another number of legs"))?;
+                .map_err(|_| StepError::failed("the gait has another number of legs than the robot"))?;
             self.generator.set_gait(phases).map_err(refused)?;
             self.gait_changes += u64::from(self.walking.is_some());
             self.walking = Some(gait);
@@ -164,9 +165,9 @@ fn name(gait: Gait) -> &'static str {
 
 fn joints(config: &CpgPolicyConfig) -> impl Iterator<Item = (&str, String)> {
     config.legs.iter().enumerate().flat_map(|(l, leg)| {
-        let named = move |(j, swing): (usize, _)| {
-            let swing: &SwingConfig = swing;
-            (swing.joint.as_str(), format!("legs[{l}].joints[{j}].joint"))
+        let named = move |(j, oscillation): (usize, _)| {
+            let oscillation: &JointOscillationConfig = oscillation;
+            (oscillation.joint.as_str(), format!("legs[{l}].joints[{j}].joint"))
         };
         leg.joints.iter().enumerate().map(named)
     })
@@ -178,7 +179,7 @@ fn gait_number(config: &CpgPolicyConfig) -> Result<i64, ConfigError> {
     match (number, config.gait.phases(legs)) {
         (Some(number), _) => Ok(number as i64),
         (None, Err(error)) => Err(ConfigError::key("gait", error.to_string())),
-        (None, Ok(_)) => Err(ConfigError::key("gait", "this number of legs does not have it")),
+        (None, Ok(_)) => Err(ConfigError::key("gait", "this gait is not defined for this number of legs")),
     }
 }
 

@@ -22,13 +22,14 @@ use motorium_primitives::reach::Repeat;
 pub struct DmpPolicyConfig {
     /// The goals, in their order.
     pub goals: Vec<GoalConfig>,
-    /// What follows the last goal: "once" stays there, "forever" goes back to the first.
+    /// Behaviour after the last goal: "once" stays there, "forever" goes back to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Frame of the robot that is led. Without it, that of the robot's only end effector.
+    /// Frame of the robot that moves in the plane. Without it, that of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
-    /// Pose to start from, in the world frame. Without it, the hand's measured pose, from the input `joint_state`.
+    /// Pose to start from, in the world frame. Without it, the end effector's measured pose, from the input
+    /// `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
     /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected": files that
@@ -93,6 +94,6 @@ pub enum ShapeConfig {
     File(String),
     /// A primitive fitted to a recording when the component is configured.
     Demonstration(DemonstrationConfig),
-    /// The one of `primitives` that the parameter `primitive` chooses, from the next time the goal is set out for.
+    /// The one of `primitives` that the parameter `primitive` chooses, from the next start for this goal.
     Selected,
 }

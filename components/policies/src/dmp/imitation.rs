@@ -15,12 +15,13 @@ use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::reach::PathDeviation;
 use motorium_recordings::{Recording, Selection};
 
-/// A recorded movement of the hand, to be learned and reproduced.
+/// A recorded movement of the end effector, to be learned and reproduced.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DemonstrationConfig {
     /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
-    /// Three channels are positions of the hand in the world frame, m; as many as the robot has joints are joint positions.
+    /// Three channels are positions of the end effector in the world frame, m; as many as the robot has joints are
+    /// joint positions.
     pub file: String,
     /// Number of kernels for each dimension. Default 40.
     #[serde(default = "forty")]
@@ -68,11 +69,11 @@ impl Demonstrated {
         let base = robot.map_or_else(|| Path::new("."), |robot| robot.base.as_path());
         let recording = motorium_recordings::read(&base.join(&config.file), &Selection::default())
             .map_err(|error| ConfigError::key(&file, error.to_string()))?;
-        let (positions, turns) = hand(&recording, config, robot, frame, key)?;
+        let (positions, turns) = end_effector(&recording, config, robot, frame, key)?;
         let duration = recording.duration();
         let demonstration = Demonstration::from_positions(duration, positions.clone())
             .map_err(|error| ConfigError::key(&file, error.to_string()))?
-            // as the hand will be
+            // as the end effector will move
             .at_rest_at_its_ends();
         let settings = Settings { kernels: config.kernels, ..Settings::default() };
         let model = DmpModel::fit(settings, &[demonstration], Regression::default())
@@ -92,16 +93,16 @@ impl Demonstrated {
     }
 }
 
-type Hand = (DMatrix<f64>, Option<[UnitQuaternion<f64>; 2]>);
+type EndEffector = (DMatrix<f64>, Option<[UnitQuaternion<f64>; 2]>);
 
-/// Positions of the hand, samples x 3, from those recorded or from the joints.
-fn hand(
+/// Positions of the end effector, samples x 3, from those recorded or from the joints.
+fn end_effector(
     recording: &Recording,
     config: &DemonstrationConfig,
     robot: Option<&RobotReference>,
     frame: Option<&str>,
     key: &str,
-) -> Result<Hand, ConfigError> {
+) -> Result<EndEffector, ConfigError> {
     let cutoff = format!("{key}.demonstration.cutoff");
     let even = recording
         .evenly(SAMPLES, Some(config.cutoff))
@@ -112,14 +113,14 @@ fn hand(
     }
     let wrong = |message: String| ConfigError::key(format!("{key}.demonstration.file"), message);
     let Some(robot) = robot else {
-        let message = format!("{channels} channels, expected the 3 of the position of a hand");
+        let message = format!("{channels} channels, expected the 3 of the position of an end effector");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
     let (model, frame) = start_pose::load(robot, frame)?;
     if channels != model.nq() {
         let expected = model.nq();
         return Err(wrong(format!(
-            "{channels} channels, expected 3 (position of the hand) or {expected} (joints of `{}`)",
+            "{channels} channels, expected 3 (position of the end effector) or {expected} (joints of `{}`)",
             robot.name
         )));
     }
@@ -135,7 +136,7 @@ fn hand(
     Ok((positions, Some([poses[0].rotation, poses[SAMPLES - 1].rotation])))
 }
 
-/// A primitive of the hand's position from a file.
+/// A primitive of the end effector's position from a file.
 pub(super) fn primitive(
     file: &str,
     robot: Option<&RobotReference>,
@@ -154,7 +155,7 @@ pub(super) fn primitive(
     if model.dimensions() != 3 || model.settings().variant != Variant::QuinticGoal {
         let (dimensions, variant) = (model.dimensions(), model.settings().variant);
         let message = format!(
-            "{file} holds a {variant:?} primitive of {dimensions} dimensions, expected QuinticGoal and 3: the position of the hand"
+            "{file} holds a {variant:?} primitive of {dimensions} dimensions, expected QuinticGoal and 3: the position of the end effector"
         );
         return Err(ConfigError::key(key, message));
     }
@@ -167,7 +168,7 @@ pub(super) struct PathRecord {
     /// Path of every segment that was demonstrated, m.
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     target: PathDeviation,
-    hand: PathDeviation,
+    end_effector: PathDeviation,
 }
 
 impl PathRecord {
@@ -175,23 +176,23 @@ impl PathRecord {
         Self { paths, ..Self::default() }
     }
 
-    /// Whether there is anything to look at in a segment.
-    pub(super) fn watches(&self, segment: usize) -> bool {
+    /// True if a segment was demonstrated.
+    pub(super) fn has_path(&self, segment: usize) -> bool {
         self.paths.get(segment).is_some_and(Option::is_some)
     }
 
-    /// Takes the target (and the measured place of the hand, where known) at a progress of a segment.
+    /// Records the target, and the measured position of the end effector where known, at a progress of a segment.
     pub(super) fn observe(
         &mut self,
         segment: usize,
         progress: f64,
         target: Vector3<f64>,
-        hand: Option<Vector3<f64>>,
+        end_effector: Option<Vector3<f64>>,
     ) {
         let Some(Some(path)) = self.paths.get(segment) else { return };
         self.target.observe(path, progress, target);
-        if let Some(hand) = hand {
-            self.hand.observe(path, progress, hand);
+        if let Some(end_effector) = end_effector {
+            self.end_effector.observe(path, progress, end_effector);
         }
     }
 
@@ -200,7 +201,7 @@ impl PathRecord {
         self.paths
             .iter()
             .any(Option::is_some)
-            .then(|| serde_json::json!({ "target": result(&self.target), "hand": result(&self.hand) }))
+            .then(|| serde_json::json!({ "target": result(&self.target), "end_effector": result(&self.end_effector) }))
     }
 }
 
@@ -221,13 +222,13 @@ mod tests {
     fn a_target_behind_its_time_is_on_the_path_but_not_in_time() {
         let path = vec![Vector3::zeros(), Vector3::x(), 2.0 * Vector3::x()];
         let mut record = PathRecord::new(vec![None, Some(path)]);
-        assert!(record.watches(1) && !record.watches(0) && !record.watches(7));
+        assert!(record.has_path(1) && !record.has_path(0) && !record.has_path(7));
         record.observe(0, 0.5, Vector3::z(), None);
         record.observe(1, 0.5, 0.8 * Vector3::x(), Some(Vector3::new(0.8, 0.1, 0.0)));
         let result = record.result().unwrap();
         let number = |who: &str, what: &str| result[who][what].as_f64().unwrap();
         assert!(number("target", "path_error_m") < 1e-12);
         assert!((number("target", "timed_error_m") - 0.2).abs() < 1e-12);
-        assert!((number("hand", "path_error_m") - 0.1).abs() < 1e-12);
+        assert!((number("end_effector", "path_error_m") - 0.1).abs() < 1e-12);
     }
 }

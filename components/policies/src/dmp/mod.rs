@@ -1,4 +1,4 @@
-//! `policy.dmp`: leads the hand of a robot through goals.
+//! `policy.dmp`: moves the end effector of a robot through goals.
 
 mod config;
 mod imitation;
@@ -21,11 +21,11 @@ use motorium_primitives::reach::{PoseReach, ReachPhase};
 use start_pose::StartPose;
 use waypoints::Waypoints;
 
-/// Leads the hand of a robot through goals, one movement primitive to each; see [`PoseReach`].
+/// Moves the end effector of a robot through goals, one movement primitive to each; see [`PoseReach`].
 ///
-/// It starts from the measured pose of the hand (or a configured one) with the first joint state it sees, and publishes
-/// nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it was, it
-/// does not leap. After a crash it goes on towards the goal that was under way.
+/// It starts from the measured pose of the end effector (or a configured one) with the first joint state it sees, and
+/// publishes nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it
+/// was, it does not leap. After a crash it goes on towards the goal that was under way.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
@@ -38,7 +38,7 @@ pub struct DmpPolicy {
     chosen: Vec<usize>,
     exchanges: u64,
     record: PathRecord,
-    /// Goals set out for before a crash.
+    /// Goals started for before a crash.
     goals_before: u64,
     memory: Checkpoint,
     last_tick_ns: Option<u64>,
@@ -49,7 +49,7 @@ const LONGEST_STEP: u32 = 2;
 
 impl Component for DmpPolicy {
     const KIND: &'static str = "policy.dmp";
-    const SUMMARY: &'static str = "leads a hand through goals by movement primitives";
+    const SUMMARY: &'static str = "moves an end effector through goals by movement primitives";
     type Config = DmpPolicyConfig;
 
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -58,12 +58,17 @@ impl Component for DmpPolicy {
         StartPose::declare(config, declare)?;
         declare.output::<PoseTarget>(
             "target",
-            "where the hand should be and how it should move, in the world frame",
+            "target pose and velocity of the end effector, in the world frame",
         );
-        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the hand where it is");
+        declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds the present pose");
         if !waypoints.primitives().is_empty() {
             let last = waypoints.primitives().len() as i64 - 1;
-            declare.integer("primitive", 0, 0..=last, "the primitive of `selected` ways, counted from 0");
+            declare.integer(
+                "primitive",
+                0,
+                0..=last,
+                "index of the primitive for goals with `selected`, from 0",
+            );
         }
         Ok(())
     }
@@ -102,16 +107,21 @@ impl Component for DmpPolicy {
         }
         self.last_tick_ns = Some(tick.time_ns);
         let segment = self.reach.segment();
-        if self.reach.phase() == ReachPhase::Moving && self.record.watches(segment) {
-            let hand = self.start_pose.hand();
-            self.record.observe(segment, self.reach.progress(), self.reach.pose().translation.vector, hand);
+        if self.reach.phase() == ReachPhase::Moving && self.record.has_path(segment) {
+            let end_effector = self.start_pose.end_effector();
+            self.record.observe(
+                segment,
+                self.reach.progress(),
+                self.reach.pose().translation.vector,
+                end_effector,
+            );
         }
         self.publish()
     }
 
     fn result(&self) -> Option<serde_json::Value> {
         let mut result = serde_json::json!({
-            "goals_set_out_for": self.goals(),
+            "goals_started": self.goals(),
             "goals": self.reach.segments(),
             "finished": self.reach.phase() == ReachPhase::Finished,
         });
@@ -146,7 +156,7 @@ impl DmpPolicy {
 
     /// Begins at `start`, or goes on after a crash with what was under way.
     fn begin(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
-        let refused = |_| StepError::failed("the hand has no finite pose to start from");
+        let refused = |_| StepError::failed("the end effector has no finite pose to start from");
         let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
         let Some(memory) = memory.filter(|memory| memory.segment < self.reach.segments()) else {
             self.waypoints.set_goals(&mut self.reach, &start).map_err(refused)?;
@@ -154,7 +164,7 @@ impl DmpPolicy {
         };
         self.waypoints.set_goals(&mut self.reach, &memory.origin).map_err(refused)?;
         self.goals_before = memory.goals - 1;
-        // a measured pose says where the hand has got to in the meantime; a configured one does not
+        // the measured pose includes any motion in the meantime; a configured one does not
         let start = if self.start_pose.is_measured() { start } else { memory.pose };
         self.reach.start_with(memory.segment, start).map_err(refused)
     }
@@ -192,7 +202,7 @@ struct Memory {
     goals: u64,
     /// Pose of the target.
     pose: Isometry3<f64>,
-    /// Where the first segment began: goals may be given relative to it.
+    /// Pose at the start of the first segment, to which goals may be relative.
     origin: Isometry3<f64>,
 }
 

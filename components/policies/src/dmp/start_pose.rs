@@ -11,7 +11,7 @@ use super::config::DmpPolicyConfig;
 use super::waypoints;
 use crate::robot;
 
-/// Finds the pose the hand starts from.
+/// The start pose of the end effector.
 #[derive(Debug)]
 pub(super) enum StartPose {
     /// From the file.
@@ -34,22 +34,22 @@ impl StartPose {
         if let Some(start) = &config.start {
             waypoints::pose(start, "start")?;
             if config.frame.is_some() {
-                return Err(ConfigError::key(
-                    "frame",
-                    "with a configured `start`, no frame of the robot is looked at",
-                )
-                .advise("remove `frame`, or remove `start` to begin at the measured pose of this frame"));
+                return Err(ConfigError::key("frame", "`frame` has no effect beside a configured `start`")
+                    .advise(
+                        "remove `frame`, or remove `start` to begin at the measured pose of this frame",
+                    ));
             }
             return Ok(());
         }
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new(
-                "the pose to start from is found through the model of a robot, and there is none",
-            )
-            .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
+            ConfigError::new("no `start` is given, and the component names no robot to measure it from")
+                .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
         load(robot, config.frame.as_deref())?;
-        declare.input::<JointState>("joint_state", "joint state, read once to find where the hand starts");
+        declare.input::<JointState>(
+            "joint_state",
+            "joint state, read once for the start pose of the end effector",
+        );
         Ok(())
     }
 
@@ -73,7 +73,7 @@ impl StartPose {
     }
 
     /// Measured position of the end effector, m, if it is measured.
-    pub(super) fn hand(&mut self) -> Option<nalgebra::Vector3<f64>> {
+    pub(super) fn end_effector(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };
         let Measured { state, model, frame, kinematics } = measured.as_mut();
         let state = state.latest().filter(|state| state.count() == model.nq())?;
@@ -104,12 +104,10 @@ pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(M
     let loaded = robot::load(reference)?;
     if loaded.model.base().floating {
         let message = format!(
-            "robot `{}` has a floating base: where its hand is, its joints do not say",
+            "robot `{}` has a floating base: its joint positions alone do not determine the pose of its end effector",
             reference.name
         );
-        return Err(
-            ConfigError::new(message).advise("lead a robot with a fixed base, or use a policy of joints")
-        );
+        return Err(ConfigError::new(message).advise("use a robot with a fixed base, or a policy of joints"));
     }
     let id = robot::end_effector(&loaded, frame, "frame")?;
     Ok((loaded.model, id))

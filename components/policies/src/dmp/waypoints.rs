@@ -103,7 +103,7 @@ impl Waypoints {
         } else {
             if goal.duration.is_none() {
                 return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
-                    .advise("say how long the way takes, such as `duration = \"2 s\"`"));
+                    .advise("give the time to this goal, such as `duration = \"2 s\"`"));
             }
             segment.shape =
                 self.shape(&goal.shape, robot, &key("shape")).map_err(|error| match error.key {
@@ -119,7 +119,7 @@ impl Waypoints {
             Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
             _ => {
                 path = None;
-                place(goal, &format!("goals[{index}]"), key)?
+                goal_position(goal, &format!("goals[{index}]"), key)?
             }
         };
         self.push(index, Goal { place, turn }, segment, path);
@@ -221,7 +221,7 @@ pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, Con
 /// Farthest goal along an axis, m: robots do not walk that far in one run.
 const FARTHEST: f64 = 1e5;
 
-/// A place that a robot may be led to.
+/// A position within the range of goals.
 fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     match values.iter().find(|value| value.abs() > FARTHEST) {
         Some(value) => {
@@ -232,7 +232,7 @@ fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     }
 }
 
-fn place(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
+fn goal_position(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
     match (goal.position, goal.offset) {
         (Some(position), None) => Ok(Place::At(near(position, key("position"))?)),
         (None, Some(offset)) => Ok(Place::Beside(near(offset, key("offset"))?)),
@@ -275,7 +275,7 @@ fn orientation(
 
 fn finite(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     match values.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(ConfigError::key(key, format!("{value} is no number to work with"))),
+        Some(value) => Err(ConfigError::key(key, format!("{value}, expected a finite number"))),
         None => Ok(Vector3::from(values)),
     }
 }

@@ -11,8 +11,8 @@ use motorium_primitives::reach::Repeat;
 /// ```toml
 /// library   = "letters"
 /// movements = ["a"]
-/// terms     = [4, 8, 16]
-/// hand      = { origin = [0.45, -0.2, 0.4], pitch = 0.15 }
+/// eigenforces = [4, 8, 16]
+/// end_effector = { origin = [0.45, -0.2, 0.4], pitch = 0.15 }
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -27,8 +27,8 @@ pub struct LibraryPolicyConfig {
     pub movements: Vec<String>,
     /// Numbers of eigenforces: each movement is made with each of them. Without it, with all.
     #[serde(default)]
-    pub terms: Vec<usize>,
-    /// What follows the last movement: "once" stays there, "forever" goes back to the first.
+    pub eigenforces: Vec<usize>,
+    /// Behaviour after the last movement: "once" stays there, "forever" goes back to the first.
     #[serde(default)]
     pub repeat: Repeat,
     /// Duration of each movement, such as "4 s". Default: that of its recording.
@@ -40,9 +40,10 @@ pub struct LibraryPolicyConfig {
     /// Time of rest before and after each movement. Default "250 ms".
     #[serde(default = "rest")]
     pub rest: TimeSpan,
-    /// Moves a hand in a plane, for libraries of two degrees of freedom. Without it, the movements are setpoints of joints.
+    /// Moves an end effector in a plane, for libraries of two degrees of freedom. Without it, the movements are
+    /// setpoints of joints.
     #[serde(default)]
-    pub hand: Option<HandConfig>,
+    pub end_effector: Option<EndEffectorConfig>,
     /// Definition of rest for recognition: a movement lies between two rests.
     #[serde(default)]
     pub recognition: RecognitionConfig,
@@ -51,11 +52,11 @@ pub struct LibraryPolicyConfig {
     pub picture: Option<String>,
 }
 
-/// The plane that a hand moves in.
+/// The plane that an end effector moves in.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct HandConfig {
-    /// Frame of the robot that is led. Without it, that of the robot's only end effector.
+pub struct EndEffectorConfig {
+    /// Frame of the robot that moves in the plane. Without it, that of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
     /// Centre of the first movement, in the world frame, m.
@@ -91,13 +92,13 @@ pub struct RecognitionConfig {
     #[serde(default = "longest")]
     pub longest: TimeSpan,
     /// Eigenforces to recognise by.
-    #[serde(default = "terms")]
-    pub terms: usize,
+    #[serde(default = "eigenforces")]
+    pub eigenforces: usize,
 }
 
 impl Default for RecognitionConfig {
     fn default() -> Self {
-        Self { still: still(), pause: pause(), longest: longest(), terms: terms() }
+        Self { still: still(), pause: pause(), longest: longest(), eigenforces: eigenforces() }
     }
 }
 
@@ -134,6 +135,6 @@ fn longest() -> TimeSpan {
 const fn milliseconds(count: u64) -> TimeSpan {
     TimeSpan { ns: 1_000_000 * count }
 }
-fn terms() -> usize {
+fn eigenforces() -> usize {
     16
 }

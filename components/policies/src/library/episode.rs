@@ -7,7 +7,7 @@ use motorium_library::{Frame, Generator, MotionLibrary, Superposition};
 pub(super) struct Planned {
     pub(super) entry: usize,
     pub(super) name: String,
-    pub(super) terms: usize,
+    pub(super) eigenforces: usize,
     pub(super) movement: Superposition,
 }
 
@@ -15,16 +15,16 @@ pub(super) struct Planned {
 pub(super) fn plan(
     library: &MotionLibrary,
     movements: &[(usize, String)],
-    terms: &[usize],
+    eigenforces: &[usize],
     duration: Option<f64>,
 ) -> Vec<Planned> {
     let all = [library.rank()];
-    let terms = if terms.is_empty() { &all[..] } else { terms };
+    let eigenforces = if eigenforces.is_empty() { &all[..] } else { eigenforces };
     let mut planned = Vec::new();
     for (entry, name) in movements {
-        for &terms in terms {
-            let movement = Superposition::of(library, *entry, terms).placed(None, None, duration);
-            planned.push(Planned { entry: *entry, name: name.clone(), terms, movement });
+        for &eigenforces in eigenforces {
+            let movement = Superposition::of(library, *entry, eigenforces).placed(None, None, duration);
+            planned.push(Planned { entry: *entry, name: name.clone(), eigenforces, movement });
         }
     }
     planned
@@ -35,7 +35,7 @@ pub(super) fn plan(
 pub(super) enum Stage {
     /// It has no state to begin from yet.
     Waiting,
-    /// On the way to the start of a movement: seconds since it set out.
+    /// On the way to the start of a movement: seconds since its start.
     Transit(f64),
     /// Before or after a movement: seconds since it came to rest.
     Rest {

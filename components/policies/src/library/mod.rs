@@ -1,4 +1,4 @@
-//! `policy.library`: moves a hand, or joints, by a motion library, and recognises what moves.
+//! `policy.library`: moves an end effector, or joints, by a motion library, and recognises what moves.
 
 mod config;
 mod episode;
@@ -11,7 +11,7 @@ mod signal;
 mod source;
 mod watch;
 
-pub use config::{HandConfig, LibraryPolicyConfig, RecognitionConfig};
+pub use config::{EndEffectorConfig, LibraryPolicyConfig, RecognitionConfig};
 pub use messages::{MAX_LABEL, MAX_WEIGHTS, MovementRequest, Recognition};
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
@@ -25,14 +25,14 @@ use episode::{Current, Planned, Stage, plan};
 use motorium_library::{Generator, MotionLibrary, Trace};
 use motorium_primitives::reach::Repeat;
 use plane::Plane;
-use signal::Hand;
+use signal::EndEffector;
 use watch::Watch;
 
 /// Makes the movements of a motion library, one after the other, and recognises the movements it sees.
 ///
-/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests, moves, rests.
-/// A [`MovementRequest`], or another number of eigenforces, takes effect at the next start: never within a movement.
-/// Whatever the robot does (itself led by this policy or not) is recognised as soon as it comes to rest.
+/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests, moves,
+/// rests. A [`MovementRequest`], or another number of eigenforces, takes effect at the next start: never within a
+/// movement. Whatever the robot does (itself led by this policy or not) is recognised as soon as it comes to rest.
 #[derive(Debug)]
 pub struct LibraryPolicy {
     joint_state: Input<JointState>,
@@ -41,8 +41,8 @@ pub struct LibraryPolicy {
     setpoint: Option<Output<JointState>>,
     recognised: Output<Recognition>,
     speed: Parameter<f64>,
-    terms: Parameter<i64>,
-    hand: Option<(Hand, Plane)>,
+    eigenforces: Parameter<i64>,
+    end_effector: Option<(EndEffector, Plane)>,
     joints: Vec<usize>,
     library: MotionLibrary,
     generator: Generator,
@@ -80,23 +80,24 @@ const LISTED: usize = 64;
 
 impl Component for LibraryPolicy {
     const KIND: &'static str = "policy.library";
-    const SUMMARY: &'static str = "moves a hand or joints by a motion library, and recognises movements";
+    const SUMMARY: &'static str =
+        "moves an end effector or joints by a motion library, and recognises movements";
     type Config = LibraryPolicyConfig;
 
     fn declare(config: &LibraryPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().cloned().ok_or_else(|| {
-            ConfigError::new("it looks at the joints of a robot, and there is none")
+            ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         let library = source::load(config, Some(&robot.base))?;
         source::entries(config, &library)?;
         source::check(config, &library)?;
-        if let Some(hand) = &config.hand {
-            Plane::new(hand, &library)?;
-            Hand::new(&robot, hand.frame.as_deref())?;
+        if let Some(end_effector) = &config.end_effector {
+            Plane::new(end_effector, &library)?;
+            EndEffector::new(&robot, end_effector.frame.as_deref())?;
             declare.output::<PoseTarget>(
                 "target",
-                "where the hand should be and how it should move, in the world frame",
+                "target pose and velocity of the end effector, in the world frame",
             );
         } else {
             signal::joints(&robot, library.layout().names())?;
@@ -107,17 +108,18 @@ impl Component for LibraryPolicy {
         }
         declare.input::<JointState>(
             "joint_state",
-            "joint state: where the movement begins, and what is recognised",
+            "joint state: start of the movement, and the motion to recognise",
         );
         declare.optional_input::<MovementRequest>(
             "request",
-            "asks for another movement, by label or by weights",
+            "request of another movement, by label or by weights",
         );
-        declare.output::<Recognition>("recognised", "what the movement that just ended was like");
+        declare
+            .output::<Recognition>("recognised", "the nearest known movement to the one that has just ended");
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds still");
         let rank = library.rank() as i64;
         declare.integer(
-            "terms",
+            "eigenforces",
             0,
             0..=rank,
             "eigenforces of the next movement; 0 leaves it to the configuration",
@@ -129,13 +131,13 @@ impl Component for LibraryPolicy {
         let robot = setup.robot()?.clone();
         let library = source::load(&config, Some(&robot.base))?;
         let duration = config.duration.map(TimeSpan::as_secs_f64);
-        let planned = plan(&library, &source::entries(&config, &library)?, &config.terms, duration);
+        let planned = plan(&library, &source::entries(&config, &library)?, &config.eigenforces, duration);
         let dofs = library.layout().dofs();
         let period = setup.period().as_secs_f64();
-        let (mut hand, mut joints) = (None, Vec::new());
-        if let Some(hand_config) = &config.hand {
-            let plane = Plane::new(hand_config, &library)?;
-            hand = Some((Hand::new(&robot, hand_config.frame.as_deref())?, plane));
+        let (mut end_effector, mut joints) = (None, Vec::new());
+        if let Some(end_effector_config) = &config.end_effector {
+            let plane = Plane::new(end_effector_config, &library)?;
+            end_effector = Some((EndEffector::new(&robot, end_effector_config.frame.as_deref())?, plane));
         } else {
             joints = signal::joints(&robot, library.layout().names())?;
         }
@@ -145,11 +147,11 @@ impl Component for LibraryPolicy {
         Ok(Self {
             joint_state: setup.input("joint_state")?,
             request: setup.input("request")?,
-            target: if hand.is_some() { Some(setup.output("target")?) } else { None },
-            setpoint: if hand.is_some() { None } else { Some(setup.output("setpoint")?) },
+            target: if end_effector.is_some() { Some(setup.output("target")?) } else { None },
+            setpoint: if end_effector.is_some() { None } else { Some(setup.output("setpoint")?) },
             recognised: setup.output("recognised")?,
             speed: setup.parameter("speed")?,
-            terms: setup.parameter("terms")?,
+            eigenforces: setup.parameter("eigenforces")?,
             generator: Generator::new(&library),
             traces: planned.iter().map(|planned| Trace::new(dofs, steps(planned))).collect(),
             watch: Watch::new(&library, &config.recognition, period),
@@ -172,7 +174,7 @@ impl Component for LibraryPolicy {
             last_ns: None,
             seen: Vec::with_capacity(LISTED),
             picture: config.picture,
-            hand,
+            end_effector,
             joints,
             planned,
             library,
@@ -180,7 +182,7 @@ impl Component for LibraryPolicy {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let Some(pose) = self.look()? else { return Ok(()) };
+        let Some(pose) = self.read_state()? else { return Ok(()) };
         let elapsed = tick.time_ns.saturating_sub(self.last_ns.unwrap_or(tick.time_ns));
         self.last_ns = Some(tick.time_ns);
         let longest = (tick.period * LONGEST_STEP).as_secs_f64();
@@ -205,12 +207,12 @@ impl Component for LibraryPolicy {
 }
 
 impl LibraryPolicy {
-    /// Reads the joint state: the pose of the hand (or of nothing), and what moved.
-    fn look(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
+    /// Reads the joint state: the pose of the end effector, or the identity without one, and the observed motion.
+    fn read_state(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(None) };
         let mut pose = Isometry3::identity();
-        if let Some((hand, plane)) = &mut self.hand {
-            pose = hand.pose(state.position()).ok_or(OTHER_ROBOT)?;
+        if let Some((end_effector, plane)) = &mut self.end_effector {
+            pose = end_effector.pose(state.position()).ok_or(OTHER_ROBOT)?;
             let place = self.index;
             self.measured.copy_from_slice(&plane.position(&pose.translation.vector, place));
         } else {
@@ -219,8 +221,8 @@ impl LibraryPolicy {
             }
         }
         let measured = &self.measured;
-        if self.watch.look(|d| measured[d]) {
-            let seen = self.watch.seen();
+        if self.watch.observe(|d| measured[d]) {
+            let seen = self.watch.recognition();
             let label = self.labels.get(seen.movement as usize).copied().unwrap_or_default();
             if self.seen.len() < LISTED {
                 self.seen.push((seen.movement, label, seen.novelty));
@@ -294,14 +296,14 @@ impl LibraryPolicy {
         }
         self.on_request = false;
         let planned = &self.planned[self.index];
-        let (entry, asked) = (planned.entry, usize::try_from(self.terms.get()).unwrap_or(0));
+        let (entry, asked) = (planned.entry, usize::try_from(self.eigenforces.get()).unwrap_or(0));
         self.current.set_frame(&planned.movement.frame);
         if asked > 0 {
             self.current.set(&self.library.weights().column(entry).as_slice()[..asked]);
         } else {
             self.current.set(&planned.movement.weights);
         }
-        if let Some((_, plane)) = &mut self.hand {
+        if let Some((_, plane)) = &mut self.end_effector {
             plane.fit(entry);
         }
     }
@@ -326,7 +328,7 @@ impl LibraryPolicy {
             let count = if count == 0 { rank } else { count };
             self.current.set(&self.library.weights().column(entry).as_slice()[..count]);
             self.current.set_frame(&self.library.entries()[entry].frame);
-            if let Some((_, plane)) = &mut self.hand {
+            if let Some((_, plane)) = &mut self.end_effector {
                 plane.fit(entry);
             }
         }
@@ -337,7 +339,7 @@ impl LibraryPolicy {
     /// Sets out for the start of the current movement, from where the policy is, or at first from where the robot is.
     fn set_out(&mut self, pose: &Isometry3<f64>) {
         let first = self.stage == Stage::Waiting;
-        if self.hand.is_some() {
+        if self.end_effector.is_some() {
             let here = if first { pose.translation.vector } else { self.published };
             self.from[..3].copy_from_slice(here.as_slice());
         } else {
@@ -351,5 +353,6 @@ impl LibraryPolicy {
 const OTHER_ROBOT: StepError = StepError::Failed(std::borrow::Cow::Borrowed(
     "the joint state has another number of joints than the robot's model",
 ));
-const NO_MOVEMENT: StepError =
-    StepError::Failed(std::borrow::Cow::Borrowed("the movement holds what is no number, or takes no time"));
+const NO_MOVEMENT: StepError = StepError::Failed(std::borrow::Cow::Borrowed(
+    "the movement has a value that is not finite, or no duration",
+));

@@ -7,17 +7,17 @@ use motorium_library::Superposition;
 impl LibraryPolicy {
     /// The entry of the policy under `results` in the report.
     pub(super) fn outcome(&self) -> serde_json::Value {
-        let mut by_terms = serde_json::Map::new();
+        let mut by_eigenforces = serde_json::Map::new();
         let mut movements = Vec::new();
         for (planned, trace) in self.planned.iter().zip(&self.traces) {
-            let scale = self.hand.as_ref().map_or(1.0, |(_, plane)| plane.scale_of(planned.entry));
+            let scale = self.end_effector.as_ref().map_or(1.0, |(_, plane)| plane.scale_of(planned.entry));
             let errors = trace.errors(&self.library, planned.entry);
             let [generated, tracking, path] = [errors.generated, errors.tracking, errors.path]
                 .map(|error| error.map(|error| error * scale));
-            by_terms.insert(planned.terms.to_string(), serde_json::json!(generated));
+            by_eigenforces.insert(planned.eigenforces.to_string(), serde_json::json!(generated));
             movements.push(serde_json::json!({
                 "movement": planned.name,
-                "terms": planned.terms,
+                "eigenforces": planned.eigenforces,
                 "generated_error": generated,
                 "tracking_error": tracking,
                 "path_error": path,
@@ -33,7 +33,7 @@ impl LibraryPolicy {
         serde_json::json!({
             "movements_begun": self.begun,
             "finished": self.stage == Stage::Finished,
-            "path_error_by_terms": by_terms,
+            "path_error_by_eigenforces": by_eigenforces,
             "movements": movements,
             "recognised": seen,
             "picture": self.picture,
@@ -50,7 +50,7 @@ impl LibraryPolicy {
                     Superposition::of(&self.library, planned.entry, self.library.rank()).path(&self.library);
                 let whole =
                     whole.row_iter().map(|row| [row[0], if dofs > 1 { row[1] } else { 0.0 }]).collect();
-                let name = format!("{}, n = {}", planned.name, planned.terms);
+                let name = format!("{}, n = {}", planned.name, planned.eigenforces);
                 picture::Panel { name, paths: [whole, trace.commanded_points(), trace.measured_points()] }
             })
             .collect()

@@ -1,9 +1,9 @@
-//! A hand in a plane: from degrees of freedom of a library to poses.
+//! The plane of an end effector: from degrees of freedom of a library to poses.
 
 use motorium::declare::ConfigError;
 use nalgebra::Vector3;
 
-use super::config::HandConfig;
+use super::config::EndEffectorConfig;
 use motorium_library::{MotionLibrary, Superposition};
 
 /// Placement of movements of two degrees of freedom in space.
@@ -21,25 +21,27 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    pub(super) fn new(config: &HandConfig, library: &MotionLibrary) -> Result<Self, ConfigError> {
+    pub(super) fn new(config: &EndEffectorConfig, library: &MotionLibrary) -> Result<Self, ConfigError> {
         let dofs = library.layout().dofs();
         if dofs != 2 {
             let message =
-                format!("a hand moves in a plane by two degrees of freedom, the library has {dofs}");
-            return Err(ConfigError::key("hand", message)
-                .advise("remove `hand`: the movements are then joint setpoints"));
+                format!("the plane of an end effector takes two degrees of freedom, the library has {dofs}");
+            return Err(ConfigError::key("end_effector", message)
+                .advise("remove `end_effector`: the movements are then joint setpoints"));
         }
-        for (key, value) in
-            [("hand.size", config.size), ("hand.lift", config.lift), ("hand.pitch", config.pitch)]
-        {
-            if !value.is_finite() || (key == "hand.size" && value <= 0.0) {
+        for (key, value) in [
+            ("end_effector.size", config.size),
+            ("end_effector.lift", config.lift),
+            ("end_effector.pitch", config.pitch),
+        ] {
+            if !value.is_finite() || (key == "end_effector.size" && value <= 0.0) {
                 return Err(ConfigError::key(key, format!("{value} m is no length to move by")));
             }
         }
         let (x, y) = (Vector3::from(config.x_axis), Vector3::from(config.y_axis));
         let straight = x.norm() > 1e-6 && y.norm() > 1e-6;
         if !straight || x.normalize().dot(&y.normalize()).abs() > 1e-6 {
-            return Err(ConfigError::key("hand.y_axis", "the axes are not at right angles"));
+            return Err(ConfigError::key("end_effector.y_axis", "the axes are not at right angles"));
         }
         let (origin, axes) = (Vector3::from(config.origin), [x.normalize(), y.normalize()]);
         let (pitch, lift) = (config.pitch, config.lift);

@@ -18,7 +18,7 @@ impl LibraryPolicy {
         let in_movement =
             matches!(self.stage, Stage::Moving | Stage::Finished | Stage::Rest { after: true, .. });
         let frame = &self.current.frame;
-        let joints = self.hand.is_none();
+        let joints = self.end_effector.is_none();
         for d in 0..self.position.len() {
             (self.position[d], self.velocity[d]) = match (in_movement, joints) {
                 (true, _) => (self.generator.position()[d], self.generator.velocity()[d]),
@@ -37,7 +37,7 @@ impl LibraryPolicy {
             out.effort_mut().fill(0.0);
             return out.publish();
         }
-        let (Some((_, plane)), Some(target)) = (&self.hand, &mut self.target) else { return Ok(()) };
+        let (Some((_, plane)), Some(target)) = (&self.end_effector, &mut self.target) else { return Ok(()) };
         let mut point = plane.point(&self.position, self.index);
         let mut velocity = plane.velocity(&self.velocity);
         if !in_movement {

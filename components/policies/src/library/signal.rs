@@ -6,23 +6,23 @@ use nalgebra::Isometry3;
 
 use crate::robot;
 
-/// The hand of a robot, found from its joint positions.
+/// The end effector of a robot, found from its joint positions.
 #[derive(Debug)]
-pub(super) struct Hand {
+pub(super) struct EndEffector {
     model: Model,
     frame: FrameId,
     kinematics: Kinematics,
 }
 
-impl Hand {
+impl EndEffector {
     pub(super) fn new(reference: &RobotReference, frame: Option<&str>) -> Result<Self, ConfigError> {
         let loaded = robot::load(reference)?;
-        let frame = robot::end_effector(&loaded, frame, "hand.frame")?;
+        let frame = robot::end_effector(&loaded, frame, "end_effector.frame")?;
         let kinematics = Kinematics::new(&loaded.model);
         Ok(Self { model: loaded.model, frame, kinematics })
     }
 
-    /// The pose of the hand, or nothing if the positions are those of another robot.
+    /// The pose of the end effector; `None` if the robot has another number of joints.
     pub(super) fn pose(&mut self, q: &[f64]) -> Option<Isometry3<f64>> {
         if q.len() != self.model.nq() {
             return None;
@@ -39,7 +39,7 @@ pub(super) fn joints(reference: &RobotReference, names: &[String]) -> Result<Vec
         loaded.model.joint_index(name).ok_or_else(|| {
             let message = format!("the library moves `{name}`, which is no joint of `{}`", reference.name);
             ConfigError::key("library", message)
-                .advise("name the degrees of freedom of the recordings as the joints, or give `hand`")
+                .advise("name the degrees of freedom of the recordings as the joints, or give `end_effector`")
         })
     };
     names.iter().map(find).collect()

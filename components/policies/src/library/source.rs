@@ -56,7 +56,7 @@ pub(super) fn entries(
     library: &MotionLibrary,
 ) -> Result<Vec<(usize, String)>, ConfigError> {
     if config.movements.is_empty() {
-        return Err(ConfigError::key("movements", "there is none, expected at least one label or id"));
+        return Err(ConfigError::key("movements", "the list is empty, expected at least one label or id"));
     }
     let named = config.movements.iter().enumerate();
     named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone()))).collect()
@@ -64,9 +64,11 @@ pub(super) fn entries(
 
 /// Checks the numbers of a configuration.
 pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Result<(), ConfigError> {
-    if let Some(terms) = config.terms.iter().find(|terms| **terms == 0 || **terms > library.rank()) {
-        let message = format!("{terms} eigenforces, the library has {}", library.rank());
-        return Err(ConfigError::key("terms", message));
+    if let Some(eigenforces) =
+        config.eigenforces.iter().find(|eigenforces| **eigenforces == 0 || **eigenforces > library.rank())
+    {
+        let message = format!("{eigenforces} eigenforces, the library has {}", library.rank());
+        return Err(ConfigError::key("eigenforces", message));
     }
     let recognition = &config.recognition;
     for (key, value, least) in [("recognition.still", recognition.still, 0.0), ("rate", config.rate, 1e-6)] {

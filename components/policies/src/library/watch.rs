@@ -30,7 +30,7 @@ impl Watch {
     pub(super) fn new(library: &MotionLibrary, config: &RecognitionConfig, period: f64) -> Self {
         let (dofs, spring) = (library.layout().dofs(), *library.spring());
         let capacity = ((config.longest.as_secs_f64() / period).ceil() as usize).max(8);
-        let recogniser = Recogniser::new(library, config.terms.min(MAX_WEIGHTS));
+        let recogniser = Recogniser::new(library, config.eigenforces.min(MAX_WEIGHTS));
         Self {
             recogniser,
             dofs,
@@ -50,7 +50,7 @@ impl Watch {
     }
 
     /// Takes in one position; true if a movement has just ended and was recognised.
-    pub(super) fn look(&mut self, position: impl Fn(usize) -> f64) -> bool {
+    pub(super) fn observe(&mut self, position: impl Fn(usize) -> f64) -> bool {
         if self.count == self.capacity {
             // too long to be a movement of the library: wait for the next rest
             (self.count, self.resting, self.moved) = (0, 0, false);
@@ -87,7 +87,7 @@ impl Watch {
     }
 
     /// The movement that ended last.
-    pub(super) fn seen(&self) -> &Recognition {
+    pub(super) fn recognition(&self) -> &Recognition {
         &self.seen
     }
 

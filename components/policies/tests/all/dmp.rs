@@ -167,7 +167,7 @@ fn the_hand_is_led_from_where_it_is_through_all_goals() {
     let first = &seen[0];
     assert!(
         (10..=11).contains(&first.tick),
-        "nothing is published before the hand's pose is known: {}",
+        "nothing is published before the end effector's pose is known: {}",
         first.tick
     );
     assert!(
@@ -190,7 +190,7 @@ fn the_hand_is_led_from_where_it_is_through_all_goals() {
     let last = seen.last().unwrap();
     assert!(distance(last, two - Vector3::new(0.0, 0.2, 0.0)) < 1e-6 && turn(last).angle_to(&tilted) < 1e-7);
     assert_eq!((last.goal, last.at_goal), (3, 1));
-    let expected = serde_json::json!({ "goals_set_out_for": 3, "goals": 3, "finished": true });
+    let expected = serde_json::json!({ "goals_started": 3, "goals": 3, "finished": true });
     assert_eq!(report.results["policy"], expected);
     let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
     assert_eq!((policy.steps, support::faults(&report)), (3000, (Some(0), 0)));
@@ -246,7 +246,7 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
         serde_json::json!({ "offset": [0, 0, 0], "duration": "1 s", "shape": { "primitive": settings } });
     let (place, message) = one(learned);
     assert_eq!(place.as_deref(), Some("goals[0].shape"));
-    assert_eq!(message, "the learned shape has 1 dimensions, expected 3: the position of the hand");
+    assert_eq!(message, "the learned shape has 1 dimensions, expected 3: the position of the end effector");
     let goal = serde_json::json!({ "offset": [0, 0, 0], "duration": "1 s" });
     let (place, message) = refuse(serde_json::json!({ "goals": [goal], "frame": "panda_hnad_tcp" }));
     assert_eq!(place.as_deref(), Some("frame"));

@@ -21,7 +21,7 @@ struct Legged {
     config: LeggedConfig,
     q: Vec<f64>,
     v: Vec<f64>,
-    swings: Vec<Swing>,
+    swings: Vec<ObservedMotion>,
     leap: f64,
     effort: Vec<f64>,
 }
@@ -29,17 +29,17 @@ struct Legged {
 #[derive(Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct LeggedConfig {
-    /// Where it stands.
+    /// Joint positions of the standing robot.
     q: Vec<f64>,
-    /// From when on it looks, s.
+    /// Start of the observation, s.
     from: f64,
     /// Strides per second.
     frequency: f64,
 }
 
-/// What a joint does.
+/// Observed motion of a joint.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
-struct Swing {
+struct ObservedMotion {
     low: f64,
     high: f64,
     speed: f64,
@@ -50,7 +50,7 @@ struct Swing {
 
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 struct Seen {
-    swings: Vec<Swing>,
+    swings: Vec<ObservedMotion>,
     leap: f64,
     effort: Vec<f64>,
 }
@@ -68,7 +68,7 @@ impl Component for Legged {
 
     fn configure(config: LeggedConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let joints = config.q.len();
-        let nowhere = Swing { low: f64::MAX, high: f64::MIN, ..Swing::default() };
+        let nowhere = ObservedMotion { low: f64::MAX, high: f64::MIN, ..ObservedMotion::default() };
         Ok(Self {
             command: setup.input("joint_command")?,
             state: setup.output("joint_state")?,
@@ -284,10 +284,7 @@ fn numbers_of_a_model_are_checked_and_those_of_another_refused() {
         (error.key.unwrap(), error.message)
     };
     let (key, message) = refused(json!({ "hopf": {} }));
-    assert_eq!(
-        (key.as_str(), message.as_str()),
-        ("hopf", "numbers of a model that is not used: `model` is \"phase\"")
-    );
+    assert_eq!((key.as_str(), message.as_str()), ("hopf", "settings of another model: `model` is \"phase\""));
     let (key, message) = refused(json!({ "model": "hopf", "hopf": { "duty_factor": 1.0 } }));
     assert_eq!((key.as_str(), message.as_str()), ("hopf", "duty_factor = 1: expected from 0.05 to 0.95"));
     let (key, message) = refused(json!({ "model": "matsuoka", "matsuoka": { "inhibition": 4.0 } }));

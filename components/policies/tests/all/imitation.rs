@@ -121,7 +121,7 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
     let number = |name: &str| target[name].as_f64().unwrap();
     assert!(number("path_error_m") < 1e-3 && number("timed_error_m") < 2e-3, "{target}");
     assert!(number("largest_path_error_m") <= worst + 1e-4);
-    assert!(result["imitation"]["hand"].is_null(), "no robot is measured");
+    assert!(result["imitation"]["end_effector"].is_null(), "no robot is measured");
     assert_eq!(support::faults(&report), (Some(0), 0));
 }
 
@@ -206,7 +206,7 @@ fn what_cannot_be_imitated_is_refused_with_its_key() {
     assert!(message.contains("none.csv"), "{message}");
     std::fs::write(folder.path().join("two.csv"), "t,a,b\n0,1,2\n1,2,3\n2,3,4\n").unwrap();
     let (_, message) = refuse(shown("two.csv"));
-    assert_eq!(message, "2 channels, expected 3 (position of the hand) or 8 (joints of `arm`)");
+    assert_eq!(message, "2 channels, expected 3 (position of the end effector) or 8 (joints of `arm`)");
     let (key, _) = refuse(json!({ "goals": [{ "offset": [0, 0, 0] }] }));
     assert_eq!(key, "goals[0]");
     let selected = json!({ "goals": [{ "offset": [0, 0, 0], "duration": "1 s", "shape": "selected" }] });

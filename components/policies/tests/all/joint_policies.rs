@@ -220,7 +220,7 @@ fn joints_follow_the_mean_through_a_via_point_and_the_others_stay() {
 #[test]
 fn the_primitive_that_the_parameter_names_is_run_and_movements_repeat() {
     let config = format!(
-        "primitives = [{}, {}]\njoints = [\"joint1\", \"joint2\"]\nrepeat = \"forever\"\ndwell = \"500 ms\"\ndrive = {{ ease = \"100 ms\", kp = [1, 2, 3], kd = [1, 1, 1], gravity_compensation = false }}",
+        "primitives = [{}, {}]\njoints = [\"joint1\", \"joint2\"]\nrepeat = \"forever\"\ndwell = \"500 ms\"\njoint_command = {{ ease = \"100 ms\", kp = [1, 2, 3], kd = [1, 1, 1], gravity_compensation = false }}",
         promp(0.5, 0.2),
         promp(0.5, 1.0)
     );

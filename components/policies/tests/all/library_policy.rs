@@ -175,8 +175,8 @@ fn a_requested_movement_follows_the_one_under_way() {
 
 #[test]
 fn fewer_eigenforces_draw_less_exactly_and_the_result_says_so() {
-    let report = run("movements = [\"here\"]\nterms = [1, 3]", false);
-    let errors = &report.results["policy"]["path_error_by_terms"];
+    let report = run("movements = [\"here\"]\neigenforces = [1, 3]", false);
+    let errors = &report.results["policy"]["path_error_by_eigenforces"];
     let error = |n: &str| errors[n].as_f64().unwrap();
     assert!(error("1") > 0.01 && error("3") < 1e-3, "{errors}");
 }
@@ -191,13 +191,15 @@ fn refuse(config: serde_json::Value) -> (String, Option<String>) {
 fn what_cannot_be_is_refused_by_its_key() {
     let (message, key) = refuse(serde_json::json!({ "library": "none.library", "movements": ["a"] }));
     assert!(key.as_deref() == Some("library") && message.contains("none.library"), "{message}");
-    let hand = serde_json::json!({ "origin": [0.4, 0.0, 0.4] });
-    let (message, key) =
-        refuse(serde_json::json!({ "library": "letters", "movements": ["a", "?"], "hand": hand }));
+    let end_effector = serde_json::json!({ "origin": [0.4, 0.0, 0.4] });
+    let (message, key) = refuse(
+        serde_json::json!({ "library": "letters", "movements": ["a", "?"], "end_effector": end_effector }),
+    );
     assert!(key.as_deref() == Some("movements[1]") && message.contains('?'), "{message}");
-    let (_, key) =
-        refuse(serde_json::json!({ "library": "letters", "movements": ["a"], "terms": [0], "hand": hand }));
-    assert_eq!(key.as_deref(), Some("terms"));
+    let (_, key) = refuse(
+        serde_json::json!({ "library": "letters", "movements": ["a"], "eigenforces": [0], "end_effector": end_effector }),
+    );
+    assert_eq!(key.as_deref(), Some("eigenforces"));
     let (message, key) = refuse(serde_json::json!({ "library": "letters", "movements": ["a"] }));
     assert!(key.as_deref() == Some("library") && message.contains("no joint"), "{message}");
 }
@@ -251,11 +253,11 @@ fn movements_are_made_straight_from_recordings() {
         lines += &format!("{line}\n");
     }
     std::fs::write(folder.path().join("recorded.jsonl"), lines).unwrap();
-    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\nterms = [1, 3]\nduration = \"1 s\"";
+    let config = "library = \"recorded.jsonl\"\nrate = 100.0\nmovements = [\"there\"]\neigenforces = [1, 3]\nduration = \"1 s\"";
     let report = run_in(folder.path(), config, false);
     let policy = &report.results["policy"];
     assert_eq!((&policy["movements_begun"], &policy["finished"]), (&2.into(), &true.into()));
-    let error = |n: &str| policy["path_error_by_terms"][n].as_f64().unwrap();
+    let error = |n: &str| policy["path_error_by_eigenforces"][n].as_f64().unwrap();
     assert!(error("1") > 0.01 && error("3") < 1e-3, "{policy}");
     let q: Vec<f64> = serde_json::from_value(report.results["robot"]["q"].clone()).unwrap();
     for (found, expected) in q.iter().zip([-0.4, 0.6, 0.1]) {
@@ -268,7 +270,7 @@ fn movements_are_made_straight_from_recordings() {
 fn a_hand_is_led_by_pose_targets() {
     let robot =
         RobotReference { name: "panda".into(), urdf: "panda".into(), base: std::env::current_dir().unwrap() };
-    let config = serde_json::json!({ "library": "letters", "movements": ["a"], "hand": { "origin": [0.4, 0.0, 0.4] } });
+    let config = serde_json::json!({ "library": "letters", "movements": ["a"], "end_effector": { "origin": [0.4, 0.0, 0.4] } });
     let declared = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap();
     let target = declared.ports.iter().find(|port| port.name == "target").unwrap();
     assert_eq!(target.layout.type_name, <PoseTarget as motorium::state::StateBuffer>::NAME);

@@ -1,4 +1,4 @@
-//! What tests of components share: a graph in one process, and configurations that are refused.
+//! Support of the component tests: a graph in one process, and configurations that are refused.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub(crate) fn faults(report: &Report) -> (Option<u64>, u64) {
     (policy.allocations, policy.errors + policy.refused)
 }
 
-/// What is said against a configuration for a robot (if there is one), with its files relative to `base`.
+/// The error of a configuration for a robot (if there is one), with its files relative to `base`.
 pub(crate) fn refusal<C: Component>(
     config: serde_json::Value,
     robot: Option<&str>,

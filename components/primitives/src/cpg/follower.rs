@@ -14,7 +14,7 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    pub(super) fn at(value: f64) -> Self {
+    pub(super) fn resting_at(value: f64) -> Self {
         Self { state: (value, 0.0), target: value }
     }
 
@@ -41,8 +41,8 @@ pub(super) struct Commands {
 }
 
 impl Commands {
-    /// Commands of outputs, given as amplitude and offset, and of oscillators at phases of the pattern (rad). Amplitudes
-    /// begin at 0, all others at their targets.
+    /// Commands of outputs, given as amplitude and offset, and of oscillators at phases of the pattern (rad).
+    /// Amplitudes begin at 0, all others at their targets.
     pub(super) fn new(
         frequency: f64,
         outputs: impl Iterator<Item = (f64, f64)>,
@@ -50,14 +50,14 @@ impl Commands {
     ) -> Self {
         let (amplitude, offset) = outputs
             .map(|(amplitude, offset)| {
-                (Follower { state: (0.0, 0.0), target: amplitude }, Follower::at(offset))
+                (Follower { state: (0.0, 0.0), target: amplitude }, Follower::resting_at(offset))
             })
             .unzip();
         Self {
-            frequency: Follower::at(frequency),
+            frequency: Follower::resting_at(frequency),
             amplitude,
             offset,
-            theta: theta.map(Follower::at).collect(),
+            theta: theta.map(Follower::resting_at).collect(),
         }
     }
 
@@ -97,8 +97,8 @@ impl Commands {
         (1..phases.len()).map(|i| wrapped(deviation(i) - deviation(0)).abs()).fold(0.0, f64::max)
     }
 
-    /// An output and its rate, per second: `o + a value`, from the value of its oscillator between -1 and 1 and the rate of
-    /// that value.
+    /// An output and its rate, per second: `o + a value`, from the value of its oscillator between -1 and 1 and the
+    /// rate of that value.
     pub(super) fn output(&self, output: usize, value: f64, rate: f64) -> (f64, f64) {
         let ((a, a_rate), (o, o_rate)) = (self.amplitude[output].state, self.offset[output].state);
         (o + a * value, o_rate + a_rate * value + a * rate)

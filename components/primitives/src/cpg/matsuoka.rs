@@ -24,13 +24,14 @@ impl Default for MatsuokaSettings {
 }
 
 impl MatsuokaSettings {
-    /// Whether two neurons that inhibit each other with `w` oscillate: `1 + beta > w > 1 + tau_1 / tau_2` (Matsuoka 1985).
+    /// True if two neurons that inhibit each other with `w` oscillate: `1 + beta > w > 1 + tau_1 / tau_2` (Matsuoka
+    /// 1985).
     pub fn pair_oscillates(&self, w: f64) -> bool {
         1.0 + self.fatigue > w && w > 1.0 + self.rise_time / self.fatigue_time
     }
 
-    /// About the frequency of such a pair, Hz: `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`, from
-    /// the harmonic balance (Matsuoka 2011). None where that has no solution.
+    /// About the frequency of such a pair, Hz: `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`,
+    /// from the harmonic balance (Matsuoka 2011). None where that has no solution.
     pub fn pair_frequency(&self, w: f64) -> Option<f64> {
         let Self { rise_time, fatigue_time, fatigue, .. } = *self;
         let squared = ((rise_time + fatigue_time) * fatigue - rise_time * w) / (rise_time * w);
@@ -110,7 +111,8 @@ impl MatsuokaOscillator {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with the input `feedback[i]` to each neuron, which entrains it. An empty slice means no input.
+    /// As [`step`](Self::step), with the input `feedback[i]` to each neuron, which entrains it. An empty slice means no
+    /// input.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;

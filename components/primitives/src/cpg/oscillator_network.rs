@@ -10,12 +10,12 @@ use crate::dmp::{CriticalSpring, Stride};
 
 /// Oscillation of a joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Swing {
+pub struct JointOscillation {
     /// The leg, counted from 0.
     pub leg: usize,
     /// Amplitude, unit of the output.
     pub amplitude: f64,
-    /// About which it swings, unit of the output.
+    /// Centre of the oscillation, unit of the output.
     pub offset: f64,
     /// Ahead of its leg, rad.
     pub phase: f64,
@@ -45,17 +45,18 @@ impl Default for OscillatorNetworkSettings {
 /// Duty factors that can be commanded.
 const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
-/// Legs that swing in a gait, an oscillator of one model for each (Matsuoka: for each joint).
+/// Legs that move in a gait, with an oscillator for each (Matsuoka: for each joint).
 ///
-/// Oscillators run along their cycles at their own speeds, and all models are coupled in the same way, through their speeds:
-/// with `chi_i` the part of a turn in time that oscillator `i` is past its maximum, and the phases `theta_i` of the gait,
+/// Oscillators run along their cycles at their own speeds, and all models are coupled in the same way, through their
+/// speeds: with `chi_i` the part of a turn in time that oscillator `i` is past its maximum, and the phases `theta_i` of
+/// the gait,
 ///
 /// `omega_i = 2 pi nu + p_i + k / (n - 1) sum_j sin((chi_j - theta_j) - (chi_i - theta_i))`.
 ///
-/// For Kuramoto's phases that is his model. For the others it keeps the shape of each cycle, however strong the coupling, and
-/// holds the gait in time: legs that are to be half a stride apart are, also when stance takes longer than swing. `p_i` is
-/// feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous with its
-/// derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
+/// For Kuramoto's phases that is his model. For the others it keeps the shape of each cycle, however strong the
+/// coupling, and holds the gait in time: legs half a stride apart stay so, also when stance takes longer than swing.
+/// `p_i` is feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous
+/// with its derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
 #[derive(Clone, Debug)]
 pub struct OscillatorNetwork {
     settings: OscillatorNetworkSettings,
@@ -76,13 +77,13 @@ pub struct OscillatorNetwork {
 }
 
 impl OscillatorNetwork {
-    /// From the model, the joints that swing and the phase of every leg in the gait, rad. It begins in the gait.
+    /// A network of this model, with these joints and the phase of every leg in the gait, rad. It starts in the gait.
     ///
     /// # Errors
     /// Legs that do not exist, numbers out of range, neurons that do not oscillate.
     pub fn new(
         model: Oscillator,
-        swings: &[Swing],
+        oscillations: &[JointOscillation],
         gait: &[f64],
         settings: OscillatorNetworkSettings,
     ) -> Result<Self, CpgError> {
@@ -99,22 +100,30 @@ impl OscillatorNetwork {
             }));
         }
         check_duty(settings.duty_factor)?;
-        for swing in swings {
-            finite("a swing", &[swing.amplitude, swing.offset, swing.phase])?;
-            if swing.leg >= gait.len() {
+        for oscillation in oscillations {
+            finite(
+                "the oscillation of a joint",
+                &[oscillation.amplitude, oscillation.offset, oscillation.phase],
+            )?;
+            if oscillation.leg >= gait.len() {
                 return Err(CpgError::Value(ValueError::Size {
                     name: "the gait",
                     found: gait.len(),
-                    expected: swing.leg + 1,
+                    expected: oscillation.leg + 1,
                 }));
             }
         }
-        let (places, joints): (Vec<_>, Vec<_>) = if Oscillators::turns(&model) {
-            let joint = |swing: &Swing| (swing.leg, swing.phase.cos(), swing.phase.sin());
-            ((0..gait.len()).map(|leg| (leg, 0.0)).collect(), swings.iter().map(joint).collect())
+        let (places, joints): (Vec<_>, Vec<_>) = if Oscillators::has_joint_phases(&model) {
+            let joint = |oscillation: &JointOscillation| {
+                (oscillation.leg, oscillation.phase.cos(), oscillation.phase.sin())
+            };
+            ((0..gait.len()).map(|leg| (leg, 0.0)).collect(), oscillations.iter().map(joint).collect())
         } else {
-            let place = |swing: &Swing| (swing.leg, swing.phase);
-            (swings.iter().map(place).collect(), (0..swings.len()).map(|unit| (unit, 1.0, 0.0)).collect())
+            let assignment = |oscillation: &JointOscillation| (oscillation.leg, oscillation.phase);
+            (
+                oscillations.iter().map(assignment).collect(),
+                (0..oscillations.len()).map(|unit| (unit, 1.0, 0.0)).collect(),
+            )
         };
         let start: Vec<f64> = places.iter().map(|(leg, ahead)| gait[*leg] + ahead).collect();
         let spring = CriticalSpring::new(settings.damping).stride(0.0);
@@ -122,15 +131,15 @@ impl OscillatorNetwork {
             oscillators: Oscillators::new(&model, &start, settings.duty_factor)?,
             commands: Commands::new(
                 settings.frequency,
-                swings.iter().map(|swing| (swing.amplitude, swing.offset)),
+                oscillations.iter().map(|oscillation| (oscillation.amplitude, oscillation.offset)),
                 start.iter().copied(),
             ),
-            duty_factor: Follower::at(settings.duty_factor),
+            duty_factor: Follower::resting_at(settings.duty_factor),
             phases: start.iter().map(|theta| theta.rem_euclid(TAU)).collect(),
             deviation: vec![(0.0, 1.0); start.len()],
             pull: vec![0.0; start.len()],
-            output: vec![0.0; swings.len()],
-            velocity: vec![0.0; swings.len()],
+            output: vec![0.0; oscillations.len()],
+            velocity: vec![0.0; oscillations.len()],
             strides: (0.0, [spring; 2]),
             joints,
             places,
@@ -140,7 +149,7 @@ impl OscillatorNetwork {
         Ok(rhythm)
     }
 
-    /// Number of joints that swing.
+    /// Number of joints.
     pub fn joints(&self) -> usize {
         self.joints.len()
     }
@@ -202,7 +211,7 @@ impl OscillatorNetwork {
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.places.len())?;
         for (unit, phase) in phases.iter().enumerate() {
-            self.oscillators.place(unit, *phase);
+            self.oscillators.set_phase(unit, *phase);
         }
         self.write();
         Ok(())
@@ -213,8 +222,8 @@ impl OscillatorNetwork {
         self.step_entrained(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `pull[i]` (rad/s) for each joint: the mean over the joints of an oscillator is added to
-    /// its angular velocity. An empty slice means no entrainment; see [`pull`](Self::pull).
+    /// As [`step`](Self::step), with `pull[i]` (rad/s) for each joint: the mean over the joints of an oscillator is
+    /// added to its angular velocity. An empty slice means no entrainment; see [`pull`](Self::pull).
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -254,8 +263,8 @@ impl OscillatorNetwork {
         self.write();
     }
 
-    /// What draws a joint along that is measured at `position` with `velocity` (per second): `gain sin(difference)` of the
-    /// phases of the measured motion and of that commanded, both read as if they were harmonic. None while it stands.
+    /// Entrainment of a joint by its measured `position` and `velocity` (per second): `gain sin(difference)` of the
+    /// phases of the measured and the commanded motion, both taken as harmonic. Zero at frequency zero.
     pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         let omega = TAU * self.commands.frequency.state.0;
         if omega <= 0.0 || joint >= self.joints() {

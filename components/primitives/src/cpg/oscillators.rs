@@ -15,8 +15,8 @@ pub enum Oscillator {
     /// A point on a circle; the output is `x`. Half a turn with `y > 0` is stance and takes the part `duty_factor` of a
     /// stride, whatever the speeds in the settings say; their amplitude does not matter.
     Hopf(HopfSettings),
-    /// A pair of neurons for each joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no corners.
-    /// Only the ratio of the times matters, the tonic input does not.
+    /// A pair of neurons for each joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no
+    /// corners. Only the ratio of the times matters, the tonic input does not.
     Matsuoka {
         /// Those of a neuron.
         settings: MatsuokaSettings,
@@ -25,8 +25,8 @@ pub enum Oscillator {
     },
 }
 
-/// Oscillators of one model. Each runs with an angular velocity of its own, and is read as a value of amplitude 1, as the
-/// same a quarter of a turn later, and as a phase that grows evenly in time and is 0 at the maximum of the value.
+/// Oscillators of one model. Each runs with an angular velocity of its own, and is read as a value of amplitude 1, as
+/// the same a quarter of a turn later, and as a phase that grows evenly in time and is 0 at the maximum of the value.
 #[derive(Clone, Debug)]
 pub(super) enum Oscillators {
     Kuramoto { phases: Vec<f64>, omega: Vec<f64> },
@@ -53,18 +53,18 @@ impl Oscillators {
             }
         };
         for (unit, phase) in phases.iter().enumerate() {
-            units.place(unit, *phase);
+            units.set_phase(unit, *phase);
         }
         Ok(units)
     }
 
-    /// Whether a value can be shifted in phase for one joint and another of a leg.
-    pub(super) fn turns(model: &Oscillator) -> bool {
+    /// True if the joints of a leg can have different phases.
+    pub(super) fn has_joint_phases(model: &Oscillator) -> bool {
         !matches!(model, Oscillator::Matsuoka { .. })
     }
 
     /// Puts an oscillator on its cycle, at a phase.
-    pub(super) fn place(&mut self, unit: usize, phase: f64) {
+    pub(super) fn set_phase(&mut self, unit: usize, phase: f64) {
         match self {
             Self::Kuramoto { phases, .. } => phases[unit] = phase.rem_euclid(TAU),
             Self::Hopf { oscillators, duty_factor, .. } => {

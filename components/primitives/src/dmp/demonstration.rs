@@ -52,7 +52,8 @@ pub enum DemonstrationError {
 }
 
 impl Demonstration {
-    /// From positions (samples x dimensions) evenly spaced over `duration` seconds, the first at 0, the last at the end.
+    /// From positions (samples x dimensions) evenly spaced over `duration` seconds, the first at 0, the last at the
+    /// end.
     ///
     /// Velocity and acceleration are second-order differences, central inside and one-sided at the ends, so that the
     /// velocity with which the demonstration begins is kept. They amplify noise: filter a measured recording first.
@@ -106,8 +107,8 @@ impl Demonstration {
 
     /// The same movement, unaccelerated at its ends.
     ///
-    /// What a recording says of the acceleration at its ends is mostly noise, and a primitive with a quintic goal plans by it:
-    /// a movement that is to begin unaccelerated must be learned so.
+    /// The accelerations of a recording at its ends are mostly noise, but a primitive with a quintic goal starts with
+    /// them.
     #[must_use]
     pub fn unaccelerated_at_its_ends(mut self) -> Self {
         let last = self.samples() - 1;

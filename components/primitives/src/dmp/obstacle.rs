@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 /// dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
 ///
 /// `C = gamma R v phi exp(-beta phi)`, with the angle `phi` in \[0, pi\] between the velocity `v` and the direction
-/// `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v` away from the obstacle.
-/// `C` is normal to `v`: it steers, it never speeds up. As published it does not depend on the distance; with a `reach`
-/// it is multiplied by `exp(-(|o - y| / reach)^2)`, so that obstacles far away do not count.
+/// `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v` away from the
+/// obstacle. `C` is normal to `v`: it steers, it never speeds up. As published it does not depend on the distance; with
+/// a `reach` it is multiplied by `exp(-(|o - y| / reach)^2)`, so that obstacles far away do not count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
@@ -26,10 +26,11 @@ impl Default for ObstacleAvoidance {
 }
 
 impl ObstacleAvoidance {
-    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for a hand at `position` (m) with `velocity` (m/s).
+    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for an end effector at `position` (m) with
+    /// `velocity` (m/s).
     ///
-    /// Zero at rest. When the velocity points at the obstacle exactly, there is no side to prefer: zero as well, and the
-    /// next deviation, however small, decides.
+    /// Zero at rest. When the velocity points at the obstacle exactly, there is no side to prefer: zero as well, and
+    /// the next deviation, however small, decides.
     pub fn acceleration(
         &self,
         position: Vector3<f64>,

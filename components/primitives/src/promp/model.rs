@@ -72,8 +72,8 @@ pub enum ProMpError {
 }
 
 impl ProMp {
-    /// From the distribution of the weights: mean (`D N`) and covariance (`D N x D N`), the weights of the first dimension
-    /// first, for a movement of 1 s.
+    /// From the distribution of the weights: mean (`D N`) and covariance (`D N x D N`), the weights of the first
+    /// dimension first, for a movement of 1 s.
     ///
     /// # Errors
     /// Sizes that do not fit, numbers that are not finite, an asymmetric covariance.
@@ -171,7 +171,7 @@ impl ProMp {
 
     /// Covariance of the position at a phase, without the noise of a sample.
     pub fn covariance_at(&self, phase: f64) -> DMatrix<f64> {
-        let (_, covariance) = self.seen(Observed::Position, phase);
+        let (_, covariance) = self.observation_model(Observed::Position, phase);
         covariance
     }
 
@@ -197,8 +197,8 @@ impl ProMp {
         Ok(&self.mean + factor.l() * normal)
     }
 
-    /// The primitive given that it passes `place` at `phase`, known with the covariance `noise` (`D x D`; zero is exact):
-    /// `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L Phi^T Sigma`.
+    /// The primitive given that it passes `place` at `phase`, known with the covariance `noise` (`D x D`; zero is
+    /// exact): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L Phi^T Sigma`.
     ///
     /// # Errors
     /// Sizes that do not fit, numbers that are not finite, or a place already known exactly.
@@ -237,7 +237,7 @@ impl ProMp {
             return Err(ProMpError::Value(ValueError::NotFinite { name: "the condition", value: bad }));
         }
         // Sigma Phi, D N x D, and Phi^T Sigma Phi
-        let (carried, mut seen) = self.seen(observed, phase);
+        let (carried, mut seen) = self.observation_model(observed, phase);
         // what keeps an exact condition solvable, far below what the movement varies
         let jitter = 1e-8 * seen.trace() / expected as f64;
         seen += noise;
@@ -272,7 +272,7 @@ impl ProMp {
     }
 
     /// `Sigma Phi` and `Phi^T Sigma Phi`.
-    fn seen(&self, observed: Observed, phase: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    fn observation_model(&self, observed: Observed, phase: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let functions = self.functions(observed, phase);
         let (count, dimensions) = (functions.len(), self.dimensions);
         let mut carried = DMatrix::zeros(count * dimensions, dimensions);

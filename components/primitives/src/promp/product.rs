@@ -6,9 +6,9 @@ use super::model::{ProMp, ProMpError, symmetrise};
 use crate::ValueError;
 
 impl ProMp {
-    /// What several primitives agree on: the product of the Gaussians of their weights, each to the power of its
-    /// activation, `Sigma = (sum_k a_k Sigma_k^-1)^-1`, `mu = Sigma sum_k a_k Sigma_k^-1 mu_k`. Each keeps the parts that it
-    /// is sure of.
+    /// The product of several primitives: of the Gaussians of their weights, each to the power of its
+    /// activation, `Sigma = (sum_k a_k Sigma_k^-1)^-1`, `mu = Sigma sum_k a_k Sigma_k^-1 mu_k`. A primitive
+    /// dominates where its variance is small.
     ///
     /// # Errors
     /// No primitive, different bases, activations that are not positive, or a covariance without an inverse.

@@ -1,4 +1,4 @@
-//! A hand led through a sequence of poses.
+//! Motion of an end effector through a sequence of poses.
 
 mod path_deviation;
 mod pose_reach;

@@ -1,4 +1,4 @@
-//! A hand on its way through a sequence of poses.
+//! The motion of an end effector through a sequence of poses.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use motorium_robots::Twist;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::segment::{ReachError, Repeat, Segment, SteerError, numbers};
-use super::shape::plain;
+use super::shape::unshaped;
 use super::speed::TimeScale;
 use crate::dmp::{DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 
@@ -23,21 +23,22 @@ pub enum ReachPhase {
     Finished,
 }
 
-/// Leads a hand from where it is through a sequence of goals and back to the first one, if asked.
+/// The motion of an end effector from its present pose through a sequence of goals, and back to the first one on
+/// request.
 ///
-/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal: the hand leaves
-/// at rest and unaccelerated, and is at the goal, at rest, exactly at the end of the duration (with a shape that was
-/// fitted: within the error of the fit, which goes on to die out during the dwell). One segment takes over position,
-/// velocity and acceleration from the other, so the motion has no jump anywhere.
+/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal: the end
+/// effector leaves at rest and unaccelerated, and is at the goal, at rest, exactly at the end of the duration (with a
+/// shape that was fitted: within the error of the fit, which goes on to die out during the dwell). One segment takes
+/// over position, velocity and acceleration from the other, so the motion has no jump anywhere.
 ///
-/// Time is counted in whole nanoseconds, and segments change within a step where they end: neither drifts with the step.
-/// All memory is taken by [`new`](Self::new).
+/// Time is counted in whole nanoseconds, and segments change within a step where they end: neither drifts with the
+/// step. All memory is taken by [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct PoseReach {
     segments: Vec<Route>,
     repeat: Repeat,
     orientation: OrientationDmp,
-    pace: TimeScale,
+    time_scale: TimeScale,
     phase: ReachPhase,
     current: usize,
     /// Time of the current segment, and its two ends: arrival and departure.
@@ -78,8 +79,8 @@ impl PoseReach {
         Ok(Self {
             segments: routes.collect::<Result<_, _>>()?,
             repeat,
-            orientation: OrientationDmp::new(plain()).expect("a plain model has three dimensions"),
-            pace: TimeScale::new(),
+            orientation: OrientationDmp::new(unshaped()).expect("a plain model has three dimensions"),
+            time_scale: TimeScale::new(),
             phase: ReachPhase::Waiting,
             current: 0,
             elapsed: 0,
@@ -106,7 +107,7 @@ impl PoseReach {
         self.check_segment(segment)?;
         check("the pose to start from", &pose)?;
         let still = Twist::default();
-        self.pace.jump();
+        self.time_scale.jump();
         self.start_segment(
             segment,
             self.segments[segment].goal,
@@ -120,7 +121,7 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Replaces the goal of a segment from the next time it is set out for. See [`redirect`](Self::redirect) for the one
+    /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the one
     /// that is under way.
     ///
     /// # Errors
@@ -132,7 +133,7 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Gives the way to a goal another shape from the next time it is set out for, without allocating: a primitive of the
+    /// Gives the way to a goal another shape from its next start, without allocating: a primitive of the
     /// same settings.
     ///
     /// # Errors
@@ -154,13 +155,14 @@ impl PoseReach {
         if !(speed.is_finite() && speed >= 0.0) {
             return Err(SteerError::Speed { found: speed });
         }
-        self.pace.command(speed);
+        self.time_scale.command(speed);
         Ok(())
     }
 
-    /// Replaces the goal of the current segment. On the way there, the hand changes course without a jump and arrives when
-    /// it would have, or [half a duration](crate::dmp::REPLANNING_TIME) from now if that is later. At a goal, it sets
-    /// out anew, with the duration and shape of the current segment. The sequence then goes on with the next segment.
+    /// Replaces the goal of the current segment. On the way there, the end effector turns without a jump and arrives
+    /// when it would have, or [half a duration](crate::dmp::REPLANNING_TIME) from now if that is later. At a goal, it
+    /// sets out anew, with the duration and shape of the current segment. The sequence then goes on with the next
+    /// segment.
     ///
     /// # Errors
     /// Not started yet, or a pose that is not finite.
@@ -189,7 +191,7 @@ impl PoseReach {
         if self.phase == ReachPhase::Waiting {
             return;
         }
-        let mut left = self.pace.advance(u64::try_from(dt.as_nanos()).unwrap_or(u64::MAX));
+        let mut left = self.time_scale.advance(u64::try_from(dt.as_nanos()).unwrap_or(u64::MAX));
         while left > 0 {
             if self.elapsed >= self.departure {
                 if self.is_last() {
@@ -215,21 +217,21 @@ impl PoseReach {
         };
     }
 
-    /// Pose of the hand in the world frame. The identity before the start.
+    /// Pose of the end effector in the world frame. The identity before the start.
     pub fn pose(&self) -> Isometry3<f64> {
         let motion = self.motion();
         Isometry3::from_parts(Translation3::from(motion.position), motion.orientation)
     }
 
-    /// Velocity of the hand in world axes.
+    /// Velocity of the end effector in world axes.
     pub fn twist(&self) -> Twist {
-        self.motion().velocity * self.pace.rate()
+        self.motion().velocity * self.time_scale.rate()
     }
 
-    /// Acceleration of the hand in world axes.
+    /// Acceleration of the end effector in world axes.
     pub fn acceleration(&self) -> Twist {
         let motion = self.motion();
-        motion.acceleration * self.pace.rate().powi(2) + motion.velocity * self.pace.slope()
+        motion.acceleration * self.time_scale.rate().powi(2) + motion.velocity * self.time_scale.slope()
     }
 
     /// State of the reach.

@@ -12,7 +12,7 @@ use crate::dmp::MoveError;
 /// One goal and the way there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// Pose of the hand at the end, in the world frame.
+    /// Pose of the end effector at the end, in the world frame.
     pub goal: Isometry3<f64>,
     /// Time to get there, at least 1 ms.
     pub duration: Duration,
@@ -26,7 +26,7 @@ pub struct Segment {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Repeat {
-    /// The hand stays at the last goal.
+    /// The end effector stays at the last goal.
     #[default]
     Once,
     /// The first goal.
@@ -53,12 +53,12 @@ pub enum ReachError {
         /// Value found.
         found: Duration,
     },
-    /// A shape that leads nowhere.
-    #[error("the way to goal {segment}: {source}")]
+    /// An invalid shape.
+    #[error("the path to goal {segment}: {source}")]
     Shape {
         /// Index, counted from 0.
         segment: usize,
-        /// Why.
+        /// The error of the shape.
         source: ShapeError,
     },
 }
@@ -84,7 +84,7 @@ pub enum SteerError {
         found: f64,
     },
     /// Another shape for a segment that is under way.
-    #[error("segment {segment} is under way: its shape can change when the hand has arrived")]
+    #[error("segment {segment} is in progress: its shape can change when the end effector has arrived")]
     UnderWay {
         /// Index, counted from 0.
         segment: usize,

@@ -30,7 +30,7 @@ pub enum ShapeError {
     #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers of at most {MAX_APEX} m", .0.x, .0.y, .0.z)]
     Apex(Vector3<f64>),
     /// A primitive that moves something else.
-    #[error("the learned shape has {found} dimensions, expected 3: the position of the hand")]
+    #[error("the learned shape has {found} dimensions, expected 3: the position of the end effector")]
     Dimensions {
         /// Its dimensions.
         found: usize,
@@ -49,7 +49,7 @@ impl PathShape {
     /// The primitive that moves the position.
     pub(super) fn model(&self) -> Result<DmpModel, ShapeError> {
         match self {
-            Self::Straight => Ok(plain()),
+            Self::Straight => Ok(unshaped()),
             Self::Arc { apex } if apex.iter().all(|value| value.abs() <= MAX_APEX) => Ok(arc(*apex)),
             Self::Arc { apex } => Err(ShapeError::Apex(*apex)),
             Self::Learned(model) if model.dimensions() != 3 => {
@@ -64,7 +64,7 @@ impl PathShape {
 }
 
 /// Three dimensions without a forcing term.
-pub(super) fn plain() -> DmpModel {
+pub(super) fn unshaped() -> DmpModel {
     DmpModel::new(3, Settings::default())
         .expect("the default settings are in range and three dimensions are some")
 }

@@ -60,27 +60,27 @@ mod tests {
 
     #[test]
     fn at_nominal_speed_time_passes_to_the_nanosecond() {
-        let mut pace = TimeScale::new();
-        assert_eq!(pace.advance(1_000_001), 1_000_001);
+        let mut time_scale = TimeScale::new();
+        assert_eq!(time_scale.advance(1_000_001), 1_000_001);
     }
 
     #[test]
     fn no_time_is_lost_to_rounding_at_an_odd_speed() {
-        let mut pace = TimeScale::new();
-        pace.command(1.0 / 3.0);
-        pace.jump();
-        let passed: u64 = (0..3000).map(|_| pace.advance(1000)).sum();
+        let mut time_scale = TimeScale::new();
+        time_scale.command(1.0 / 3.0);
+        time_scale.jump();
+        let passed: u64 = (0..3000).map(|_| time_scale.advance(1000)).sum();
         assert!((999_999..=1_000_000).contains(&passed), "{passed}");
     }
 
     #[test]
     fn the_rate_changes_no_faster_than_the_slew_allows() {
-        let mut pace = TimeScale::new();
-        pace.command(0.0);
-        let passed: u64 = (0..500).map(|_| pace.advance(1_000_000)).sum();
+        let mut time_scale = TimeScale::new();
+        time_scale.command(0.0);
+        let passed: u64 = (0..500).map(|_| time_scale.advance(1_000_000)).sum();
         // a triangle of a quarter of a second and height one
         assert!((passed as f64 - 0.125e9).abs() < 1e3, "{passed}");
-        assert_eq!(pace.rate(), 0.0);
-        assert_eq!(pace.slope(), 0.0);
+        assert_eq!(time_scale.rate(), 0.0);
+        assert_eq!(time_scale.slope(), 0.0);
     }
 }

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use motorium::telemetry::{CountingAllocator, allocations, counts_allocations};
 use motorium_primitives::cpg::{
-    Gait, HopfNetwork, HopfSettings, Kuramoto, LegSettings, MatsuokaOscillator, MatsuokaSettings, Oscillator,
-    OscillatorNetwork, OscillatorNetworkSettings, PhaseNetwork, Swing,
+    Gait, HopfNetwork, HopfSettings, JointOscillation, Kuramoto, LegSettings, MatsuokaOscillator,
+    MatsuokaSettings, Oscillator, OscillatorNetwork, OscillatorNetworkSettings, PhaseNetwork,
 };
 use motorium_primitives::dmp::{
     Coupling, DiscreteDmp, DmpModel, ObstacleAvoidance, OrientationDmp, PhaseStop, RhythmicDmp,
@@ -180,10 +180,11 @@ fn probabilistic_policies_answer_without_allocating() {
 fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
     let matsuoka = Oscillator::Matsuoka { settings: MatsuokaSettings::default(), inhibition: 2.2 };
     for model in [Oscillator::Kuramoto, Oscillator::Hopf(HopfSettings::default()), matsuoka] {
-        let swings = [0, 0, 1, 2, 3].map(|leg| Swing { leg, amplitude: 0.3, offset: 0.1, phase: 0.5 });
+        let oscillations =
+            [0, 0, 1, 2, 3].map(|leg| JointOscillation { leg, amplitude: 0.3, offset: 0.1, phase: 0.5 });
         let trot = Gait::Trot.phases(4).unwrap();
         let mut rhythm =
-            OscillatorNetwork::new(model, &swings, trot, OscillatorNetworkSettings::default()).unwrap();
+            OscillatorNetwork::new(model, &oscillations, trot, OscillatorNetworkSettings::default()).unwrap();
         let work = || {
             for k in 0..1000 {
                 let pull = [0, 1, 2, 3, 4].map(|joint| rhythm.pull(joint, 0.2, 0.1, 2.0));

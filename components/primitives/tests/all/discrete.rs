@@ -1,4 +1,4 @@
-//! What a discrete primitive promises, whatever its variant.
+//! Properties of discrete primitives, common to all variants.
 
 use motorium_primitives::dmp::{DiscreteDmp, DmpModel, MoveError, Scaling, Settings, Variant};
 use nalgebra::{DMatrix, DVector};

@@ -1,4 +1,4 @@
-//! What an orientation primitive promises.
+//! Properties of orientation primitives.
 
 use motorium_primitives::dmp::{
     DmpModel, OrientationDmp, Regression, Settings, Variant, orientation_demonstration,

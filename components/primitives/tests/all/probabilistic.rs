@@ -217,12 +217,12 @@ fn expectation_maximisation_takes_the_steps_that_are_written_out_with_numpy() {
     let shown = matrices(&golden["shown"]);
     let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
     let fit = ProMpFit { learning: Learning::Em { iterations: 20, tolerance: 0.0 }, jitter: 1e-6 };
-    let mut told = Vec::new();
-    let promp = ProMp::fit_with_progress(basis, &shown, &fit, |part| told.push(part)).unwrap();
+    let mut reported = Vec::new();
+    let promp = ProMp::fit_with_progress(basis, &shown, &fit, |part| reported.push(part)).unwrap();
     assert!((promp.weight_mean() - vector(&golden["em_mean"])).amax() < 1e-6);
     assert!((promp.weight_covariance() - matrix(&golden["em_covariance"])).amax() < 1e-5);
     assert!((promp.noise() / number(&golden["em_noise"]) - 1.0).abs() < 1e-5);
-    assert!(told.windows(2).all(|pair| pair[0] <= pair[1]) && told.last() == Some(&1.0));
+    assert!(reported.windows(2).all(|pair| pair[0] <= pair[1]) && reported.last() == Some(&1.0));
     // scipy judges the reference: the likelihood never falls
     let likelihood = numbers(&golden["em_likelihood"]);
     assert!(likelihood.windows(2).all(|pair| pair[1] > pair[0] - 1e-2), "{likelihood:?}");

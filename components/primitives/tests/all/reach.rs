@@ -1,4 +1,4 @@
-//! What a hand led through poses may rely on.
+//! Properties of a reach through poses.
 
 use std::time::Duration;
 
@@ -220,7 +220,7 @@ fn it_waits_until_it_is_started() {
 }
 
 #[test]
-fn a_sequence_that_is_none_is_refused_with_the_leg() {
+fn an_invalid_sequence_is_refused_with_its_segment() {
     let refuse = |segments| PoseReach::new(segments, Repeat::Once).unwrap_err();
     assert_eq!(refuse(vec![]), ReachError::NoSegments);
     let fine = segment(home(), 1000, 0, PathShape::Straight);
@@ -232,5 +232,5 @@ fn a_sequence_that_is_none_is_refused_with_the_leg() {
     let classic = DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
     let error =
         refuse(vec![fine, segment(home(), 1000, 0, PathShape::Learned(Box::new(classic)))]).to_string();
-    assert!(error.starts_with("the way to goal 1: the learned shape is a Classic primitive"), "{error}");
+    assert!(error.starts_with("the path to goal 1: the learned shape is a Classic primitive"), "{error}");
 }

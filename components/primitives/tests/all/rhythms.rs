@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use motorium_primitives::ValueError;
 use motorium_primitives::cpg::{
-    CpgError, Gait, HopfSettings, Kuramoto, MatsuokaSettings, Oscillator, OscillatorNetwork,
-    OscillatorNetworkSettings, Swing,
+    CpgError, Gait, HopfSettings, JointOscillation, Kuramoto, MatsuokaSettings, Oscillator,
+    OscillatorNetwork, OscillatorNetworkSettings,
 };
 use nalgebra::DMatrix;
 
@@ -14,8 +14,8 @@ fn models() -> [Oscillator; 3] {
     [Oscillator::Kuramoto, Oscillator::Hopf(HopfSettings::default()), matsuoka]
 }
 
-fn legs(n: usize) -> Vec<Swing> {
-    (0..n).map(|leg| Swing { leg, amplitude: 0.3, offset: 0.1, phase: 0.0 }).collect()
+fn legs(n: usize) -> Vec<JointOscillation> {
+    (0..n).map(|leg| JointOscillation { leg, amplitude: 0.3, offset: 0.1, phase: 0.0 }).collect()
 }
 
 fn rhythm(model: Oscillator, gait: Gait, n: usize, settings: OscillatorNetworkSettings) -> OscillatorNetwork {
@@ -174,7 +174,9 @@ fn a_rhythm_locks_to_a_joint_that_swings_at_its_own_pace() {
 fn what_cannot_run_is_refused() {
     let settings = OscillatorNetworkSettings::default();
     let gait = Gait::Walk.phases(2).unwrap();
-    let make = |model, swings: &[Swing], settings| OscillatorNetwork::new(model, swings, gait, settings);
+    let make = |model, oscillations: &[JointOscillation], settings| {
+        OscillatorNetwork::new(model, oscillations, gait, settings)
+    };
     let error = make(Oscillator::Kuramoto, &legs(3), settings).unwrap_err();
     assert_eq!(error, CpgError::Value(ValueError::Size { name: "the gait", found: 2, expected: 3 }));
     let duty = OscillatorNetworkSettings { duty_factor: 1.0, ..settings };

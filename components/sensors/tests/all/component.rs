@@ -125,5 +125,5 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
     let (_, message) = refuse(serde_json::json!({ "latncy": "5 ms" }));
     assert!(message.contains("latncy"), "{message}");
     let (_, message) = declare(serde_json::json!({}), false).unwrap_err();
-    assert_eq!(message, "an encoder has the joints of a robot, and there is none");
+    assert_eq!(message, "the component names no robot, and needs its joints");
 }

@@ -231,7 +231,7 @@ fn settings_that_describe_no_sensor_are_refused() {
     let settings = EncoderSettings { resolution: PerJoint::Each(vec![0.1]), ..EncoderSettings::default() };
     assert_eq!(refuse(settings), SettingsError::Count { name: "resolution", found: 1, expected: 2 });
     let settings = EncoderSettings { position_noise: PerJoint::All(-1.0), ..EncoderSettings::default() };
-    assert_eq!(refuse(settings).to_string(), "position_noise = -1: expected a finite number of at least 0");
+    assert_eq!(refuse(settings).to_string(), "position_noise = -1: expected a number from 0 to 1e6");
     let settings = EncoderSettings { velocity_noise: PerJoint::All(0.1), ..differentiated(50.0) };
     assert_eq!(refuse(settings), SettingsError::NeedlessVelocityNoise);
     assert!(refuse(differentiated(0.0)).to_string().starts_with("velocity.cutoff_hz = 0"));

@@ -19,7 +19,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let root = document.root_element();
     let unit = match child(root, "asset").and_then(|asset| child(asset, "unit")) {
         Some(unit) => match unit.attribute("meter") {
-            Some(metres) => number(metres).map_err(|problem| reader.at(unit, problem))?,
+            Some(metres) => number(metres).map_err(|problem| reader.fault(unit, problem))?,
             None => 1.0,
         },
         None => 1.0,
@@ -59,12 +59,12 @@ struct Reader<'a, 'i> {
 }
 
 impl<'a, 'i> Reader<'a, 'i> {
-    fn at(&self, node: Node<'_, '_>, problem: MeshProblem) -> Fault {
+    fn fault(&self, node: Node<'_, '_>, problem: MeshProblem) -> Fault {
         (self.document.text_pos_at(node.range().start).row, problem)
     }
 
     fn malformed(&self, node: Node<'_, '_>, message: impl Into<String>) -> Fault {
-        self.at(node, MeshProblem::Malformed(message.into()))
+        self.fault(node, MeshProblem::Malformed(message.into()))
     }
 
     /// The element that an attribute names by `#ID`.
@@ -79,13 +79,13 @@ impl<'a, 'i> Reader<'a, 'i> {
 
     fn floats(&self, node: Node<'_, '_>) -> Result<Vec<f64>, Fault> {
         let words = node.text().unwrap_or("").split_whitespace();
-        words.map(number).collect::<Result<_, _>>().map_err(|problem| self.at(node, problem))
+        words.map(number).collect::<Result<_, _>>().map_err(|problem| self.fault(node, problem))
     }
 
     fn counts(&self, node: Node<'_, '_>) -> Result<Vec<usize>, Fault> {
         let whole = |word: &str| word.parse().map_err(|_| MeshProblem::Number(word.to_owned()));
         let words = node.text().unwrap_or("").split_whitespace();
-        words.map(whole).collect::<Result<_, _>>().map_err(|problem| self.at(node, problem))
+        words.map(whole).collect::<Result<_, _>>().map_err(|problem| self.fault(node, problem))
     }
 
     fn node(&mut self, node: Node<'a, 'i>, parent: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
@@ -124,9 +124,13 @@ impl<'a, 'i> Reader<'a, 'i> {
             ("translate", &[x, y, z]) => Ok(Matrix4::new_translation(&Vector3::new(x, y, z))),
             ("scale", &[x, y, z]) => Ok(Matrix4::new_nonuniform_scaling(&Vector3::new(x, y, z))),
             ("rotate", &[x, y, z, degrees]) => {
-                let axis = Unit::try_new(Vector3::new(x, y, z), 1e-12);
-                let turn = axis.map(|axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()));
-                Ok(turn.unwrap_or_else(Rotation3::identity).to_homogeneous())
+                let axis = Unit::try_new(Vector3::new(x, y, z), 1e-12).ok_or_else(|| {
+                    self.malformed(
+                        element,
+                        "the axis of <rotate> is zero; give it a direction, such as 0 0 1",
+                    )
+                })?;
+                Ok(Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous())
             }
             (name, values) => Err(self
                 .malformed(element, format!("<{name}> has {} numbers, which is not its kind", values.len()))),
@@ -170,7 +174,7 @@ impl<'a, 'i> Reader<'a, 'i> {
             let indices = self.counts(list)?;
             let corners: Vec<usize> = indices.chunks_exact(stride).map(|corner| corner[offset]).collect();
             if let Some(&index) = corners.iter().find(|&&index| index >= count) {
-                return Err(self.at(list, MeshProblem::Index { index: index as i64, count }));
+                return Err(self.fault(list, MeshProblem::Index { index: index as i64, count }));
             }
             let mut rest = &corners[..];
             let whole = [corners.len()];

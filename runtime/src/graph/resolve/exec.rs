@@ -20,7 +20,7 @@ use crate::graph::source::Span;
 use crate::worker::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest};
 
 /// Time within which it must answer.
-const PATIENCE: Duration = Duration::from_secs(5);
+const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The most that is read of its answer.
 const LONGEST_ANSWER: u64 = 1 << 20;
 /// The version of this crate: both sides share memory layouts, so it must be the same.
@@ -35,7 +35,7 @@ pub(super) enum ExecProblem {
     NotExecutable(PathBuf),
     #[error("program `{}` cannot be started: {reason}", path.display())]
     Start { path: PathBuf, reason: String },
-    #[error("program `{}` did not say what it declares within {} s", .0.display(), PATIENCE.as_secs())]
+    #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
     #[error("program `{}` does not answer `{DESCRIBE}` as a component does: {reason}", path.display())]
     NoComponent { path: PathBuf, reason: String, stderr: String },
@@ -140,7 +140,7 @@ fn ask(path: &Path, request: String) -> Result<Answer, ExecProblem> {
         |error: std::io::Error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() };
     let mut child = spawn().map_err(start)?;
     let silent = || ExecProblem::Silent(path.to_path_buf());
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + DESCRIBE_TIMEOUT;
     if let Some(mut stdin) = child.stdin.take() {
         // a program that never reads must not hold us up; whether it read at all shows in its answer
         std::thread::spawn(move || stdin.write_all(request.as_bytes()));

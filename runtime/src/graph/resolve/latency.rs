@@ -22,7 +22,7 @@ use crate::units::TimeSpan;
 #[derive(Debug)]
 pub(super) struct Latencies {
     pub plans: Vec<LatencyPlan>,
-    /// By component: index of the input whose source time its outputs inherit.
+    /// By component: index of the input whose source time its outputs propagate.
     pub causes: Vec<Option<usize>>,
 }
 

@@ -15,7 +15,7 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// By component; `None` if it cannot be told, which has then been reported.
+    /// By component; `None` if it is unknown, which has then been reported.
     pub activation: Vec<Option<Activation>>,
     /// The time-triggered component at the head of each one's trigger chain; itself if it is one.
     pub head: Vec<Option<usize>>,

@@ -1,10 +1,10 @@
-//! Priorities and cores for what a graph leaves open.
+//! Default priorities and cores.
 
 /// Rate-monotonic priorities: the shorter the period, the higher (C. Liu, J. Layland 1973). Equal periods get equal
 /// priorities.
 ///
-/// The fastest gets `fastest`, every slower rate `step` less; with so many rates that this would end below 1, they lie
-/// closer together, and only with more than `fastest` of them neighbours share one.
+/// The fastest rate gets `fastest`, every slower one `step` less. If the last would end below 1, the steps are made
+/// smaller, and only with more than `fastest` rates do neighbours share a priority.
 pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
     let mut rates = periods_ns.to_vec();
     rates.sort_unstable();
@@ -22,20 +22,20 @@ pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
         .collect()
 }
 
-/// A chain of components that trigger one another, as far as placing it on a core goes.
+/// A chain of components that trigger one another, reduced to the facts that decide its core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainLoad {
     /// Share of a core that it takes: budgets by period; 0 if they are not known.
     pub share: f64,
-    /// The core that the graph gives to it.
+    /// The core that the graph names for it.
     pub core: Option<usize>,
 }
 
-/// Cores for chains, each whole on one core: handing over there is several times cheaper than waking another.
+/// Cores for chains, each whole on one core: a hand-over on one core is several times cheaper than waking another.
 ///
-/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after those whose
-/// core is given; among equally loaded cores to the one with fewer chains, then to the one listed first. By chain, in
-/// their order; `realtime` must name a core.
+/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after the chains
+/// whose core is given; among equally loaded cores to the one with fewer chains, then to the one listed first. The
+/// result has one core a chain, in the order of `chains`; `realtime` must not be empty.
 pub fn cores(chains: &[ChainLoad], realtime: &[usize]) -> Vec<usize> {
     let mut loads: Vec<(f64, usize)> = realtime
         .iter()

@@ -1,9 +1,9 @@
-//! Response times of what the kernel schedules by its deadline (`SCHED_DEADLINE`): the earliest deadline first, on all
-//! cores together, before everything that has a priority.
+//! Response times of `SCHED_DEADLINE` components: the earliest deadline first, on all cores together, before every
+//! priority.
 //!
-//! The kernel runs each in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998): a run time in every
-//! period, no more than which it gets, whatever it asks for. A set of reservations is in time on `m` cores if either
-//! of two tests says so:
+//! The kernel runs each in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998): it gets its run
+//! time in every period, and no more. A set of reservations meets its deadlines on `m` cores if either of two tests
+//! holds:
 //!
 //! * density: `sum of d_i <= m - (m - 1) * max d_i`, with `d_i` run time by period (J. Goossens, S. Funk, S. Baruah,
 //!   *Priority-driven scheduling of periodic task systems on multiprocessors*, 2003);
@@ -13,15 +13,16 @@
 //! R_k = C_k + floor(1/m * sum over others of min(W_i(R_k), I_i(D_k), R_k - C_k + 1))
 //! ```
 //!
-//! where `W_i` is what another can run in a window of that length, and `I_i` what of it can have an earlier deadline
-//! (M. Bertogna, M. Cirinei, *Response-time analysis for globally scheduled symmetric multiprocessor platforms*, 2007).
-//! The room that one is found to have before its deadline makes the bounds of others lower, so they are found in turn.
+//! where `W_i` is the longest time another reservation can run in a window of that length, and `I_i` the part of it
+//! with an earlier deadline (M. Bertogna, M. Cirinei, *Response-time analysis for globally scheduled symmetric
+//! multiprocessor platforms*, 2007). Slack that is found for one reservation lowers the bounds of the others, so the
+//! bounds are iterated.
 //!
-//! Wake-ups may come late by a jitter; the kernel counts deadlines from there. All times are in ns.
+//! Wake-ups may be late by a jitter; the kernel counts deadlines from the actual wake-up. All times are in ns.
 
-/// Rounds after which bounds that still fall are taken as they are.
+/// Rounds after which the iteration stops with the bounds it has reached, which are valid.
 const MOST_ROUNDS: usize = 100;
-/// Steps of one iteration after which there is taken to be no bound.
+/// Steps of one fixed-point iteration after which the bound is given up.
 const MOST_STEPS: usize = 100_000;
 
 /// The times of one reservation.
@@ -33,14 +34,14 @@ pub(in crate::schedule) struct Reserved {
     pub period: i64,
 }
 
-/// Reservations that share some cores.
+/// Reservations that share the same cores.
 #[derive(Debug, Clone)]
 pub(in crate::schedule) struct Global {
     reserved: Vec<Reserved>,
     cores: i64,
     /// Lateness of a wake-up.
     jitter: i64,
-    /// Time that each is known to be through before its deadline.
+    /// Slack: the time by which each is known to finish before its deadline.
     slack: Vec<i64>,
     in_time: bool,
 }
@@ -69,10 +70,10 @@ impl Global {
         global
     }
 
-    /// Longest time from the wake-up of one to the end of so much of its run time; `None` without a bound.
+    /// Longest time from the wake-up of one to the end of `work` of its run time; `None` without a bound.
     pub(in crate::schedule) fn response(&self, index: usize, work: i64) -> Option<i64> {
         let Reserved { runtime, period } = self.reserved[index];
-        // All of this assumes that every component is in time; no more than the run time is promised.
+        // The bounds assume that every reservation meets its deadline; only the run time is guaranteed.
         if !self.in_time || work > runtime {
             return None;
         }
@@ -89,7 +90,7 @@ impl Global {
         sum <= self.cores as f64 - (self.cores - 1) as f64 * most && most <= 1.0
     }
 
-    /// The smallest solution of the equation above for one that has so much to do, if it lies before its deadline.
+    /// The smallest solution of the equation above for one with that much work, if it lies before its deadline.
     fn iterate(&self, index: usize, work: i64) -> Option<i64> {
         let deadline = self.reserved[index].period;
         let mut response = work;
@@ -113,7 +114,8 @@ impl Global {
         None
     }
 
-    /// Work of one component in a window of some length: its first job as late as possible, those after it at once.
+    /// Work of one component in a window of some length: its first job as late as possible, the others as soon as
+    /// possible.
     fn workload(&self, index: usize, length: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = (length + self.jitter + period - runtime - self.slack[index]).max(0);
@@ -121,8 +123,8 @@ impl Global {
         whole * runtime + runtime.min(span - whole * period)
     }
 
-    /// Work of one component between a wake-up and the deadline that follows it, as far as its own deadline is not
-    /// later.
+    /// Work of one component between a wake-up and the deadline that follows it, counting only jobs whose own deadline
+    /// is not later.
     fn earlier(&self, index: usize, deadline: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = deadline + self.jitter;

@@ -1,10 +1,11 @@
 //! Bounds on the latency of data through a graph.
 //!
-//! The way from one topic to another goes in *legs*: the component at the head of a chain, and those that trigger one
-//! another after it. From one leg to the next the data waits in shared memory until the next head reads it.
+//! The path from one topic to another consists of *segments*: the component at the head of a chain, and the components
+//! that trigger one another after it. Between two segments the data waits in shared memory until the next head reads
+//! it.
 //!
-//! A component is taken to publish at the end of its step: what it does after it has published is not part of the
-//! latency of what it published, but holds up those it triggers on its core.
+//! A component is assumed to publish at the end of its step: its work after the publication is not part of the
+//! latency of that sample, but delays the components it triggers on its core.
 
 use super::Analysis;
 use super::phases::greatest_common_divisor;
@@ -28,21 +29,21 @@ pub(in crate::schedule) enum LatencyTerm {
     WholePath { ns: u64 },
     /// The rest of the first component's step after it has published.
     AfterPublication { ns: u64 },
-    /// The way of a wake-up to another core.
+    /// A wake-up on another core.
     ToCore { ns: u64, core: usize },
     /// The stages of a task from `first` on.
     Stages { place: Place, first: usize, sum: Sum },
     /// From the release of `writer` until the time-triggered `reader` reads its data.
     Wait { ns: u64, writer: usize, reader: usize },
-    /// The last leg, to the end of its last component.
+    /// The last segment, to the end of its last component.
     ToEnd { ns: u64, component: usize },
 }
 
-/// The bound of a latency budget whose path is `path`; `None` if there is none.
+/// The bound of a latency budget whose path is `path`; `None` without a bound.
 pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
-    match legs(analysis.plan, path).as_slice() {
+    match segments(analysis.plan, path).as_slice() {
         [_] => triggered(analysis, path),
-        legs => sampled(analysis, legs),
+        segments => sampled(analysis, segments),
     }
 }
 
@@ -50,7 +51,7 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> O
 pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize> {
     let mut path = vec![latency.component];
     let mut topic = latency.to;
-    // a way is no longer than there are components
+    // a path visits no component twice
     while topic != latency.from && path.len() <= plan.components.len() {
         let component = &plan.components[plan.topics[topic].writer];
         let Some(cause) = component.cause.and_then(|cause| component.inputs.get(cause)?.topic) else { break };
@@ -62,7 +63,7 @@ pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize
 }
 
 /// The path cut before every time-triggered component.
-fn legs<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
+fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
     let periodic =
         |component: &usize| matches!(plan.components[*component].activation, Activation::Periodic { .. });
     let cuts: Vec<usize> = (1..path.len()).filter(|index| periodic(&path[*index])).collect();
@@ -71,7 +72,7 @@ fn legs<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
     starts.zip(ends).map(|(start, end)| &path[start..end]).collect()
 }
 
-/// From the publication of the first component to the end of the last, all triggered by one another.
+/// From the publication of the first component to the end of the last, each triggered by the one before it.
 fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     let last = path.last()?;
     let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
@@ -122,8 +123,8 @@ fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
     matches!(analysis.tasks.tasks[task].release, Release::Timer { .. })
 }
 
-/// How long the component at the head of a task goes on after it has published, before those on a path through the task
-/// have all had their turn, ns: what is more urgent has it at once.
+/// Longest time for which the component at the head of a task goes on after it has published, before all components on
+/// a path through the task have run, ns. A more urgent component preempts it at once.
 fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     let task = &analysis.tasks.tasks[place.task];
     let priority = |component: usize| tasks::priority(&analysis.plan.components[component]);
@@ -132,8 +133,8 @@ fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
 }
 
-/// From the publication of the first stage of a task to the end of another, if the first goes on for so long in
-/// between.
+/// Longest time from the publication of the first stage of a task to the end of another, if the first goes on for
+/// `rest` in between.
 fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
@@ -155,27 +156,27 @@ pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usi
     u64::try_from(bound.finish.total - spin as i64).ok()
 }
 
-/// From the release at the head of the first leg to the end of the last one.
-fn sampled(analysis: &Analysis<'_>, legs: &[&[usize]]) -> Option<LatencySum> {
+/// From the release at the head of the first segment to the end of the last one.
+fn sampled(analysis: &Analysis<'_>, segments: &[&[usize]]) -> Option<LatencySum> {
     let mut total = 0;
     let mut terms = Vec::new();
-    for pair in legs.windows(2) {
+    for pair in segments.windows(2) {
         let (writer, reader) = (pair[0], pair[1]);
         let ns = age_at_read(analysis, writer, reader)?;
         terms.push(LatencyTerm::Wait { ns, writer: writer[0], reader: reader[0] });
         total += ns;
     }
-    let component = *legs.last()?.last()?;
+    let component = *segments.last()?.last()?;
     let ns = since_release(analysis, component)?;
     terms.push(LatencyTerm::ToEnd { ns, component });
     Some(LatencySum { ns: total + ns, terms })
 }
 
-/// How old the newest data of a chain can be, since the release at its head, when a time-triggered component is
+/// Greatest age of the newest data of a chain, since the release at its head, when a time-triggered component is
 /// released and reads it.
 ///
-/// Data is there for certain at the bound F after the release of its chain. Of the releases that are at least F ago
-/// the newest counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
+/// By the bound F after the release of its chain, data has been published with certainty. The newest release that is at
+/// least F ago counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
 /// divisor of the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
     let end = since_release(analysis, *writer.last()?)? as i64;

@@ -5,29 +5,29 @@ use serde::{Deserialize, Serialize};
 
 const MICROSECOND: u64 = 1_000;
 
-/// Time that goes to the machine and to the runtime rather than to components.
+/// Time that the machine and the runtime take, rather than the components.
 ///
-/// The defaults are what 99 of 100 cases stay below, with room to spare, on virtual machines of two cores (Linux 6.18)
-/// on their worse days; `motorium calibrate` measures a machine's own, which are put in their place. Times of the core
-/// are what `CLOCK_THREAD_CPUTIME_ID` counts besides the step itself.
+/// The defaults cover 99 of 100 cases on virtual machines of two cores (Linux 6.18) under load; `motorium calibrate`
+/// measures the values of one machine, which replace them. Times of the core are what `CLOCK_THREAD_CPUTIME_ID` counts
+/// besides the step itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
-    /// How late a sleeping component may be woken, ns; 150 us. It costs no time of the core. What of it falls into the
-    /// time a component spins before its release is hidden by that.
+    /// Latest wake-up of a sleeping component, ns; 150 us. It takes no time of the core. The time that a component
+    /// spins before its release hides that much of it.
     pub wake_ns: u64,
-    /// Time of the core that a component takes for every release by the clock, on top of `worker_ns`, ns; 80 us: the
-    /// timer and its interrupt, falling asleep, and getting back onto a core that others have had meanwhile.
+    /// Time of the core for every release by the clock, on top of `worker_ns`, ns; 80 us: the timer and its interrupt,
+    /// falling asleep, and cache misses after other threads have used the core.
     pub timer_ns: u64,
-    /// Time of the core from the end of a step to the beginning of the one that it triggers on the same core, ns; 8 us.
+    /// Time of the core from the end of a step to the start of the one that it triggers on the same core, ns; 8 us.
     pub hop_same_core_ns: u64,
-    /// Longest time from a publication to the moment when a component that it triggers on another core may run, ns;
-    /// 150 us, most of which an idle core takes to wake up. It costs no time of either core.
+    /// Longest time from a publication until a component that it triggers on another core can run, ns; 150 us, most of
+    /// which an idle core takes to wake up. It takes no time of either core.
     pub hop_cross_core_ns: u64,
-    /// Time of the core for which a component that is triggered from another core looks for the next publication, after
+    /// Time of the core for which a component that is triggered from another core polls for the next publication, after
     /// its step and before it sleeps, ns; 20 us at most.
     pub look_ns: u64,
     /// Time of the core that the worker takes for every step besides the component's own, ns; 16 us: reading clocks,
-    /// repeating for those who look on what was published, accounting.
+    /// copying the published state for observers, accounting.
     pub worker_ns: u64,
 }
 
@@ -53,11 +53,11 @@ impl Default for Overheads {
     }
 }
 
-/// How long real-time threads may keep a core busy: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel with
-/// throttling stops them for the rest of the period when they have used it up.
+/// The kernel's limit on real-time threads: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel with
+/// throttling stops them for the rest of the period once they have used it up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RtLimit {
-    /// Time they may run in each period, ns; as long as they like if `None`.
+    /// Time they may run in each period, ns; unlimited if `None`.
     pub runtime_ns: Option<u64>,
     /// The period, ns.
     pub period_ns: u64,
@@ -70,7 +70,7 @@ impl RtLimit {
     /// Linux's default: 950 ms in every second.
     pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
 
-    /// The limit from the two files in `/proc/sys/kernel`, in us; a negative run time means that there is none.
+    /// The limit from the two files in `/proc/sys/kernel`, in us; a negative run time means no limit.
     /// `None` if they do not hold numbers.
     pub fn from_sysctl(runtime_us: &str, period_us: &str) -> Option<Self> {
         let runtime: i64 = runtime_us.trim().parse().ok()?;
@@ -88,10 +88,9 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
-    /// Share of each core that the kernel promises to components by their deadlines, 0 to 1: what real-time threads
-    /// may have, less what it reserves for those at normal priority in the same way (the fair server of Linux 6.12 and
-    /// later, 50 ms in every second of each core; counted for earlier ones too). Everything where there is no
-    /// throttling.
+    /// Share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1: the share of real-time
+    /// threads, less the kernel's reserve for normal priority (the fair server of Linux 6.12 and later, 50 ms in every
+    /// second of each core; counted for earlier kernels too). 1 where there is no throttling.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {

@@ -1,15 +1,15 @@
-//! Response times that know the phases: tasks whose releases lie on one clock at known offsets do not all meet.
+//! Response times with known phases: tasks whose releases lie on one clock at known offsets do not all meet.
 //!
-//! Every job of one hyperperiod is looked at, in every busy window that it can fall into. A window that is worst opens
-//! as some release comes as late as it can (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994):
-//! opening it earlier than the latest release that it contains only adds time in which nothing of it can be left over.
+//! Every job of one hyperperiod is examined, in every busy window that it can fall into. A worst-case window opens
+//! when some release is as late as it can be (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994):
+//! opening it earlier than the latest release that it contains only adds time in which all of its work can finish.
 
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 
-/// Windows that are looked at for one task; with more, phases are left out of account.
+/// Limit of windows examined for one task; with more, phases are ignored.
 const MOST_WINDOWS: i64 = 20_000;
 
-/// Bounds of all stages of a task, as the offsets say. `None` if there is no bound, or too much to look at.
+/// Bounds of all stages of a task with known offsets. `None` if there is no bound, or too many windows.
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();

@@ -1,8 +1,8 @@
 //! Bounds of all tasks of all cores.
 //!
 //! Tasks on different cores, or of different priorities, that trigger one another depend on one another through their
-//! release jitter: what triggers a task may come as late as the bound of the one that publishes. Starting from no
-//! jitter, bounds and jitters are found in turn until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
+//! release jitter: a triggered task is released as late as the bound of the component that publishes. Starting from no
+//! jitter, bounds and jitters are iterated until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
 //! analysis for distributed hard real-time systems*, 1994).
 
 use super::global::{Global, Reserved};
@@ -11,17 +11,17 @@ use super::phases;
 use super::tasks::{Release, Reservation, StaticPlan, Task};
 use super::window::{self, Bound, Demand};
 
-/// Rounds after which bounds that still grow count as growing for ever.
+/// Rounds after which bounds that still grow count as unbounded.
 const MOST_ROUNDS: usize = 100;
 
-/// All tasks as the analysis sees them, with what was found.
+/// All tasks as the analysis models them, with the bounds found so far.
 #[derive(Debug)]
 pub(in crate::schedule) struct Responses {
     /// By task of the static plan.
     pub demands: Vec<Demand>,
     /// By task: the bound of each stage; `None` if there is no bound.
     pub bounds: Vec<Option<Vec<Bound>>>,
-    /// By reservation of the static plan: what it does to any core.
+    /// By reservation of the static plan: the load it puts on any core.
     pub reserved: Vec<Demand>,
     /// By reservation: longest time from its wake-up to the end of its step, ns; `None` if there is no bound.
     pub reserved_response: Vec<Option<i64>>,
@@ -67,7 +67,7 @@ pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -
         for (index, task) in plan.tasks.iter().enumerate() {
             let finish = |reservation: usize| Some(reserved_response.get(reservation).copied()?? + late);
             let jitter = jitter(task, plan, &bounds, &finish, overheads);
-            // once without end, it stays so
+            // an unbounded task stays unbounded
             if demands[index].jitter.is_some() && jitter != demands[index].jitter {
                 changed = true;
                 demands[index].jitter = jitter.filter(|_| round < MOST_ROUNDS);
@@ -85,8 +85,8 @@ fn reserved(reservation: &Reservation) -> Reserved {
     Reserved { runtime: reservation.runtime_ns as i64, period: reservation.period_ns as i64 }
 }
 
-/// What a reservation does to whatever core it runs on: it comes before every priority, with all of its run time, at
-/// any time from its release to the end that it has at the latest.
+/// The load of a reservation on every core it may run on: it comes before every priority, with all of its run time, at
+/// any time from its release to its latest end.
 fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64) -> Demand {
     let Reserved { runtime, period } = reserved(reservation);
     let jitter = global.response(index, runtime).map(|response| late + response - runtime);
@@ -108,10 +108,10 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     let period = task.period_ns as i64;
     // that of a triggered task grows with what is found
     let (offset, jitter, queue) = match task.release {
-        // It wants the core from the moment it begins to spin; being woken late shortens the spinning.
+        // It needs the core from the moment it begins to spin; being woken late shortens the spinning.
         Release::Timer { phase_ns, spin_ns, tuned, fixed } => {
             let offset = (phase_ns as i64 - spin_ns as i64).rem_euclid(period);
-            // a margin that tunes itself covers what the machine needs: it is awake by the release
+            // a self-tuning margin covers the wake-up error of the machine: the component is awake by its release
             let queue = if tuned { overheads.wake_ns.max(spin_ns) } else { overheads.wake_ns };
             (fixed.then_some(offset), late_wake(spin_ns, overheads), queue as i64)
         }
@@ -161,7 +161,8 @@ fn jitter(
                 return Some(reserved_finish(reservation)? + delay_ns as i64);
             }
             let Some(place) = plan.places[by] else {
-                // Not real-time: taken to be in time. What follows from that is told apart as not provable.
+                // A component that is not real-time is assumed to be in time; what follows from that is reported as not
+                // provable.
                 return Some(delay_ns as i64);
             };
             let writer = bounds[place.task].as_ref()?.get(place.stage)?;
@@ -170,7 +171,7 @@ fn jitter(
     }
 }
 
-/// Bounds of the tasks of one core. On the way it finds out which of them always go to the end of the queue.
+/// Bounds of the tasks of one core. Also finds out which of them always go to the end of the queue.
 pub(in crate::schedule) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
     loop {
         let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(&tasks, index)).collect();

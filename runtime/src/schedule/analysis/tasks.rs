@@ -1,13 +1,13 @@
-//! The static plan: which tasks share which core, and what releases them.
+//! The static plan: the tasks of every core, and their releases.
 //!
-//! A *task* is what the scheduler cannot tell apart: a real-time component together with everything that it triggers,
+//! A *task* is the unit of the analysis: a real-time component together with everything that it triggers,
 //! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but
-//! stay below whatever else there is. Its *stages* run one after the other: the first is the component at its head,
+//! stay below every other priority. Its *stages* run one after the other: the first is the component at its head,
 //! the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of
 //! the queue of its priority, and nobody of that priority interrupts another, so that everything triggered by one
 //! stage has run before anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as
 //! the step that triggers it ends, and runs at once.) With rising priorities and several components triggered by one,
-//! it is open whether one of them or what another one triggers comes first: from there on all is one stage. A
+//! the order of one of them and of what another one triggers is open: from there on all is one stage. A
 //! component that is triggered from another core, or by one of another priority, is the head of a task of its own.
 
 use serde::Serialize;
@@ -179,13 +179,13 @@ impl StaticPlan {
         let mut order: Vec<usize> = (0..plan.components.len()).collect();
         order.sort_by_key(|component| plan.components[*component].order);
         for index in order {
-            made.place(plan, index, overheads);
+            made.assign(plan, index, overheads);
         }
         made.join_open_stages(plan);
         made
     }
 
-    /// Makes one stage of all that runs in an order that is not known.
+    /// Makes one stage of all components whose order is not known.
     fn join_open_stages(&mut self, plan: &Plan) {
         for (index, task) in self.tasks.iter_mut().enumerate() {
             let rises = task.steps().any(|step| plan.components[step.component].rise > 0);
@@ -201,7 +201,7 @@ impl StaticPlan {
         }
     }
 
-    fn place(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
+    fn assign(&mut self, plan: &Plan, index: usize, overheads: &Overheads) {
         let component = &plan.components[index];
         let (Some(own), Some(core)) = (priority(component), core(plan, component)) else { return };
         let priority = own - component.rise.min(own);
@@ -210,7 +210,7 @@ impl StaticPlan {
         let release = match component.activation {
             Activation::Periodic { period_ns, phase_ns } => Release::Timer {
                 phase_ns,
-                // who spins all the time takes all the time
+                // a component that always spins takes all the time
                 spin_ns: spin_ns.min(period_ns),
                 tuned: matches!(component.spin, Spin::Tuned { .. }),
                 fixed: component.on_overrun != OnOverrun::Rephase,
@@ -218,7 +218,7 @@ impl StaticPlan {
             Activation::Triggered { topic, .. } => {
                 let by = plan.topics[topic].writer;
                 let writer = &plan.components[by];
-                // who runs on any core may have run on this one
+                // a component that runs on any core may have run on this one
                 if has_deadline(writer) {
                     step.overhead_ns += overheads.hop_same_core_ns;
                 }
@@ -258,7 +258,7 @@ impl StaticPlan {
         self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
     }
 
-    /// Whether a component is part of the analysis.
+    /// True if a component is part of the analysis.
     pub fn knows(&self, component: usize) -> bool {
         self.places[component].is_some() || self.reservation(component).is_some()
     }
@@ -301,7 +301,7 @@ fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step 
     Step { component: index, budget_ns: component.budget_ns, overhead_ns: added_ns, after_ns: added_ns }
 }
 
-/// Whether the kernel schedules a component by its deadline, on any core.
+/// True if the kernel schedules a component under `SCHED_DEADLINE`, on any core.
 pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
     matches!(component.class, SchedulingClass::Deadline { .. })
 }

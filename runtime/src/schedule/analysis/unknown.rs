@@ -17,7 +17,7 @@ pub(in crate::schedule) struct Unknown {
 }
 
 impl Unknown {
-    /// Looks through a graph.
+    /// Finds the unknown times of a plan.
     pub(in crate::schedule) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
         let fifo = |component: usize| super::tasks::priority(&plan.components[component]).is_some();
         let all = 0..plan.components.len();
@@ -43,7 +43,7 @@ impl Unknown {
                 releaser_unknown || task.steps().any(|step| step.budget_ns.is_none())
             })
             .collect();
-        // it spreads to whatever can be held up by it, and to whatever it releases
+        // it spreads to every task that can be delayed by it, and to every task it releases
         for _ in 0..rests.len() {
             let spread: Vec<bool> = tasks
                 .tasks

@@ -1,7 +1,7 @@
 //! Response times on one core under fixed priorities.
 //!
-//! The response time of a job is found from the *busy window* it falls into: a time in which the core is never without
-//! work of its priority or above. Whatever finishes in the window was released in it, so that
+//! The response time of a job is found from the *busy window* it falls into: a time in which the core always has
+//! work of its priority or above. Every job that finishes in the window was released in it, so that
 //!
 //! ```text
 //! finish = own work + sum over others of the same or higher priority of (releases before finish) * cost
@@ -12,10 +12,10 @@
 //! (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings
 //! 1993).
 //!
-//! Equals wait in one queue, first come first served, and do not interrupt each other. With phases that are not known
-//! they count like the more urgent, which is right for any order in that queue, and costs nothing: as long as all of
-//! one priority finish within their periods, at most one job of each runs before a job that waits with it. With known
-//! phases only those count that joined the queue no later.
+//! Tasks of equal priority wait in one queue, first come first served, and do not preempt each other. With unknown
+//! phases they count like more urgent ones, which is right for any order in that queue, and not pessimistic: as long as
+//! all of one priority finish within their periods, at most one job of each runs before a job that waits with it. With
+//! known phases only those count that joined the queue no later.
 //!
 //! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due
 //! before.
@@ -33,12 +33,12 @@ pub(in crate::schedule) struct Demand {
     pub jitter: Option<i64>,
     /// Longest time from the due time until it joins the queue of its priority, ns: not less than the jitter.
     pub queue: i64,
-    /// Whether it goes to the end of that queue once more as it first gets the core: what waits for the clock lets
-    /// those have their turn that it has woken. Among those who all do so that changes nothing.
+    /// True if it goes to the end of that queue once more when it first gets the core: a component that waits for the
+    /// clock yields to those it has woken. Among tasks that all yield the order stays the same.
     pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
-    /// Whether every job is known to finish before the next one is due, so that each goes to the end of the queue.
+    /// True if every job is known to finish before the next one is due, so that each goes to the end of the queue.
     pub orderly: bool,
 }
 
@@ -51,7 +51,7 @@ pub(in crate::schedule) struct Bound {
     pub response: Sum,
 }
 
-/// The terms of a bound: the stages of the job up to its own, other jobs, less the time that ran before.
+/// The terms of a bound: the stages of the job up to its own, other jobs, less the time before the release.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::schedule) struct Sum {
     /// The bound.
@@ -62,7 +62,7 @@ pub(in crate::schedule) struct Sum {
     pub elapsed: i64,
 }
 
-/// More jobs than this in one window are not followed.
+/// Limit of jobs followed in one window.
 const MOST: usize = 100_000;
 
 /// The start of the window.
@@ -114,7 +114,7 @@ impl Demand {
     }
 }
 
-/// A task, and those of its core that can hold it up: of its own priority or above.
+/// A task, and those of its core that can delay it: of its own priority or above.
 #[derive(Debug)]
 pub(in crate::schedule) struct Level<'a> {
     tasks: &'a [Demand],
@@ -123,7 +123,7 @@ pub(in crate::schedule) struct Level<'a> {
 }
 
 impl<'a> Level<'a> {
-    /// The jobs that can hold up a task; `None` if there is no bound.
+    /// The jobs that can delay a task; `None` if there is no bound.
     pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
@@ -136,7 +136,7 @@ impl<'a> Level<'a> {
         &self.tasks[self.index]
     }
 
-    /// The task and all that can hold it up.
+    /// The task and all that can delay it.
     pub(in crate::schedule) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
         self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
     }
@@ -150,7 +150,7 @@ impl<'a> Level<'a> {
         (length / shortest < MOST as i64).then_some(length)
     }
 
-    /// Jobs of all tasks of the core: of those that can hold up the own one as `count` says, of others none.
+    /// Number of jobs of every task of the core: `count` of those that can delay the task, zero of others.
     fn jobs(&self, own: i64, count: impl Fn(&Demand) -> i64) -> Vec<i64> {
         let mut jobs = vec![0; self.tasks.len()];
         for other in &self.others {
@@ -177,7 +177,7 @@ impl<'a> Level<'a> {
         let mut joins = due + own.queue;
         let mut turn = joins;
         if own.yields && matches!(opening, Opening::At(_)) {
-            // it may have come late to a core that nobody else wanted before
+            // it may have been late to a core that was idle before
             let there = joins.max(start);
             turn = settle(there + 1, |until| {
                 there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.cost()
@@ -187,7 +187,7 @@ impl<'a> Level<'a> {
         let mut ends = Vec::with_capacity(own.stages.len());
         for (stage, cost) in own.stages.iter().enumerate() {
             work += cost;
-            // the first stages of later jobs may run between the stages of this one, if it is not through before them
+            // the first stages of later jobs may run between the stages of this one, if it has not finished before them
             let later = |until: i64| match stage {
                 0 => 0,
                 _ => (ceil_div(until - due, own.period) - 1).max(0),
@@ -218,8 +218,8 @@ impl<'a> Level<'a> {
     }
 }
 
-/// The smallest fixed point of a function that never falls, not below `from`; where the function is below `from`
-/// itself, its value there.
+/// The smallest fixed point of a function that never falls, at or above `from`; its value at `from` where that is below
+/// `from`.
 fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
     let mut time = from;
     for _ in 0..MOST {
@@ -232,7 +232,7 @@ fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
     None
 }
 
-/// Keeps the worst of each stage, with what was found for a job that is due at `due`.
+/// Keeps the worst of each stage, among the results so far and those of a job that is due at `due`.
 pub(in crate::schedule) fn keep_worst(
     bounds: &mut [Option<Bound>],
     opening: Opening,
@@ -278,12 +278,12 @@ pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<
     bounds.into_iter().collect()
 }
 
-/// Bound of the time from the end of the first stage of a job to the end of each of its stages, for a task that is
-/// through before it is due again.
+/// Bounds of the time from the end of the first stage of a job to the end of each of its stages, for a task that always
+/// finishes before it is due again.
 ///
-/// As the first stage ends (or does its rest) nobody more urgent is waiting. Equals that are still ahead joined the
-/// queue after the job did: `queued` is the longest time from then to the end of the first stage. With `rest`, from so
-/// much before that end as it takes to do that much of the stage.
+/// When the first stage ends (or does its rest), no more urgent task is waiting. Tasks of equal priority that are still
+/// ahead joined the queue after the job did: `queued` is the longest time from then to the end of the first stage. With
+/// `rest`, times count from that long before this end.
 pub(in crate::schedule) fn after_first_stage(
     tasks: &[Demand],
     index: usize,

@@ -28,7 +28,7 @@ pub(in crate::schedule) fn load(plan: &Plan, tasks: &StaticPlan, core: usize, li
             add(step.component, Activity::Step, step.cost_ns());
         }
     }
-    // what is scheduled by deadlines may all run here
+    // every SCHED_DEADLINE component may run here
     terms.extend(tasks.reservations.iter().map(|reservation| term(plan, reservation)));
     let share: f64 = terms.iter().map(|term| term.share).sum();
     let limit = limit.share();
@@ -73,9 +73,9 @@ fn term(plan: &Plan, reservation: &Reservation) -> LoadTerm {
     }
 }
 
-/// Load on all cores of all components that are scheduled by deadlines; `None` if there are none.
+/// Load of all cores by the `SCHED_DEADLINE` components; `None` if there are none.
 ///
-/// The kernel takes no more than [`RtLimit::deadline_share`] of all cores.
+/// The kernel admits no more than [`RtLimit::deadline_share`] of all cores.
 pub(in crate::schedule) fn deadlines(
     plan: &Plan,
     tasks: &StaticPlan,

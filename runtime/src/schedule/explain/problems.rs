@@ -44,7 +44,7 @@ fn overload(admission: &Admission) -> Vec<Problem> {
         .collect()
 }
 
-/// More deadlines than the kernel takes.
+/// The problem of more deadlines than the kernel admits.
 fn reserved_too_much(admission: &Admission) -> Option<Problem> {
     let load = admission.deadlines.as_ref().filter(|load| load.verdict == Verdict::Exceeds)?;
     Some(error(
@@ -54,7 +54,7 @@ fn reserved_too_much(admission: &Admission) -> Option<Problem> {
     ))
 }
 
-/// Cores whose mean load is allowed, but not what may come in one throttling period.
+/// Cores whose mean load is allowed, but not their load in one throttling period.
 fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec<Problem>) {
     for core in admission.cores.iter_mut().filter(|core| core.verdict != Verdict::Exceeds) {
         let limit = &admission.rt_limit;
@@ -86,7 +86,7 @@ fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec
 }
 
 fn late(admission: &Admission, problems: &mut Vec<Problem>) {
-    // what has no end on a core that is asked for too much follows from that
+    // an unbounded response on an overloaded core follows from the overload
     let follows = |task: &TaskBound| {
         task.response_ns.is_none()
             && admission.cores.iter().any(|core| Some(core.core) == task.core && core.share > 1.0)

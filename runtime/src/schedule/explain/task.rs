@@ -41,7 +41,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
         found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
         return found;
     };
-    // a time-triggered component is measured from its release, not from where it begins to spin
+    // a time-triggered component is measured from its release, not from the start of its spinning
     let (sum, spin) = match task.release {
         Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
         Release::Trigger { .. } => (&bound.response, 0),
@@ -65,7 +65,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
     found
 }
 
-/// The bound of a component that the kernel schedules by its deadline.
+/// The bound of a component under `SCHED_DEADLINE`.
 fn by_deadline(
     analysis: &Analysis<'_>,
     index: usize,

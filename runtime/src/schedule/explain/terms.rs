@@ -17,7 +17,7 @@ pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usiz
         .map(|step| format!("{} ({})", words::time(step.cost_ns()), name(step.component)))
         .collect();
     let here = analysis.tasks.on_core(task.core);
-    // what is scheduled by deadlines stands behind the tasks of the core
+    // SCHED_DEADLINE components stand behind the tasks of the core
     for (reservation, count) in analysis.tasks.reservations.iter().zip(sum.jobs.iter().skip(here.len())) {
         if *count > 0 {
             let times = if *count == 1 { String::new() } else { format!("{count} x ") };

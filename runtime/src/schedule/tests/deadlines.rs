@@ -1,4 +1,4 @@
-//! What the kernel schedules by deadlines, and what it does to everything below.
+//! `SCHED_DEADLINE` components, and their effect on everything below.
 
 use proptest::prelude::*;
 

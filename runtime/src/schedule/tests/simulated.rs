@@ -1,4 +1,4 @@
-//! What a simulated machine does never exceeds what the analysis says; and where nothing is uncertain, it comes up to
+//! A simulated machine never exceeds the bounds of the analysis; and where nothing is uncertain, it comes up to
 //! it.
 
 use proptest::prelude::*;
@@ -40,7 +40,7 @@ fn policy() -> impl Strategy<Value = OnOverrun> {
     ]
 }
 
-/// What a component after the first of its chain is: whom it waits for, its cost, whether it leaves core or priority.
+/// A component after the first of its chain: the component it waits for, its cost, and if it leaves core or priority.
 type Follower = (prop::sample::Index, u64, bool, Option<u8>);
 
 fn follower() -> impl Strategy<Value = Follower> {
@@ -187,8 +187,8 @@ fn of_several_that_one_triggers_each_may_come_last_where_priorities_rise() {
     assert_eq!(seen.response, [10, 30, 100, 70], "below left comes before right");
 }
 
-/// What is longest for "late" of two equals that are released one after the other below something more urgent, and what
-/// happens.
+/// The bound for "late", one of two equals that are released one after the other below something more urgent, and the
+/// simulated time.
 fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
     let [far, equal] = equal;
     let nodes = [

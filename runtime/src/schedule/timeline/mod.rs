@@ -1,7 +1,7 @@
-//! One hyperperiod, drawn up as it runs when every component uses up its budget and nothing else disturbs.
+//! One hyperperiod, simulated with every component using up its budget and no disturbance.
 //!
-//! This is one of many ways in which the graph can run, and not the worst for every component; what
-//! [`admit`](super::admit) says holds for all of them.
+//! This is one of many ways in which the graph can run, and not the worst for every component; the bounds of
+//! [`admit`](super::admit) hold for all of them.
 
 mod simulation;
 
@@ -19,7 +19,7 @@ use simulation::Simulation;
 pub struct Timeline {
     /// Its length, ns.
     pub length_ns: u64,
-    /// After this time everything repeats, ns; `None` if that is longer than can be counted.
+    /// Period of the whole timeline, ns; `None` if it exceeds 64 bits.
     pub hyperperiod_ns: Option<u64>,
     /// The cores, ascending.
     pub cores: Vec<CoreTimeline>,
@@ -45,13 +45,13 @@ pub struct Lane {
     pub priority: u8,
     /// Its releases, ns from the start: by the clock, or by what triggers it.
     pub releases_ns: Vec<u64>,
-    /// Times for which it has the core, in order.
+    /// Times at which it runs on the core, in order.
     pub segments: Vec<Segment>,
     /// Ends of steps that came after the next release, ns.
     pub late_ns: Vec<u64>,
 }
 
-/// A time in which a component has the core.
+/// A time for which a component runs on the core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Segment {
     /// From, ns.
@@ -63,7 +63,7 @@ pub struct Segment {
 }
 
 impl CoreTimeline {
-    /// Time in which real-time components leave the core to others, ns.
+    /// Time in which no real-time component uses the core, ns.
     pub fn idle_ns(&self, length_ns: u64) -> u64 {
         let busy: u64 = self
             .lanes
@@ -75,7 +75,7 @@ impl CoreTimeline {
     }
 }
 
-/// Draws up one hyperperiod of a graph, but no more than `longest_ns` of it.
+/// Simulates one hyperperiod of a graph, at most `longest_ns` of it.
 pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
     let tasks = StaticPlan::of(plan, overheads);
     let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));

@@ -1,4 +1,4 @@
-//! Fixed-priority scheduling, first come first served among equals, played through event by event.
+//! An event simulation of fixed-priority scheduling, first come first served among equals.
 
 use core::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,7 +8,7 @@ use crate::plan::{Activation, OnOverrun, Plan};
 use crate::schedule::Overheads;
 use crate::schedule::analysis::tasks::{self, Place, StaticPlan};
 
-/// More segments than this are not drawn.
+/// Limit of segments drawn.
 const MOST_SEGMENTS: usize = 20_000;
 
 /// An event at a known time.
@@ -22,18 +22,18 @@ enum Event {
     End { component: usize, release: i64 },
 }
 
-/// A step that waits for the core, or has it.
+/// A step that waits for the core, or runs on it.
 #[derive(Debug, Clone, Copy)]
 struct Job {
     /// Place in the queue of its priority.
     order: u64,
     /// Time at which it was due.
     release: i64,
-    /// Spins until then.
+    /// End of its spinning.
     spin_until: i64,
-    /// Rest of the step.
+    /// Time left of the step.
     left: i64,
-    /// Waits for the clock, and has not let its equals have their turn yet.
+    /// True if it waits for the clock, and has not yet yielded to components of equal priority.
     to_yield: bool,
 }
 
@@ -44,11 +44,11 @@ struct Thread {
     place: Option<(usize, u8)>,
     cost: i64,
     job: Option<Job>,
-    /// Triggered again while its step was not over.
+    /// True if it was triggered again before its step ended.
     again: Option<i64>,
 }
 
-/// All of a graph, at one moment.
+/// The state of the simulation at one moment.
 #[derive(Debug)]
 pub(super) struct Simulation<'p> {
     plan: &'p Plan,
@@ -63,7 +63,7 @@ pub(super) struct Simulation<'p> {
 }
 
 impl<'p> Simulation<'p> {
-    /// A graph before its start.
+    /// A simulation before its start.
     pub(super) fn new(plan: &'p Plan, made: &StaticPlan, overheads: &'p Overheads) -> Self {
         let threads: Vec<Thread> = plan
             .components
@@ -107,8 +107,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Plays it through from 0 to `length`, having run for a while before. The time reached, and by component what it
-    /// did.
+    /// Simulates from 0 to `length`, after a warm-up. Returns the time reached, and the activity of every component.
     pub(super) fn run(mut self, length: i64) -> (u64, Vec<Lane>) {
         let slowest = self.plan.components.iter().map(|c| c.period_ns() as i64).max().unwrap_or(0);
         // all have been released at least twice by then
@@ -142,12 +141,12 @@ impl<'p> Simulation<'p> {
         self.counter
     }
 
-    fn at(&mut self, time: i64, event: Event) {
+    fn schedule(&mut self, time: i64, event: Event) {
         let order = self.order();
         self.events.push(Reverse((time, order, event)));
     }
 
-    /// Spin time of a component before a release; one that spins all the time does so for a period.
+    /// Spin time of a component before a release; one period for a component that always spins.
     fn spin(&self, component: usize) -> i64 {
         let component = &self.plan.components[component];
         component.spin.at_most_ns().min(component.period_ns()) as i64
@@ -156,7 +155,7 @@ impl<'p> Simulation<'p> {
     /// A time-triggered component waits for its next release: asleep, then spinning.
     fn wait(&mut self, component: usize, release: i64) {
         let time = self.now.max(release - self.spin(component));
-        self.at(time, Event::Wait { component, release });
+        self.schedule(time, Event::Wait { component, release });
     }
 
     /// Handles all events up to now.
@@ -195,11 +194,11 @@ impl<'p> Simulation<'p> {
         thread.job = Some(Job { order, release, spin_until, left: thread.cost, to_yield });
         if thread.place.is_none() {
             let end = self.now.max(spin_until) + thread.cost;
-            self.at(end, Event::End { component, release });
+            self.schedule(end, Event::End { component, release });
         }
     }
 
-    /// Moves a job that waited for the clock to the end of the queue of its priority once more, as it first gets the
+    /// Moves a job that waited for the clock to the end of the queue of its priority once more, when it first gets the
     /// core.
     fn let_others_run(&mut self) {
         loop {
@@ -240,7 +239,7 @@ impl<'p> Simulation<'p> {
         ends.chain(events).min().unwrap_or(i64::MAX).max(self.now)
     }
 
-    /// A component has the core until `next`.
+    /// A component runs on the core until `next`.
     fn advance(&mut self, index: usize, next: i64) {
         let Some(job) = &mut self.threads[index].job else { return };
         let spinning = job.spin_until > self.now;
@@ -262,7 +261,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Ends the steps that are through.
+    /// Ends the steps that have finished.
     fn complete(&mut self) {
         for core in self.running().into_iter().flatten() {
             if let Some(job) =
@@ -292,7 +291,7 @@ impl<'p> Simulation<'p> {
             }
             Activation::Triggered { .. } => {
                 if let Some(release) = self.threads[index].again.take() {
-                    // who need not wait does not go to the end of the queue
+                    // a component that need not wait does not go to the end of the queue
                     self.queue(index, release, self.now);
                     if let (Some(next), Some(job)) = (&mut self.threads[index].job, job) {
                         next.order = job.order;
@@ -306,7 +305,7 @@ impl<'p> Simulation<'p> {
         let core = |index: usize| self.threads[index].place.map(|(core, _)| core);
         let same = core(writer).is_some() && core(writer) == core(reader);
         let delay = if same { 0 } else { self.overheads.hop_cross_core_ns as i64 };
-        self.at(self.now + delay, Event::Trigger { component: reader });
+        self.schedule(self.now + delay, Event::Trigger { component: reader });
     }
 }
 

@@ -7,7 +7,7 @@ use crate::state::Stamp;
 /// The times that a step passes on from the input that causes it to its outputs, ns.
 #[derive(Debug)]
 pub(crate) struct Causality {
-    /// Whether another component's publication triggers the steps: their states then are for the time of that sample.
+    /// True if another component's publication triggers the steps: their states then are for the time of that sample.
     triggered: bool,
     source_ns: Cell<Option<u64>>,
     state_ns: Cell<Option<u64>>,

@@ -32,7 +32,7 @@ const CORE_LOOK_UP: u32 = 64;
 pub struct Context {
     region: Rc<Region>,
     index: usize,
-    incarnation: u32,
+    restart_count: u32,
     actuator: bool,
     hold_late_outputs: bool,
     settle_ns: u64,
@@ -50,7 +50,7 @@ impl Context {
     pub(crate) fn new(plan: &Plan, index: usize, region: Rc<Region>) -> Self {
         let component = &plan.components[index];
         Self {
-            incarnation: region.components()[index].restarts.load(Relaxed),
+            restart_count: region.components()[index].restarts.load(Relaxed),
             index,
             actuator: component.actuator,
             hold_late_outputs: component.on_overrun == OnOverrun::Hold,
@@ -82,8 +82,8 @@ impl Context {
 
     /// Restarts of the component before this process.
     #[inline]
-    pub(crate) fn incarnation(&self) -> u32 {
-        self.incarnation
+    pub(crate) fn restart_count(&self) -> u32 {
+        self.restart_count
     }
 
     #[inline]
@@ -147,24 +147,24 @@ impl Context {
         self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(publish_ns));
     }
 
-    /// Whether a sample made at `now_ns` is too late to be published under the overrun policy `hold`.
+    /// True if a sample made at `now_ns` is too late to be published under the overrun policy `hold`.
     #[inline]
     pub(crate) fn withholds(&self, now_ns: u64) -> bool {
         self.hold_late_outputs && now_ns > self.clock.deadline_ns()
     }
 
-    /// Whether actuators must be in their safe state whatever the command says.
+    /// True if actuators must be in their safe state, regardless of the command.
     pub(crate) fn is_stopping(&self) -> bool {
         self.signals.on_its_own_since_ns().is_some()
     }
 
-    /// Whether an actuator that is not in its safe state is to enter it without waiting for a command.
+    /// True if an actuator that is not in its safe state is to enter it without waiting for a command.
     pub(crate) fn must_turn_safe(&self) -> bool {
         let stopping = self.is_stopping() || self.region.header().command() != Command::Run;
         stopping && self.block().safe.load(Relaxed) == 0
     }
 
-    /// Whether the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last two
+    /// True if the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last two
     /// cases an actuator in real time first stays in its safe state for the settling time.
     pub(crate) fn must_leave(&self) -> bool {
         self.signals.acknowledge();

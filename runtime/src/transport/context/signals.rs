@@ -59,7 +59,7 @@ impl Signals {
         message
     }
 
-    /// Whether the stepping thread has seen a message.
+    /// True if the stepping thread has seen a message.
     pub(crate) fn has_seen(&self, message: u32) -> bool {
         self.seen.load(Acquire) == message
     }

@@ -1,6 +1,6 @@
 //! Streams: every value, in order, through the queues of iceoryx2.
 
-mod pooled;
+mod pool_allocated;
 mod reader;
 mod slices;
 mod variant;

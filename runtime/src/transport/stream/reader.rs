@@ -32,12 +32,12 @@ impl Place {
     /// Goes on to a publication; how many were lost before it, or `None` if it is not newer than the last one.
     pub(super) fn advance(&mut self, stamp: &Stamp) -> Option<u64> {
         let before = (self.restarts, self.number);
-        if stamp.sequence == 0 || (stamp.incarnation, stamp.sequence) <= before {
+        if stamp.sequence == 0 || (stamp.restart_count, stamp.sequence) <= before {
             return None;
         }
         // A restarted publisher goes on counting; a reader that comes late has lost nothing.
         let lost = if self.number == 0 { 0 } else { stamp.sequence.saturating_sub(self.number + 1) };
-        *self = Self { restarts: stamp.incarnation, number: stamp.sequence };
+        *self = Self { restarts: stamp.restart_count, number: stamp.sequence };
         Some(lost)
     }
 }

@@ -80,7 +80,7 @@ impl<T: StateBuffer> SliceInput<T> {
         self.subscriber.clone().map(|subscriber| subscriber as Rc<dyn Connect>)
     }
 
-    /// Whether the graph wires this input.
+    /// True if the graph wires this input.
     pub fn is_wired(&self) -> bool {
         self.subscriber.is_some()
     }
@@ -191,7 +191,7 @@ impl<T: StateBuffer> SliceOutput<T> {
         self.wired.as_ref().map(|(publisher, _)| publisher.clone() as Rc<dyn Connect>)
     }
 
-    /// Whether the graph wires this output.
+    /// True if the graph wires this output.
     pub fn is_wired(&self) -> bool {
         self.wired.is_some()
     }
@@ -215,8 +215,8 @@ impl<T: StateBuffer> SliceOutput<T> {
             Some((publisher, _)) => {
                 let sample =
                     publisher.loan_slice_uninit(length).map_err(|_| failed("no sample could be lent"))?;
-                // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is a
-                // valid `T` (the contract of `Field`).
+                // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern
+                // is a valid `T` (the contract of `Field`).
                 Some(unsafe { sample.assume_init() })
             }
         };
@@ -273,7 +273,7 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
         *sample.user_header_mut() = stamp;
         sample.send().map_err(|_| StepError::Transport { port, reason: "the sample was not sent" })?;
         wired.count(context, now);
-        wired.tell(context, stamp);
+        wired.announce(context, stamp);
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use iceoryx2_cal::{
     shared_memory, static_storage, zero_copy_connection,
 };
 
-use super::pooled::Pooled;
+use super::pool_allocated::PoolAllocated;
 
 /// The mechanisms of stock `ipc::Service`, but samples of a stream are lent without the heap.
 ///
@@ -32,7 +32,7 @@ impl iceoryx2::service::Service for Shared {
     type Event = event::SemaphoreShmCountingBitSet;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
-    type ArcThreadSafetyPolicy<T: Send + core::fmt::Debug + Abandonable> = Pooled<T>;
+    type ArcThreadSafetyPolicy<T: Send + core::fmt::Debug + Abandonable> = PoolAllocated<T>;
     type BlackboardMgmt<K: Send + Sync + core::fmt::Debug + ZeroCopySend + 'static> =
         dynamic_storage::recommended::Ipc<K>;
     type BlackboardPayload = shared_memory::recommended::Ipc<BumpAllocator>;

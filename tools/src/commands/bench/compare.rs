@@ -11,21 +11,21 @@ use crate::{exit, report, style};
 
 /// Compare two files of `motorium bench latency --json`.
 ///
-/// Compares ratios to the floors of each file, never times. A change counts if it is more than 10 % and lies beyond
-/// what the turns of each file differ by among themselves; of what took fewer than five turns, if it is more than half.
+/// Compares ratios to the floors of each file, never times. A change counts if it exceeds 10 % and the variation of the
+/// turns within each file; with fewer than five turns, if it exceeds 50 %.
 /// Exit code 6 if anything is slower.
 ///
 /// Example: motorium bench compare before.json after.json
 #[derive(Debug, clap::Args)]
 pub(crate) struct Compare {
-    /// The file of before
+    /// The file measured before the change
     old: PathBuf,
-    /// The file of after
+    /// The file measured after the change
     new: PathBuf,
-    /// More files of before: with three of each side, tails are judged too
+    /// More files from before the change: with three of each side, tails are compared too
     #[arg(long, value_name = "FILE", num_args = 1..)]
     more_old: Vec<PathBuf>,
-    /// More files of after
+    /// More files from after the change
     #[arg(long, value_name = "FILE", num_args = 1..)]
     more_new: Vec<PathBuf>,
     /// Print all of it as JSON

@@ -18,13 +18,13 @@ use crate::chart::plot;
 use crate::out::{err, errln, out};
 use crate::{exit, registry, style};
 
-/// `SCHED_FIFO` priority of what is measured: that of the fastest component of a graph.
+/// `SCHED_FIFO` priority of the measured processes: that of the fastest component of a graph.
 const FIFO: u8 = 80;
 
 /// Floors of the machine, motorium and peers side by side.
 ///
-/// Measures in one run how fast this machine can hand over at all (a cache line, a futex, a timer), how fast motorium
-/// does, and says which targets are met. Nothing is trimmed: the maximum is the longest there was.
+/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them, and
+/// reports which targets are met. No sample is dropped: the maximum is the longest of all.
 ///
 /// Example: motorium bench latency --json --output bench.json --svg bench.svg
 #[derive(Debug, clap::Args)]
@@ -50,13 +50,14 @@ pub(crate) struct Latency {
     /// The tool that loads the machine for measurements under load; the first that is installed if not given
     #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
     load: Option<String>,
-    /// Fewer and shorter: what the targets of hops, releases and the chain of 4 need, in well under a minute
+    /// Fewer and shorter measurements, in well under a minute: those for the targets of hops, releases and the chain of
+    /// 4
     #[arg(long)]
     quick: bool,
     /// Measure other systems too, as far as they are installed (see benches/peers)
     #[arg(long)]
     peers: bool,
-    /// Fail (exit code 6) when hops or releases are plainly slower than they were, by ratios to the floors of this run
+    /// Fail (exit code 6) when hops or releases exceed their bounds, as ratios to the floors of this run
     #[arg(long, conflicts_with_all = ["only", "peers", "json", "output", "svg", "samples", "seconds", "load", "quick"])]
     ratchet: bool,
 }
@@ -188,7 +189,7 @@ impl Latency {
     }
 }
 
-/// Leaves nothing but this in a file.
+/// Writes a file, replacing its content.
 fn fill(mut file: File, text: &str) -> std::io::Result<()> {
     // A pipe cannot be emptied, and holds nothing.
     if file.metadata()?.is_file() {

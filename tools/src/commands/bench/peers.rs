@@ -1,4 +1,4 @@
-//! Other systems, as far as they are installed: `benches/peers/measure` runs them and tells what it saw.
+//! Other systems, as far as they are installed: `benches/peers/measure` runs them and prints its measurements.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
@@ -24,13 +24,13 @@ enum Line {
         fifo: u32,
         samples_ns: Vec<u64>,
     },
-    /// Percentiles printed by a tool that keeps its samples to itself.
-    Told { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
+    /// Percentiles, from a tool that does not print its samples.
+    Summary { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
     /// Reason for their absence.
     Skipped { name: String, skipped: String },
 }
 
-/// Measures the peers, one after the other, and tells of each as it comes. Each that is not installed is named.
+/// Measures the peers, one after the other, and reports each as it comes, and each that is not installed.
 /// `core` is where those run that can be pinned.
 pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Skipped>)) {
     let mut fail = |reason: String| report(Err(Skipped { name: "peers".to_string(), reason }));
@@ -61,7 +61,7 @@ pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Sk
                 host,
                 slices_p50: Vec::new(),
             }),
-            Ok(Line::Told { name, what, count, mean_ns, p50_ns, p99_ns, max_ns }) => Ok(Measurement {
+            Ok(Line::Summary { name, what, count, mean_ns, p50_ns, p99_ns, max_ns }) => Ok(Measurement {
                 name: format!("peer.{name}"),
                 what,
                 // of the rest of its distribution nothing is known
@@ -105,9 +105,9 @@ mod tests {
         let measured =
             Line::Measured { name: "lcm".into(), what: "x".into(), fifo: 0, samples_ns: vec![1, 2] };
         assert_eq!(line, measured);
-        let told = r#"{"name":"d","what":"x","count":9,"mean_ns":5,"p50_ns":4,"p99_ns":7,"max_ns":8}"#;
-        let line: Line = serde_json::from_str(told).unwrap();
-        assert!(matches!(line, Line::Told { count: 9, p50_ns: 4, p99_ns: 7, max_ns: 8, .. }), "{line:?}");
+        let summary = r#"{"name":"d","what":"x","count":9,"mean_ns":5,"p50_ns":4,"p99_ns":7,"max_ns":8}"#;
+        let line: Line = serde_json::from_str(summary).unwrap();
+        assert!(matches!(line, Line::Summary { count: 9, p50_ns: 4, p99_ns: 7, max_ns: 8, .. }), "{line:?}");
         let line: Line = serde_json::from_str(r#"{"name":"dora","skipped":"not installed"}"#).unwrap();
         assert_eq!(line, Line::Skipped { name: "dora".into(), skipped: "not installed".into() });
     }

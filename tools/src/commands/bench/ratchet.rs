@@ -1,5 +1,4 @@
-//! The ratchet: fails when hops, releases or chains have become plainly slower, by ratios to the floors of the same
-//! run.
+//! The ratchet: fails when hops, releases or chains exceed their bounds, as ratios to the floors of the same run.
 
 use std::process::ExitCode;
 
@@ -9,7 +8,7 @@ use motorium_benches::{Distribution, MeasureError};
 use crate::out::outln;
 use crate::{exit, style};
 
-/// Rounds of which the median counts: one that another process or the host of a virtual machine disturbs is left out.
+/// Number of rounds whose median counts, so that one disturbed by another process or by the host has no effect.
 const ROUNDS: usize = 5;
 /// More rounds before it fails.
 const MORE_ROUNDS: usize = 4;
@@ -89,7 +88,7 @@ fn judge<E>(at_most: f64, mut round: impl FnMut() -> Result<f64, E>) -> Result<J
     Ok(Judged { ratio, rounds, held: ratio <= at_most })
 }
 
-/// Measures and judges.
+/// Measures, and compares with the bounds.
 pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
     let bench = Bench {
         program: bench.program.clone(),
@@ -141,7 +140,7 @@ fn ratio(ours: &Distribution, floor: &Distribution, share: f64) -> f64 {
     ours as f64 / floor.p50.max(1) as f64
 }
 
-/// Both are measured one right after the other: what disturbs the machine for longer disturbs both.
+/// Both are measured in direct succession: a longer disturbance of the machine affects both.
 fn pair(bench: &Bench<'_>, bound: &Bound) -> Result<[Measurement; 2], MeasureError> {
     let case = |name: &str| -> Result<Case, MeasureError> {
         let case = catalogue().into_iter().find(|case| case.name == name);
@@ -161,7 +160,7 @@ fn middle(ratios: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Judges rounds that come out so, one after the other.
+    /// The verdict on rounds with these results, one after the other.
     fn judged(at_most: f64, rounds: &[f64]) -> Judged {
         let mut rounds = rounds.iter().copied();
         judge(at_most, || rounds.next().ok_or("no more rounds than needed")).unwrap()

@@ -74,7 +74,7 @@ pub(super) fn closing(written: &Written) -> String {
     text
 }
 
-/// The hop across cores when its receiver has gone to sleep: thrown to and fro without a pause it never does.
+/// The hop across cores when its receiver has gone to sleep: in a ping-pong without a pause it never does.
 fn beside_a_sleeper(written: &Written) -> Option<String> {
     let of = |name: &str| written.get(name).map(|measurement| measurement.ns.p50);
     let (hop, floor) = (of("hop.blocking.across.1khz.512")?, of("floor.futex.across.1khz")?);
@@ -86,7 +86,7 @@ fn beside_a_sleeper(written: &Written) -> Option<String> {
     ))
 }
 
-/// The same chain as calls in one process: what isolation costs.
+/// The same chain as calls in one process: the cost of isolation.
 fn beside_copper(written: &Written) -> Option<String> {
     let (ours, copper) = (written.get("chain.17")?, written.get("peer.copper.17")?);
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;

@@ -10,14 +10,14 @@ use serde::Serialize;
 
 use crate::report::{microseconds, table};
 
-/// Which of the measured execution times a budget covers.
+/// Execution time that a budget covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Cover {
     /// 99 % of all steps
     P99,
     /// 99.9 % of all steps
     P999,
-    /// The longest step, whatever held it up
+    /// The longest step, including disturbances
     Max,
 }
 
@@ -25,7 +25,7 @@ pub(super) enum Cover {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Proposal {
     pub(super) name: String,
-    /// From the beginning to the end of a step, on the clock on the wall, ns.
+    /// From the beginning to the end of a step in wall-clock time, ns.
     pub(super) execution_ns: Percentiles,
     /// Time of the core that each step took, ns.
     pub(super) cpu_ns: Percentiles,

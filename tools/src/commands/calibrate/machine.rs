@@ -8,7 +8,7 @@ use motorium::plan::{Activation, Plan};
 use motorium::schedule::Overheads;
 use motorium::worker::Registry;
 use motorium_benches::Distribution;
-use motorium_benches::pair::{self, Carrier, Throw};
+use motorium_benches::pair::{self, PingPong, Transport};
 
 use crate::commands::doctor::measure_wake_up;
 
@@ -26,7 +26,7 @@ pub(super) struct Floor {
     hop_cross_core_ns: u64,
 }
 
-/// Measures the machine: how late it wakes a thread, and how long a hand-over takes.
+/// Measures the machine: the lateness of wake-ups and the time of a hand-over.
 pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> anyhow::Result<Floor> {
     let defaults = Overheads::default();
     let wake_ns = measure_wake_up(time).map_or(defaults.wake_ns, |late| late.p99);
@@ -34,8 +34,8 @@ pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> an
     let last = cores.last().copied().unwrap_or(0);
     let first = cores.first().copied().unwrap_or(0);
     let hop = |cores: [usize; 2], pace_ns: u64, rounds: usize| {
-        let throw = Throw {
-            carrier: Carrier::Blocking,
+        let ping_pong = PingPong {
+            transport: Transport::Blocking,
             bytes: BYTES,
             cores,
             fifo: FIFO,
@@ -43,7 +43,7 @@ pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> an
             warm_up: 1_000,
             pace_ns,
         };
-        anyhow::Ok(Distribution::of(pair::measure(program, registry, &throw)?.samples))
+        anyhow::Ok(Distribution::of(pair::measure(program, registry, &ping_pong)?.samples))
     };
     let same = hop([last, last], 0, 20_000)?;
     // between sparse hand-overs the other core goes idle, as it does in a graph
@@ -63,7 +63,7 @@ fn core_affinity() -> Vec<usize> {
 }
 
 impl Floor {
-    /// With what steps took of the core besides themselves in the run of a graph.
+    /// Adds the overhead of steps measured in the run of a graph.
     pub(super) fn overheads(&self, plan: &Plan, report: &Report) -> Overheads {
         let besides = plan.components.iter().zip(&report.components).enumerate();
         let besides: Vec<Beside> = besides

@@ -24,8 +24,8 @@ use crate::{exit, overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
 ///
-/// Runs the graph in real time, whether or not its budgets hold. Stop other work first: what disturbs the machine now
-/// is taken for its nature.
+/// Runs the graph in real time, even if its budgets cannot hold. Stop other work first: disturbances count as overhead
+/// of the machine.
 ///
 /// Example: motorium calibrate graphs/panda-reach.toml --for 30s --save
 #[derive(Debug, clap::Args)]
@@ -35,13 +35,13 @@ pub(crate) struct Calibrate {
     /// Duration of the run
     #[arg(long = "for", value_name = "DURATION", default_value = "10 s")]
     duration: TimeSpan,
-    /// Which of the measured execution times a budget covers
+    /// Execution time that a budget covers
     #[arg(long, value_enum, default_value = "p999")]
     cover: Cover,
-    /// Room above that, as a share of it
+    /// Margin above it, as a fraction
     #[arg(long, default_value_t = 0.5, value_parser = budgets::parse_margin)]
     margin: f64,
-    /// Save what was measured of the machine: `check` and `run` on this machine use it from then on
+    /// Save the overheads of the machine: `check` and `run` on this machine use them from then on
     #[arg(long)]
     save: bool,
     /// Print everything as JSON

@@ -12,7 +12,7 @@ use crate::style;
 
 /// Cores, components and latencies with their bounds, each as the sum it comes from.
 ///
-/// `origin` says where the overheads come from.
+/// `origin` names the source of the overheads.
 pub(crate) fn describe(admission: &Admission, origin: &str) -> String {
     if admission.clock == ClockKind::Lockstep {
         return "in lockstep nothing has a deadline: budgets, priorities and latencies are not analysed\n"

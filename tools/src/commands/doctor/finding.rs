@@ -1,4 +1,4 @@
-//! One thing that was looked at, and what to do about it.
+//! A finding of the doctor: verdict and remedy.
 
 use std::fmt::Write as _;
 
@@ -18,7 +18,7 @@ pub(super) enum Verdict {
     Fail,
 }
 
-/// One thing that was looked at.
+/// A finding of the doctor.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(super) struct Finding {
     pub(super) name: &'static str,

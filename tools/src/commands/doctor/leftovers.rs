@@ -23,14 +23,14 @@ const YOUNG: Duration = Duration::from_secs(5);
 #[derive(Debug, Default)]
 pub(super) struct Leftovers {
     runs: Vec<RunFolder>,
-    /// Shared memory objects that belong to no run there is.
+    /// Shared memory objects that belong to no existing run.
     objects: Vec<PathBuf>,
     /// Objects of other programs, which may still use them.
     foreign: Vec<PathBuf>,
 }
 
 impl Leftovers {
-    /// Looks through shared memory for what this user's runs left.
+    /// Finds what ended runs of this user left in shared memory.
     pub(super) fn find(shared: &Path) -> Self {
         // Objects first: one that is made after this look cannot be taken for that of a run that is gone.
         let user = rustix::process::getuid().as_raw();
@@ -46,7 +46,7 @@ impl Leftovers {
         Self { runs, objects, foreign }
     }
 
-    /// Removes what runs of this user left, and says what it removed. What other programs made stays.
+    /// Removes what ended runs of this user left, and returns its names. Objects of other programs stay.
     pub(super) fn clean(&mut self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         for run in self.runs.drain(..) {

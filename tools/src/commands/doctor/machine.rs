@@ -121,7 +121,7 @@ fn idle_states(folder: &Path) -> Vec<IdleState> {
     states
 }
 
-/// The longest time to leave an idle state that anybody who holds `/dev/cpu_dma_latency` allows, us.
+/// The limit on the exit latency of idle states that is set through `/dev/cpu_dma_latency`, us.
 fn latency_limit() -> Option<u64> {
     let mut bytes = [0; 4];
     // Opening it asks for nothing: a request is what is written.

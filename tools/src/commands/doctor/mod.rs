@@ -25,7 +25,7 @@ use leftovers::Leftovers;
 
 /// Is this machine fit for real time? What to change, and how.
 ///
-/// It changes nothing, unless told to with --clean. The exit code is 0 if nothing failed, else 5.
+/// It changes nothing without --clean. The exit code is 0 if nothing failed, else 5.
 ///
 /// Example: motorium doctor --measure 60s
 #[derive(Debug, clap::Args)]
@@ -33,7 +33,7 @@ pub(crate) struct Doctor {
     /// Duration of the measurement of wake-ups; "0 s" leaves it out
     #[arg(long, value_name = "TIME", default_value = "5s")]
     measure: TimeSpan,
-    /// Remove what runs that are gone have left in shared memory
+    /// Remove what ended runs have left in shared memory
     #[arg(long)]
     clean: bool,
     /// Print JSON

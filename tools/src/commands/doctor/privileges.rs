@@ -1,4 +1,4 @@
-//! Privileges of this user: real-time priorities, locked memory. Tried, not guessed.
+//! Privileges of this user: real-time priorities and locked memory, found by trying them.
 
 use motorium::os::machine::online_cores;
 use motorium::os::{Applied, Denied, Request, apply};
@@ -34,7 +34,7 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-/// Runs something in a thread of its own, so that this one keeps its scheduling.
+/// Runs `work` in a new thread, so that this one keeps its scheduling.
 fn aside<T: Send>(run: impl FnOnce() -> T + Send) -> Option<T> {
     std::thread::scope(|scope| scope.spawn(run).join().ok())
 }

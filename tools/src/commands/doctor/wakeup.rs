@@ -19,7 +19,7 @@ const SHARE: f64 = 0.1;
 /// Measured wake-ups.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Measured {
-    /// Time from the deadline to the thread looking at the clock, ns.
+    /// Time from the deadline to the thread's first reading of the clock, ns.
     pub(super) lateness_ns: Percentiles,
     pub(super) count: u64,
     /// `SCHED_FIFO` priority it was measured at, read back; 0 for normal time sharing.
@@ -28,7 +28,7 @@ pub(super) struct Measured {
 }
 
 /// Measures for this time on the core that graphs choose for real-time components, at real-time priority if that is
-/// granted and with idle states limited as graphs limit them. Beside a running graph it gives way to all components.
+/// granted and with idle states limited as graphs limit them. Every component of a running graph preempts it.
 pub(super) fn measure(time: Duration) -> Option<Measured> {
     let beside = RunFolder::list().iter().any(RunFolder::is_alive);
     let priority = if beside { 1 } else { privileges::PRIORITY };

@@ -23,8 +23,8 @@ struct Table {
     latencies: Vec<LatencyReport>,
 }
 
-/// Looks up what is meant: a file with the report of a run, or a run by its id or its graph's name; the only one
-/// without a word.
+/// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an argument
+/// the only run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
@@ -57,8 +57,8 @@ impl Table {
 }
 
 impl Source {
-    /// The words of a picture of this plan. What the measurements do not name stays blank.
-    pub(super) fn words(&self, plan: &Plan) -> Measured {
+    /// The measurements as texts for the picture of this plan; blank where there is none.
+    pub(super) fn describe(&self, plan: &Plan) -> Measured {
         let measured = &self.measured;
         let rate = |name: &str| {
             let (_, hz) = measured.rates.iter().find(|(component, hz)| component == name && *hz > 0.0)?;

@@ -24,8 +24,8 @@ pub(crate) struct Draw {
     /// File to write; standard output if not given
     #[arg(long, short)]
     output: Option<PathBuf>,
-    /// Write on it what was measured: of a running graph (its id or its name; the only one if not given), or in a
-    /// report that `motorium run --json` printed
+    /// Add measured values: of a running graph (its id or its name; the only one if not given), or of a report that
+    /// `motorium run --json` printed
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,
     /// Print the checked plan as JSON instead
@@ -68,7 +68,7 @@ impl Draw {
                 plan.name
             );
         }
-        let measured = source.map(|source| source.words(&plan));
+        let measured = source.map(|source| source.describe(&plan));
         let text = match self.format {
             Format::Mermaid => draw::mermaid(&plan, measured.as_ref()),
             Format::Dot => draw::dot(&plan, measured.as_ref()),

@@ -19,36 +19,36 @@ pub(super) struct Build {
     /// The file to write
     #[arg(long, short)]
     output: PathBuf,
-    /// What the eigenforces leave the least of
+    /// Error that the eigenforces minimise
     #[arg(long, value_enum, default_value = "position")]
     metric: MetricName,
-    /// Leave the least mean error with N eigenforces, instead of the least mean square with any number
+    /// Minimise the mean error with N eigenforces, instead of the mean square with any number
     #[arg(long, value_name = "N")]
     balance: Option<usize>,
     #[command(flatten)]
-    keep: KeepOptions,
+    truncation: TruncationOptions,
     /// Print as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// How many eigenforces are kept: all, unless one of these is given.
+/// Number of eigenforces to keep: all, unless one of these is given.
 #[derive(Debug, Default, clap::Args)]
 #[group(multiple = false)]
-pub(super) struct KeepOptions {
-    /// Keep so many eigenforces
+pub(super) struct TruncationOptions {
+    /// Keep this number of eigenforces
     #[arg(long)]
     rank: Option<usize>,
-    /// Keep as few as leave at most this part out, such as 0.05
+    /// Keep the fewest whose relative error is at most this, such as 0.05
     #[arg(long)]
     error: Option<f64>,
-    /// Keep as many as fit into so many bytes
+    /// Keep as many as fit into this number of bytes
     #[arg(long)]
     bytes: Option<usize>,
 }
 
-impl KeepOptions {
-    pub(super) fn keep(&self) -> Truncation {
+impl TruncationOptions {
+    pub(super) fn truncation(&self) -> Truncation {
         match (self.rank, self.error, self.bytes) {
             (Some(rank), _, _) => Truncation::Rank(rank),
             (_, Some(error), _) => Truncation::Error(error),
@@ -63,9 +63,9 @@ impl Build {
         let recordings = self.shape.shaped(self.source.read()?);
         let (spring, metric) = (self.shape.spring()?, self.metric.into());
         let library = match self.balance {
-            None => MotionLibrary::build(&recordings, spring, metric, self.keep.keep())?,
+            None => MotionLibrary::build(&recordings, spring, metric, self.truncation.truncation())?,
             Some(n) => MotionLibrary::build(&recordings, spring, metric, Truncation::All)?
-                .balanced(n, self.keep.keep())?,
+                .balanced(n, self.truncation.truncation())?,
         };
         super::write(&library, &self.output)?;
         super::show(&library, Some(&self.output), self.json)

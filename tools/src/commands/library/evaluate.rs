@@ -16,7 +16,7 @@ use crate::out::outln;
 ///
 /// For each number of weights: eigenforces in both metrics, Fourier functions, and kernels.
 ///
-/// Example: motorium library evaluate letters.jsonl --terms 4,8,16 --plot errors.svg
+/// Example: motorium library evaluate letters.jsonl --eigenforces 4,8,16 --plot errors.svg
 #[derive(Debug, clap::Args)]
 pub(super) struct Evaluate {
     #[command(flatten)]
@@ -31,7 +31,7 @@ pub(super) struct Evaluate {
     splits: Option<u64>,
     /// Numbers of weights
     #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64])]
-    terms: Vec<usize>,
+    eigenforces: Vec<usize>,
     /// Draw the errors of position into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
@@ -53,7 +53,7 @@ impl Evaluate {
                 })
                 .collect(),
         };
-        let mut measured = CrossValidation::new(self.terms.clone());
+        let mut measured = CrossValidation::new(self.eigenforces.clone());
         let bar = ProgressBar::new((measured.progress_of_split() * splits.len()) as u64);
         let mut sizes = (0, 0);
         for (seen, held) in &splits {
@@ -97,7 +97,7 @@ impl Evaluate {
         let explained: Vec<String> =
             measured.explained().iter().take(5).map(|part| format!("{part:.3}")).collect();
         outln!("explained by the first eigenforces (force): {}", explained.join(" "));
-        for (k, n) in self.terms.iter().enumerate() {
+        for (k, n) in self.eigenforces.iter().enumerate() {
             if let Some([force, position]) = measured.recognition(k) {
                 outln!("nearest neighbour, n = {n}: {force:.3} (force), {position:.3} (position)");
             }
@@ -146,7 +146,7 @@ impl Evaluate {
                 })
             })
             .collect();
-        let recognition = self.terms.iter().enumerate().filter_map(|(k, n)| {
+        let recognition = self.eigenforces.iter().enumerate().filter_map(|(k, n)| {
             let [force, position] = measured.recognition(k)?;
             Some(serde_json::json!({ "n": n, "force": force, "position": position }))
         });

@@ -23,19 +23,19 @@ pub(super) struct Generate {
     /// A second one to blend with
     #[arg(long, requires = "movement")]
     with: Option<String>,
-    /// How far to go towards the second
+    /// Share of the second movement, 0 to 1
     #[arg(long, default_value_t = 0.5)]
     blend: f64,
     /// Weights of the first eigenforces, in place of a movement; start and goal are 0 unless given
     #[arg(long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true)]
     weights: Vec<f64>,
-    /// Eigenforces to use: all if not given
+    /// Number of eigenforces to use: all if not given
     #[arg(long)]
-    terms: Option<usize>,
-    /// Where to begin, one number for each degree of freedom; the goal moves along
+    eigenforces: Option<usize>,
+    /// Start position, one number for each degree of freedom; the goal is shifted with it
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     start: Vec<f64>,
-    /// Where to end
+    /// Goal position, one number for each degree of freedom
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     goal: Vec<f64>,
     /// Seconds from start to goal
@@ -109,11 +109,11 @@ impl Generate {
     }
 
     fn movement(&self, library: &MotionLibrary) -> anyhow::Result<Superposition> {
-        let terms = self.terms.unwrap_or(library.rank());
+        let eigenforces = self.eigenforces.unwrap_or(library.rank());
         let named = |name: &str| {
             let one = library.entries().iter().position(|entry| entry.id == name);
-            one.map(|entry| Superposition::of(library, entry, terms))
-                .or_else(|| Superposition::mean_of(library, name, terms))
+            one.map(|entry| Superposition::of(library, entry, eigenforces))
+                .or_else(|| Superposition::mean_of(library, name, eigenforces))
                 .with_context(|| {
                     let mut labels: Vec<&str> =
                         library.entries().iter().filter_map(|entry| entry.label.as_deref()).collect();

@@ -7,7 +7,7 @@ use motorium_library::file;
 
 use crate::chart::{Chart, Series};
 
-/// Show what a library holds.
+/// Show the content of a library.
 ///
 /// Example: motorium library inspect letters.library
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub(super) struct Inspect {
     plot: Option<PathBuf>,
     /// Eigenforces to draw
     #[arg(long, default_value_t = 4)]
-    terms: usize,
+    eigenforces: usize,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -32,7 +32,7 @@ impl Inspect {
             let steps = library.spring().forces();
             let names = library.layout().names();
             let mut series = Vec::new();
-            for k in 0..self.terms.min(library.rank()) {
+            for k in 0..self.eigenforces.min(library.rank()) {
                 let column = library.eigenforces().column(k);
                 for (name, forces) in names.iter().zip(column.as_slice().chunks_exact(steps)) {
                     let points =

@@ -16,9 +16,10 @@ use crate::out::outln;
 use anyhow::Context as _;
 use motorium_library::{MotionLibrary, file};
 
-/// Movements as weights of a few eigenforces: learn them, look at them, take them apart, use them.
+/// Movements as weights of a few eigenforces: learn, inspect, split, merge and use them.
 ///
-/// Example: motorium library letters --output letters.jsonl && motorium library build letters.jsonl --output letters.library
+/// Example: motorium library letters --output letters.jsonl && motorium library build letters.jsonl --output
+/// letters.library
 #[derive(Debug, clap::Args)]
 pub(crate) struct Library {
     #[command(subcommand)]
@@ -58,7 +59,7 @@ fn write(library: &MotionLibrary, path: &Path) -> anyhow::Result<()> {
     file::write(library, path).with_context(|| path.display().to_string())
 }
 
-/// What there is to say of a library.
+/// The summary of a library.
 fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_json::Value {
     let explained = library.explained();
     let mut labels = std::collections::BTreeMap::<&str, usize>::new();

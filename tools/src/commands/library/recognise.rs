@@ -8,9 +8,9 @@ use motorium_library::{Recogniser, file};
 use super::source::Source;
 use crate::out::outln;
 
-/// Say which movement of a library each recording is like, and how new it is.
+/// Find the nearest movement of a library to each recording, and its novelty.
 ///
-/// Example: motorium library recognise letters.library letters.jsonl --terms 8
+/// Example: motorium library recognise letters.library letters.jsonl --eigenforces 8
 #[derive(Debug, clap::Args)]
 pub(super) struct Recognise {
     /// The library
@@ -19,7 +19,7 @@ pub(super) struct Recognise {
     source: Source,
     /// Eigenforces to recognise by
     #[arg(long, default_value_t = 16)]
-    terms: usize,
+    eigenforces: usize,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -35,7 +35,7 @@ impl Recognise {
             recordings.names.join(", "),
             library.layout().names().join(", ")
         );
-        let mut recogniser = Recogniser::new(&library, self.terms);
+        let mut recogniser = Recogniser::new(&library, self.eigenforces);
         let mut all = Vec::new();
         let mut table =
             crate::report::table(["recording", "label", "like", "its label", "distance", "novelty"]);

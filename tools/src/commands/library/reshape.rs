@@ -8,7 +8,7 @@ use motorium_library::{
     MotionLibrary, RecursiveLibrary, file, merge_independent, merge_movements, merge_parts,
 };
 
-use super::build::KeepOptions;
+use super::build::TruncationOptions;
 use super::source::Source;
 use crate::out::outln;
 
@@ -56,8 +56,8 @@ impl Split {
 
 /// Make one library out of several.
 ///
-/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of different ones into one
-/// of the whole body, its parts correlated if all were learned from the same movements.
+/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of different ones
+/// into one of the whole body, its parts correlated if all were learned from the same movements.
 ///
 /// Example: motorium library merge left.library right.library --independent --output body.library
 #[derive(Debug, clap::Args)]
@@ -72,7 +72,7 @@ pub(super) struct Merge {
     #[arg(long)]
     independent: bool,
     #[command(flatten)]
-    keep: KeepOptions,
+    truncation: TruncationOptions,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -84,11 +84,11 @@ impl Merge {
             self.files.iter().map(|path| file::read(path)).collect::<Result<_, _>>()?;
         let all: Vec<&MotionLibrary> = libraries.iter().collect();
         let same = all.iter().all(|library| library.layout() == all[0].layout());
-        let keep = self.keep.keep();
+        let truncation = self.truncation.truncation();
         let merged = match (same, self.independent) {
-            (true, _) => merge_movements(&all, keep)?,
-            (false, true) => merge_independent(&all, keep)?,
-            (false, false) => merge_parts(&all, keep)?,
+            (true, _) => merge_movements(&all, truncation)?,
+            (false, true) => merge_independent(&all, truncation)?,
+            (false, false) => merge_parts(&all, truncation)?,
         };
         super::write(&merged, &self.output)?;
         super::show(&merged, Some(&self.output), self.json)
@@ -110,7 +110,7 @@ pub(super) struct Update {
     /// The most eigenforces to keep: about twice as many as are used
     #[arg(long, default_value_t = 50)]
     capacity: usize,
-    /// What a movement still counts when one more comes: 1 forgets nothing
+    /// Factor on the weight of earlier movements with each further one: 1 forgets nothing
     #[arg(long, default_value_t = 1.0)]
     forgetting: f64,
     /// Print as JSON

@@ -1,26 +1,26 @@
-//! Recordings as the commands take them.
+//! The recordings of a command: options and reading.
 
 use std::path::PathBuf;
 
 use motorium_library::{DAMPING, Metric, Recordings, SampledSpring};
 use motorium_recordings::Selection;
 
-/// Which recordings, and how they are read.
+/// Options that name recordings, and how to read them.
 #[derive(Debug, clap::Args)]
 pub(super) struct Source {
     /// Recordings: .csv, .tsv, .json or .jsonl files, or folders with some
     #[arg(required = true)]
     data: Vec<PathBuf>,
-    /// Samples per second of recordings that do not say
+    /// Samples per second of recordings without times
     #[arg(long, default_value_t = 100.0)]
     rate: f64,
     /// Take only these degrees of freedom: names, or their beginnings and `*`
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
-    /// Smooth with a Gaussian of so many samples before anything else (measured recordings need it)
+    /// Smooth first, with a Gaussian of this standard deviation in samples (measured recordings need it)
     #[arg(long, default_value_t = 0.0, value_name = "SAMPLES")]
     smooth: f64,
-    /// Cut into windows of so many samples, half of it apart
+    /// Cut into windows of this many samples that overlap by half
     #[arg(long, value_name = "SAMPLES")]
     window: Option<usize>,
     /// With --window: drop windows in which a sample is further than this from the one before
@@ -47,7 +47,7 @@ impl Source {
     }
 }
 
-/// How forces are made of recordings.
+/// Options of the conversion of recordings into forces.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shape {
     /// Samples of each movement, evenly over its duration
@@ -66,7 +66,7 @@ impl Shape {
         Ok(SampledSpring::new(self.samples, self.damping)?)
     }
 
-    /// Recordings as the forces are made of them.
+    /// The recordings, prepared for the conversion into forces.
     pub(super) fn shaped(&self, mut recordings: Recordings) -> Recordings {
         if self.spline {
             for trajectory in &mut recordings.trajectories {
@@ -77,7 +77,7 @@ impl Shape {
     }
 }
 
-/// What the eigenforces leave the least of.
+/// Error that the eigenforces minimise.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(super) enum MetricName {
     /// Force, as in the literature

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::checkout::Checkout;
 use crate::registry;
 
-/// A file's place in the crate, and its text.
+/// Path of a file in the crate, and its text.
 pub(super) type File = (&'static str, String);
 
 /// The files could not be written.

@@ -20,10 +20,10 @@ use checkout::Checkout;
 pub(crate) struct New {
     /// Name of the crate: lower-case letters, digits, `-` and `_`
     name: String,
-    /// In which folder to make its folder
+    /// Folder to create it in
     #[arg(long, value_name = "DIR", default_value = ".")]
     path: PathBuf,
-    /// Print what was made as JSON
+    /// Print the created files as JSON
     #[arg(long)]
     json: bool,
 }

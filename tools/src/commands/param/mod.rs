@@ -15,7 +15,7 @@ use crate::runs::{LivingRun, RunArg};
 use crate::{exit, style};
 use render::Row;
 
-/// Look at and change the parameters of a running graph.
+/// Show and change the parameters of a running graph.
 ///
 /// A change takes effect between two steps of the component.
 ///
@@ -89,7 +89,7 @@ struct Set {
     json: bool,
 }
 
-/// Reads a value as a person writes it.
+/// Parses a value as it is written on the command line.
 fn value(text: &str) -> Result<ParameterValue, String> {
     match text {
         "true" => return Ok(ParameterValue::Boolean(true)),

@@ -7,7 +7,7 @@ mod show;
 
 use std::process::ExitCode;
 
-/// Fit movement primitives to recordings, look at them, replay them.
+/// Fit movement primitives to recordings, show and replay them.
 ///
 /// Example: motorium primitive fit demonstration.csv --output reach.json --plot reach.svg
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ impl PrimitiveCommand {
     }
 }
 
-/// Numbers as a person writes them: `0.1,-2,3e-2`.
+/// Numbers as written on the command line: `0.1,-2,3e-2`.
 #[derive(Debug, Clone, PartialEq)]
 struct Numbers(Vec<f64>);
 

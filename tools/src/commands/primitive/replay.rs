@@ -1,4 +1,4 @@
-//! `motorium primitive replay`: the movement of a primitive, as shown or elsewhere.
+//! `motorium primitive replay`: the movement of a primitive, as demonstrated or adapted.
 
 use std::fmt::Write as _;
 use std::io::{ErrorKind, Write as _};
@@ -12,7 +12,7 @@ use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 use super::plot::{self, Panel};
 use super::{Numbers, numbers};
 
-/// Run a primitive: as shown, or with another start, goal, duration or via points.
+/// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
 ///
 /// Prints the movement as CSV unless it goes to a file.
 ///
@@ -23,10 +23,10 @@ pub(super) struct Replay {
     /// The primitive, as `motorium primitive fit` wrote it
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Where to start, a number for each dimension
+    /// Start position, a number for each dimension
     #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
     start: Option<Numbers>,
-    /// Where to go (of a rhythm: the middle)
+    /// Goal position (of a rhythm: its centre)
     #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
     goal: Option<Numbers>,
     /// Velocity at the goal, of a primitive of the variant final-velocity
@@ -41,7 +41,7 @@ pub(super) struct Replay {
     /// Periods of a rhythm; 2 if not given
     #[arg(long, value_name = "N", value_parser = positive)]
     periods: Option<f64>,
-    /// Amplitude of a rhythm; 1 is as shown
+    /// Amplitude of a rhythm; 1 is that of the demonstration
     #[arg(long, value_name = "R", value_parser = positive)]
     amplitude: Option<f64>,
     /// Samples a second
@@ -126,7 +126,7 @@ impl Replay {
     }
 }
 
-/// To standard output; a reader that has seen enough is no error.
+/// Prints to standard output; a closed pipe is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),

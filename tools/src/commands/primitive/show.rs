@@ -1,4 +1,4 @@
-//! `motorium primitive show`: what a primitive has learned.
+//! `motorium primitive show`: the content of a primitive.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -14,7 +14,7 @@ use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
 
-/// Show what a primitive has learned: its equation, settings and weights.
+/// Show a primitive: its equation, settings and weights.
 ///
 /// Example: motorium primitive show reach.json --plot reach.svg
 #[derive(Debug, clap::Args)]

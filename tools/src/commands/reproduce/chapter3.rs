@@ -10,9 +10,9 @@ use super::writer::FigureWriter;
 use super::{body, letters, perception, search};
 use crate::out::outln;
 
-/// The motion library of Delhaisse's thesis (2019), chapter 3: what figures 3.9 to 3.12 and 3.14 to 3.19 show.
+/// The motion library of Delhaisse's thesis (2019), chapter 3: figures 3.9 to 3.12 and 3.14 to 3.19.
 ///
-/// Writes each as CSV and SVG (bars: standard errors), and says of each claim whether it holds on these data.
+/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data.
 ///
 /// Example: motorium reproduce chapter3 --data recordings/ --out out/
 #[derive(Debug, clap::Args)]
@@ -29,13 +29,13 @@ pub(super) struct Chapter3 {
     /// Letters and seeds of each policy search
     #[arg(long, default_value_t = 10)]
     searches: usize,
-    /// Epochs of the network that sees letters
+    /// Training epochs of the network
     #[arg(long, default_value_t = 220)]
     epochs: usize,
-    /// How many such networks are trained, each from a seed of its own
+    /// Number of networks to train, each from a seed of its own
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
     networks: u64,
-    /// Random splits of the letters that errors of position are averaged over
+    /// Random splits of the letters over which errors of position are averaged
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     splits: u64,
     /// Print as JSON

@@ -1,6 +1,6 @@
 //! Figures 3.9, 3.11, 3.12 and 3.14, eigenforces themselves and recognition: letters.
 //!
-//! Figures whose number is not certain are named by what they show.
+//! Figures whose number is not certain are named by their content.
 
 use motorium_library::cross_validation::{FORCE, POSITION};
 use motorium_library::statistics::{mean_and_deviation, proportion_error};
@@ -195,7 +195,7 @@ fn bases(
     Ok(())
 }
 
-/// Errors of position over several random splits: how much is luck of one.
+/// Errors of position over several random splits, for the spread between splits.
 pub(super) fn splits(
     writer: &mut FigureWriter,
     all: &Recordings,

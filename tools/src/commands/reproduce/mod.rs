@@ -1,4 +1,4 @@
-//! `motorium reproduce`: published figures, computed anew.
+//! `motorium reproduce`: recomputation of published figures.
 
 mod body;
 mod chapter3;
@@ -9,7 +9,7 @@ mod writer;
 
 use std::process::ExitCode;
 
-/// Compute published figures anew, and say where their claims hold.
+/// Recompute published figures, and report which of their claims hold.
 ///
 /// Example: motorium reproduce chapter3 --out out/
 #[derive(Debug, clap::Args)]

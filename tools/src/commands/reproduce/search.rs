@@ -21,7 +21,7 @@ impl Found {
         is_clearly_larger(self.library, self.kernels)
     }
 
-    fn words(&self) -> String {
+    fn describe(&self) -> String {
         let Self { n, library: l, kernels: k, prior } = self;
         format!("n = {n}: library {:.3} +- {:.3}, {prior} {:.3} +- {:.3}", l.0, l.1, k.0, k.1)
     }
@@ -63,7 +63,7 @@ pub(super) fn figure(
     writer.chart("power-letters", &chart(title, ["rollouts", "best reward"], [true, false], series))?;
     let of = |n: &[usize]| finals.iter().filter(|f| n.contains(&f.n)).collect::<Vec<_>>();
     let wins = |n: &[usize]| of(n).iter().all(|found| found.library_wins());
-    let words = |n: &[usize]| of(n).iter().map(|found| found.words()).collect::<Vec<_>>().join("; ");
+    let words = |n: &[usize]| of(n).iter().map(|found| found.describe()).collect::<Vec<_>>().join("; ");
     let claim = "with few weights, search in the library finds better movements than in kernels";
     writer.claim("policy search", claim, wins(&[4, 8, 16]), words(&[4, 8, 16]));
     let claim = "with many weights, search in the library finds better movements than in kernels";

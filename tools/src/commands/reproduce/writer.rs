@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::chart::Chart;
 
-/// A claim, and whether it holds here.
+/// A claim, and the verdict of this run.
 #[derive(Debug, Serialize)]
 pub(super) struct Claim {
     pub(super) figure: &'static str,
@@ -17,7 +17,7 @@ pub(super) struct Claim {
     pub(super) evidence: String,
 }
 
-/// Where figures are written and claims collected.
+/// Writer of the figures, and collector of the claims.
 pub(super) struct FigureWriter {
     folder: PathBuf,
     pub(super) bar: ProgressBar,

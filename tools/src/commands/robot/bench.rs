@@ -1,4 +1,4 @@
-//! `motorium robot bench`: what the algorithms cost on a robot.
+//! `motorium robot bench`: the times of the algorithms on a robot.
 
 use std::hint::black_box;
 use std::process::ExitCode;

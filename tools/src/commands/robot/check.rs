@@ -1,11 +1,11 @@
-//! `motorium robot check`: what is wrong or doubtful about a robot's file.
+//! `motorium robot check`: errors and warnings of a robot's file.
 
 use std::process::ExitCode;
 
 use motorium_robots::{Loaded, MimicMode, Model};
 use serde_json::json;
 
-use super::source::{RobotArgs, code, explain, place};
+use super::source::{RobotArgs, code, explain, position_of};
 use super::{facts, facts::short};
 use crate::out::{errln, outln};
 use crate::{exit, style};
@@ -59,7 +59,7 @@ fn report(loaded: Result<Loaded, motorium_robots::LoadError>) -> serde_json::Val
             "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         }),
         Err(error) => {
-            let (_, at) = place(&error);
+            let (_, at) = position_of(&error);
             json!({
                 "valid": false,
                 "error": error.to_string(),

@@ -1,4 +1,4 @@
-//! `motorium robot install`: robots of others, unpacked into the user's data folder.
+//! `motorium robot install`: collections of robots, unpacked into the user's data folder.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -24,7 +24,7 @@ pub(super) struct Install {
     /// Its version
     #[arg(long, default_value = "6.0.0")]
     version: String,
-    /// The Python whose pip to use
+    /// The Python interpreter whose pip is used
     #[arg(long, default_value = "python3")]
     python: PathBuf,
     /// Folder to put it in; `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder, if not given

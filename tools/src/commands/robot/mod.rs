@@ -13,7 +13,7 @@ mod urdf_text;
 
 use std::process::ExitCode;
 
-/// Look at robots: the catalogue's, installed ones, and any URDF file.
+/// Show, check and draw robots: the catalogue's, installed ones, and any URDF or MJCF file.
 ///
 /// Example: motorium robot draw panda --output panda.svg
 #[derive(Debug, clap::Args)]

@@ -1,4 +1,4 @@
-//! Which robot a command is about, and how to read it.
+//! The robot of a command, and how to read it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -48,7 +48,7 @@ impl RobotArgs {
     }
 }
 
-/// The exit code that suits the error: 3 for a file that is not right, 1 for one that cannot be had.
+/// The exit code of the error: 3 for an invalid file, 1 for one that cannot be read.
 pub(super) fn code(error: &LoadError) -> ExitCode {
     match error {
         LoadError::Urdf(_) | LoadError::Mjcf(_) | LoadError::NotText { .. } | LoadError::Profile { .. } => {
@@ -61,13 +61,13 @@ pub(super) fn code(error: &LoadError) -> ExitCode {
 /// The message, with the place in the file where there is one.
 pub(super) fn explain(error: &LoadError) -> String {
     let message = error.to_string();
-    let (Some(file), Some(at)) = place(error) else { return message };
+    let (Some(file), Some(at)) = position_of(error) else { return message };
     let excerpt = std::fs::read_to_string(file).ok().and_then(|text| excerpt(&text, at));
     excerpt.map_or(message.clone(), |excerpt| format!("{message}\n{excerpt}"))
 }
 
 /// File and place of a fault, where they are known.
-pub(super) fn place(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
+pub(super) fn position_of(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
     match error {
         LoadError::Urdf(urdf) => (urdf.file.as_ref(), urdf.at),
         LoadError::Mjcf(mjcf) => (mjcf.file.as_ref(), Some(mjcf.at)),

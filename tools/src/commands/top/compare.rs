@@ -1,4 +1,4 @@
-//! Two looks at a run, and what lies between them.
+//! Two readings of a run, and the interval between them.
 
 use motorium::launcher;
 use motorium::plan::ComponentPlan;
@@ -140,7 +140,7 @@ fn rate(plan: &ComponentPlan, now: &ComponentSample, now_ns: u64) -> f64 {
     launcher::steps_per_second(now.begun, first, last, now_ns, plan.period_ns())
 }
 
-/// From the last step before the interval to the last one in it: looking late does not blur it. To the end of the interval
+/// From the last step before the interval to the last one in it: a late reading does not change it. To the end of the interval
 /// for a component that no longer steps. `None` if it had not stepped before.
 fn interval_rate(
     plan: &ComponentPlan,

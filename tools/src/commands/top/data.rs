@@ -24,7 +24,7 @@ pub(crate) struct Top {
     pub(crate) state: State,
     /// Time since the start on the run's clock, s; 0 before it.
     pub(crate) elapsed_s: f64,
-    /// Time between the two looks that make the interval, on the clock on the wall, s.
+    /// Length of the interval in wall-clock time, s.
     pub(crate) interval_s: f64,
     /// Each component, in the order of the graph file.
     pub(crate) components: Vec<ComponentTop>,
@@ -46,7 +46,7 @@ pub(crate) enum State {
     Running,
     /// Its actuators apply the safe state.
     SafeStop,
-    /// It was told to end.
+    /// It has been asked to end.
     Stopping,
 }
 
@@ -63,7 +63,7 @@ pub(crate) struct ComponentTop {
     pub(crate) pid: u32,
     /// The core it is pinned to; `null` if it may run on several.
     pub(crate) core: Option<usize>,
-    /// Share of a core that its stepping thread had in the interval, spinning included; `null` if it cannot be told.
+    /// Share of a core that its stepping thread used in the interval, spinning included; `null` if unknown.
     pub(crate) core_share: Option<f64>,
     /// Share of a core that its steps took in the interval, without spinning.
     pub(crate) step_share: f64,
@@ -92,11 +92,11 @@ pub(crate) struct ComponentSpan {
     pub(crate) rate_hz: f64,
     /// From release (or triggering publication) to the beginning of the step, ns.
     pub(crate) lateness_ns: Percentiles,
-    /// From the beginning to the end of the step, on the clock on the wall, ns.
+    /// From the beginning to the end of the step, in wall-clock time, ns.
     pub(crate) execution_ns: Percentiles,
     /// Time of the core that each step took, without spinning, ns.
     pub(crate) cpu_ns: Percentiles,
-    /// Missed steps by cause, and what followed.
+    /// Missed steps by cause, and their consequences.
     pub(crate) misses: Misses,
     /// Steps that returned an error and were tolerated.
     pub(crate) errors: u64,
@@ -154,7 +154,7 @@ pub(crate) struct EdgeTop {
 pub(crate) struct EdgeSpan {
     /// Samples read.
     pub(crate) read: u64,
-    /// Age of each, since its publication, at the beginning of the step that first looked at it, ns.
+    /// Age of each, since its publication, at the beginning of the step that first read it, ns.
     pub(crate) age_ns: Percentiles,
 }
 
@@ -171,13 +171,13 @@ pub(crate) struct CoreTop {
     pub(crate) interrupts: f64,
     /// Nothing.
     pub(crate) idle: f64,
-    /// Held back by the host of the virtual machine.
+    /// Time stolen by the host of the virtual machine.
     pub(crate) stolen: f64,
     /// Components pinned to it.
     pub(crate) components: Vec<String>,
 }
 
-/// Which span of time is meant.
+/// The span of time shown.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum Span {
     /// The whole run.

@@ -8,7 +8,7 @@ pub(super) enum Tone {
     Plain,
     /// A heading.
     Strong,
-    /// Nothing to look at.
+    /// Unimportant.
     Dim,
     /// Needs attention.
     Warning,
@@ -45,7 +45,7 @@ pub(super) struct Column {
     pub(super) name: &'static str,
     /// Text is aligned to the left, numbers to the right.
     pub(super) left: bool,
-    /// Which column goes first where there is no room: the highest; 0 never goes.
+    /// Order in which columns are dropped for lack of room: the highest first; 0 is never dropped.
     pub(super) rank: u8,
 }
 

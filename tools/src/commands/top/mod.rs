@@ -34,13 +34,13 @@ use view::View;
 /// Example: motorium top --once --json
 #[derive(Debug, clap::Args)]
 pub(crate) struct Top {
-    /// Which run: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    /// Run to show: its id, the beginning of it, or the name of its graph. Not needed when only one runs
     #[arg(value_name = "RUN")]
     name: Option<String>,
-    /// The same, as other commands take it
+    /// The same, as in other commands
     #[arg(long = "run", value_name = "ID", conflicts_with = "name")]
     run: Option<String>,
-    /// Time between two looks
+    /// Time between two readings
     #[arg(long, value_name = "TIME", default_value = "1s")]
     interval: TimeSpan,
     /// Times and counts of the last interval instead of the whole run
@@ -61,7 +61,7 @@ pub(crate) struct Top {
     metrics: Option<Address>,
 }
 
-/// The shortest time between two looks: below it reading would show in what is read.
+/// The shortest time between two readings: more would disturb the measurement.
 const SHORTEST: Duration = Duration::from_millis(100);
 /// The longest one.
 const LONGEST: Duration = Duration::from_secs(3600);
@@ -69,7 +69,7 @@ const LONGEST: Duration = Duration::from_secs(3600);
 /// Reason for the end of the display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
-    /// Somebody asked for it.
+    /// The user asked for it.
     Asked,
     /// The run is over.
     RunOver,
@@ -80,7 +80,7 @@ impl Top {
         let interval = Duration::from_nanos(self.interval.ns);
         anyhow::ensure!(
             (SHORTEST..=LONGEST).contains(&interval),
-            "an interval of {interval:?} is none to look at a graph in; expected from 100 ms to 1 h"
+            "--interval is {interval:?}, expected 100 ms to 1 h"
         );
         let run = open(self.name.as_deref().or(self.run.as_deref()))?;
         if let Some(address) = self.metrics {
@@ -155,7 +155,7 @@ fn follow(
         let top = Data::between(run, &before, &now);
         before = now;
         let line = if json { serde_json::to_string(&top)? } else { plain::line(&top, order) };
-        // Whoever read it may have gone (`| head -3`).
+        // The reader of a pipe may have ended (`| head -3`).
         let mut out = std::io::stdout().lock();
         let written = std::io::Write::write_all(&mut out, format!("{line}\n").as_bytes());
         match written.and_then(|()| std::io::Write::flush(&mut out)) {
@@ -165,7 +165,7 @@ fn follow(
     }
 }
 
-/// Waits for an interval; tells why not, if something came between.
+/// Waits for an interval; returns the reason if it was interrupted.
 fn wait(run: &LivingRun, interval: Duration, interrupted: &AtomicBool) -> Option<End> {
     let due = Instant::now() + interval;
     loop {

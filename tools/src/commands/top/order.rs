@@ -1,4 +1,4 @@
-//! In which order components are shown.
+//! The order of the components.
 
 use core::cmp::Ordering;
 

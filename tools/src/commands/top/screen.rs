@@ -20,7 +20,7 @@ use super::{End, LONGEST, SHORTEST};
 use crate::metrics::Sample;
 use crate::runs::LivingRun;
 
-/// After this long there is something to see.
+/// Time until the first interval is complete.
 const FIRST: Duration = Duration::from_millis(300);
 /// Interval between two checks that the run is not over.
 const LIFE_CHECK: Duration = Duration::from_millis(250);
@@ -83,7 +83,7 @@ fn key_within(time: Duration) -> io::Result<Option<KeyEvent>> {
 }
 
 impl Screen {
-    /// Does what a key asks for; true if that is to end.
+    /// Applies a key; true if it ends the display.
     fn press(&mut self, key: KeyEvent) -> bool {
         match key.code {
             KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return true,

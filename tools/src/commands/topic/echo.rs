@@ -31,7 +31,7 @@ pub(super) struct Echo {
     /// Show the newest sample at most this often, in Hz
     #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = rate)]
     rate: f64,
-    /// Show every sample that can be caught
+    /// Show every sample, as far as history keeps them
     #[arg(long, conflicts_with = "rate")]
     every: bool,
     /// Print one JSON object a line
@@ -56,8 +56,8 @@ struct Line<'a> {
     publish_time_ns: u64,
     source_time_ns: u64,
     age_ns: u64,
-    origin: Option<&'a str>,
-    incarnation: u32,
+    publisher: Option<&'a str>,
+    restart_count: u32,
     value: &'a Decoded<'a>,
 }
 
@@ -120,8 +120,12 @@ impl Echo {
             publish_time_ns: stamp.publish_time,
             source_time_ns: stamp.source_time,
             age_ns: run.now_ns().saturating_sub(stamp.publish_time),
-            origin: run.plan.components.get(stamp.origin as usize).map(|component| component.name.as_str()),
-            incarnation: stamp.incarnation,
+            publisher: run
+                .plan
+                .components
+                .get(stamp.publisher as usize)
+                .map(|component| component.name.as_str()),
+            restart_count: stamp.restart_count,
             value: &value,
         };
         let text = if self.json { serde_json::to_string(&line)? + "\n" } else { lines(&line) };

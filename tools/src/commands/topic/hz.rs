@@ -1,4 +1,4 @@
-//! `motorium topic hz`: measures the rate of a topic and how evenly it comes.
+//! `motorium topic hz`: measures the rate of a topic and the spread of its intervals.
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -16,9 +16,9 @@ use crate::report::microseconds;
 use crate::runs::RunArg;
 use crate::{exit, style};
 
-/// Measure the rate of a topic and how evenly it comes.
+/// Measure the rate of a topic and the spread of its intervals.
 ///
-/// Both are taken from the stamps of the publisher, so looking on late does not blur them.
+/// Both are taken from the stamps of the publisher, so the time of reading does not affect them.
 ///
 /// Example: motorium topic hz panda/joint_state --for 5s
 #[derive(Debug, clap::Args)]

@@ -25,7 +25,7 @@ pub(super) struct Info {
     topic: String,
     #[command(flatten)]
     run: RunArg,
-    /// Over which time to measure the rate
+    /// Time over which to measure the rate
     #[arg(long = "for", value_name = "TIME", default_value = "500ms")]
     time: TimeSpan,
     /// Print JSON

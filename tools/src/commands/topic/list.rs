@@ -21,7 +21,7 @@ use crate::runs::{LivingRun, RunArg};
 pub(super) struct List {
     #[command(flatten)]
     run: RunArg,
-    /// Over which time to measure the rates
+    /// Time over which to measure the rates
     #[arg(long = "for", value_name = "TIME", default_value = "500ms")]
     time: TimeSpan,
     /// Print JSON
@@ -38,7 +38,7 @@ pub(super) struct Row {
     pub(super) pattern: String,
     pub(super) writer: String,
     pub(super) readers: Vec<String>,
-    /// Publications a second of the run's clock; `null` when there were not enough to tell.
+    /// Publications a second of the run's clock; `null` with fewer than two.
     pub(super) rate_hz: Option<f64>,
     pub(super) published: u64,
     pub(super) dropped: u64,

@@ -14,9 +14,9 @@ use motorium::declare::TopicPattern;
 use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};
 
-/// Look at the topics of a running graph.
+/// Show the topics of a running graph.
 ///
-/// No component ever waits for who looks on.
+/// No component ever waits for an observer.
 ///
 /// Example: motorium topic echo panda/joint_state --rate 2
 #[derive(Debug, clap::Args)]
@@ -54,7 +54,7 @@ fn find<'a>(plan: &'a Plan, name: &str) -> anyhow::Result<(usize, &'a TopicPlan)
     })
 }
 
-/// A pattern in words.
+/// A pattern as text.
 fn pattern(pattern: TopicPattern) -> String {
     match pattern {
         TopicPattern::State => "state".to_string(),

@@ -3,26 +3,26 @@
 use motorium::state::Stamp;
 use motorium::telemetry::Percentiles;
 
-/// Statistics of the stamps of received samples. It does not depend on when the samples were looked at: a sample that
-/// was overwritten unseen still counts for the rate, for its sequence number is missing.
+/// Statistics of the stamps of received samples. It does not depend on the time of reading: a sample that
+/// was overwritten unread still counts for the rate, by its missing sequence number.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     last: Option<Stamp>,
     received: u64,
     lost: u64,
-    /// Publications from the first to the last received sample, and the time they took, ns: summed over the lives
-    /// of a publisher that was restarted.
+    /// Publications from the first to the last received sample, and the time they took, ns: summed over the
+    /// restarts of the publisher.
     publications: u64,
     span_ns: u64,
 }
 
 impl Pace {
-    /// Takes the stamp of the next received sample. Returns the time since the publication before it, ns, if that
+    /// Records the stamp of the next received sample. Returns the time since the publication before it, ns, if that
     /// one was received too: across a gap only the sum of several intervals is known.
     pub(super) fn see(&mut self, stamp: &Stamp) -> Option<u64> {
         self.received += 1;
         let last = self.last.replace(*stamp)?;
-        let same_publisher = (last.origin, last.incarnation) == (stamp.origin, stamp.incarnation);
+        let same_publisher = (last.publisher, last.restart_count) == (stamp.publisher, stamp.restart_count);
         if !same_publisher || stamp.sequence <= last.sequence {
             return None;
         }
@@ -70,13 +70,13 @@ pub(super) fn percentiles(durations: &mut [u64]) -> Option<Percentiles> {
 mod tests {
     use super::*;
 
-    fn stamp(sequence: u64, publish_time: u64, incarnation: u32) -> Stamp {
+    fn stamp(sequence: u64, publish_time: u64, restart_count: u32) -> Stamp {
         Stamp {
             sequence,
             source_time: publish_time,
             publish_time,
-            origin: 3,
-            incarnation,
+            publisher: 3,
+            restart_count,
             ..Stamp::default()
         }
     }

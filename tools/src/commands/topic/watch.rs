@@ -1,4 +1,5 @@
-//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the user stops it.
+//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the user stops
+//! it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -14,13 +15,13 @@ use crate::runs::LivingRun;
 
 /// Interval between two checks that the run is not over.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
-/// After this long without a sample it is said why there may be none.
+/// Time without a sample after which possible reasons are printed.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Reason for the end of following a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// The caller had enough.
+    /// The caller ended it.
     Enough,
     /// Its time was over.
     Time,
@@ -52,7 +53,7 @@ impl<'a> Watch<'a> {
         Ok(Self { run, topic, tap, interrupted })
     }
 
-    /// Looks for new samples every `poll` and hands them, or none, to `take` until it returns false.
+    /// Reads new samples every `poll` and passes them, or none, to `take` until it returns false.
     pub(super) fn follow(
         &mut self,
         poll: Duration,
@@ -99,7 +100,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Interval between two looks for samples that come with this period, short enough that none is overwritten as a rule.
+/// Polling interval for samples of this period, short enough that none is overwritten as a rule.
 pub(super) fn poll_for(period_ns: u64) -> Duration {
     Duration::from_nanos((period_ns / 4).clamp(100_000, 5_000_000))
 }

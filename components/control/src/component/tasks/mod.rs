@@ -116,7 +116,7 @@ pub(super) trait HeldTask {
     /// Begins at the measured state `start`: a task without a target takes its target from there.
     fn begin(&mut self, start: &RobotState<'_>);
 
-    /// Takes over the parameters and the newest target, once per step.
+    /// Applies the current parameters and the newest target, once per step.
     fn prepare(&mut self, bounds: &TaskBounds);
 
     /// The cost of the task.

@@ -90,7 +90,7 @@ impl ClarabelSolver {
         let mut solver =
             DefaultSolver::new(&hessian, &gradient, &constraints, &limits, &layout.cones(), settings.build())
                 .expect("the layout is consistent and the settings are valid");
-        // the first solve allocates more than any later one (tables of Clarabel's stopwatch): get it over with
+        // the first solve allocates more than any later one (tables of Clarabel's timers)
         solver.solve();
         Self {
             hessian: hessian.nzval,
@@ -117,7 +117,7 @@ impl ClarabelSolver {
             let Some(row) = next else { break };
             let weight = certificate[row].abs();
             strongest = f64::max(strongest, weight);
-            // what carries less than a hundredth is rounding or a bystander
+            // a multiplier below a hundredth is rounding, or that of a constraint that plays no part
             if weight < 1e-2 * strongest {
                 break;
             }

@@ -1,4 +1,4 @@
-//! Brings a problem to numbers around one before Clarabel's absolute tolerances judge it.
+//! Scaling of a problem to numbers around one, for which Clarabel's absolute tolerances are meant.
 //!
 //! `x = length D x'` with `D` from the diagonal of `P` (Jacobi), `length` from the farthest limit, and each
 //! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control problem

@@ -319,16 +319,16 @@ impl DiscreteDmp {
     fn observe(&mut self) {
         let per_second = self.duration.recip();
         let plans_goal = self.model.settings().variant.plans_goal();
-        let pace = self.phase_rate;
+        let phase_rate = self.phase_rate;
         let spring = self.model.spring();
         for d in 0..self.spring.len() {
             let (x, rate) = self.spring[d];
             let acceleration = spring.acceleration(x, rate, self.equilibrium(d));
             let reference = if plans_goal { self.quintics[d].sample(self.progress) } else { Jet::default() };
             self.position[d] = reference.value + x;
-            self.velocity[d] = (reference.rate * pace + rate) * per_second;
+            self.velocity[d] = (reference.rate * phase_rate + rate) * per_second;
             self.acceleration[d] =
-                (reference.acceleration * pace * pace + acceleration) * per_second * per_second;
+                (reference.acceleration * phase_rate * phase_rate + acceleration) * per_second * per_second;
         }
     }
 

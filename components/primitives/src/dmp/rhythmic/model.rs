@@ -125,9 +125,9 @@ impl RhythmicModel {
 
     /// Fits a primitive to one period or several, by ridge regression with the penalty `lambda >= 0`.
     ///
-    /// Each period is evenly spaced samples x dimensions from phase 0 on, without the sample at its end that is the first
-    /// of the next period. Derivatives are central differences round the circle. The baseline is the middle of the range.
-    /// The duration of the period does not matter: the weights are those of normalised time.
+    /// Each period is evenly spaced samples x dimensions from phase 0 on, without the sample at its end that is the
+    /// first of the next period. Derivatives are central differences round the circle. The baseline is the middle of
+    /// the range. The duration of the period does not matter: the weights are those of normalised time.
     ///
     /// # Errors
     /// Too few samples, different dimensions, numbers that are not finite, or settings out of range.
@@ -147,7 +147,7 @@ impl RhythmicModel {
         }
         let mut model = Self::unlearned(settings, periods)?;
         let kernels = model.settings.kernels;
-        let (features, mut right) = model.asked(periods);
+        let (features, mut right) = model.regression(periods);
         let samples = features.nrows();
         let mut left = features.resize_vertically(samples + kernels, 0.0);
         right.resize_vertically_mut(samples + kernels, 0.0);
@@ -163,8 +163,8 @@ impl RhythmicModel {
         Ok(model)
     }
 
-    /// As [`fit`](Self::fit), each kernel by itself: `w_i = sum psi_i f / sum psi_i` over the samples (Ijspeert et al. 2013).
-    /// Less close at the same number of kernels.
+    /// As [`fit`](Self::fit), each kernel by itself: `w_i = sum psi_i f / sum psi_i` over the samples (Ijspeert et al.
+    /// 2013). Less close at the same number of kernels.
     ///
     /// # Errors
     /// As there.
@@ -173,7 +173,7 @@ impl RhythmicModel {
         periods: &[DMatrix<f64>],
     ) -> Result<Self, PeriodError> {
         let mut model = Self::unlearned(settings, periods)?;
-        let (mut features, targets) = model.asked(periods);
+        let (mut features, targets) = model.regression(periods);
         let width = model.settings.width.unwrap_or(model.settings.kernels as f64);
         let mut row = 0;
         for period in periods {
@@ -221,7 +221,7 @@ impl RhythmicModel {
     }
 
     /// The features at every sample (samples x kernels) and the forcing terms asked there (samples x dimensions).
-    fn asked(&self, periods: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
+    fn regression(&self, periods: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
         let spring = CriticalSpring::new(self.settings.damping);
         let samples: usize = periods.iter().map(DMatrix::nrows).sum();
         let mut left = DMatrix::zeros(samples, self.settings.kernels);

@@ -13,7 +13,7 @@ use crate::units::TimeSpan;
 
 /// Highest priority of a component: 99 is left to the kernel's own threads.
 pub(super) const HIGHEST_PRIORITY: u8 = 98;
-/// Periods that Linux takes for `SCHED_DEADLINE` unless it is told otherwise, ns.
+/// Periods that Linux allows for `SCHED_DEADLINE` by default, ns.
 const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
 /// Time in each period on top of the budget, ns: what the worker itself takes, with room to spare. Without it a step
 /// that uses up its budget would be stopped before it has accounted for itself.

@@ -59,7 +59,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
     Cores { realtime, shared }
 }
 
-/// Whether a core exists; reports if not.
+/// True if a core exists; reports an error if not.
 fn exists(core: usize, machine: &Machine, at: &At<usize>, report: &mut Report) -> bool {
     let there = machine.cores().contains(&core);
     if !there {

@@ -1,7 +1,7 @@
-//! A machine played through unit by unit of time, with steps, wake-ups and publications that vary at random within what
+//! A machine simulated in unit steps of time, with steps, wake-ups and publications that vary at random within what
 //! the graph and the overheads allow.
 
-mod told;
+mod properties;
 
 use std::collections::HashMap;
 
@@ -9,10 +9,10 @@ use super::graphs::{Node, When};
 use crate::plan::{OnOverrun, SchedulingClass};
 use crate::schedule::Overheads;
 
-/// What varies.
+/// The times that vary at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Chance {
-    /// Every step takes its budget and publishes at its end; nobody is woken late.
+    /// Every step takes its budget and publishes at its end; no wake-up is late.
     None,
     /// Steps take up to their budgets and publish at their ends; wake-ups take up to their limits.
     Times,
@@ -33,21 +33,21 @@ pub(super) struct Seen {
     pub busy: HashMap<usize, f64>,
 }
 
-/// Where data and a release come from.
+/// Origin of data and of a release.
 #[derive(Debug, Clone, Copy)]
 struct Token {
     /// Release of the task.
     task: i64,
     /// Release at the head of the chain.
     chain: i64,
-    /// When the data came into being, and with whom.
+    /// Time and component at which the data originated.
     source: Option<(i64, usize)>,
 }
 
 #[derive(Debug, Clone)]
 struct Running {
     order: u64,
-    /// Of what is scheduled by its deadline: when that is.
+    /// The deadline, of a `SCHED_DEADLINE` component.
     deadline: i64,
     token: Token,
     /// Units spun until.
@@ -56,7 +56,7 @@ struct Running {
     left: i64,
     publish_when_left: i64,
     published: bool,
-    /// What the worker does after the step.
+    /// Work of the worker after the step.
     tail: i64,
     ended: bool,
     /// Waits for the clock, and has not let others have their turn yet.
@@ -135,7 +135,7 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// Who of those that are scheduled by deadlines has which core: the earliest have one each, anywhere.
+    /// The `SCHED_DEADLINE` component on each core: the earliest deadlines have one core each, anywhere.
     fn earliest(&mut self, cores: &[usize]) -> HashMap<usize, usize> {
         let mut waiting: Vec<(i64, usize)> = (0..self.nodes.len())
             .filter(|index| self.by_deadline(*index))
@@ -244,7 +244,7 @@ impl<'g> Machine<'g> {
         });
     }
 
-    /// Who is first of those that have a priority on a core.
+    /// The first component in the queue of a core.
     fn first(&mut self, core: usize) -> Option<usize> {
         loop {
             let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
@@ -330,7 +330,7 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// At the end of a step those wake whom it has triggered on its own core.
+    /// At the end of a step, the components it has triggered on its own core wake up.
     fn wake_here(&mut self, index: usize) {
         for reader in 0..self.nodes.len() {
             if matches!(self.nodes[reader].when, When::After(writer) if writer == index)

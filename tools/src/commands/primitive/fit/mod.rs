@@ -24,7 +24,7 @@ use crate::out::{out, outln};
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
 ///
-/// What `motorium topic echo --json` prints will do. Reports how closely the movement is given back.
+/// Output of `motorium topic echo --json` is accepted. Reports the error of the reproduced movement.
 ///
 /// Example: motorium primitive fit demonstration.jsonl --output reach.json --plot reach.svg
 #[derive(Debug, clap::Args)]
@@ -32,7 +32,7 @@ pub(super) struct Fit {
     /// The recordings
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// What to fit; a discrete primitive if not given
+    /// Type of primitive; discrete if not given
     #[arg(
         long, value_enum, default_value_t = Model::Discrete, hide_default_value = true, hide_possible_values = true,
         value_name = "discrete|rhythmic|probabilistic"
@@ -49,13 +49,13 @@ pub(super) struct Fit {
     /// Number of kernels or basis functions for each dimension; 30 if not given
     #[arg(long, value_name = "N", default_value_t = 30, hide_default_value = true)]
     kernels: usize,
-    /// How the weights are found; ridge (of a distribution: by EM) if not given
+    /// Method of regression; ridge (of a distribution: by EM) if not given
     #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
     regression: Option<RegressionArg>,
     /// Penalty of ridge and response regression; 1e-12 if not given
     #[arg(long, value_name = "LAMBDA")]
     penalty: Option<f64>,
-    /// How the shape of a discrete primitive follows another displacement; fixed if not given
+    /// Scaling of the shape of a discrete primitive with its displacement; fixed if not given
     #[arg(long, value_enum, hide_possible_values = true, value_name = "fixed|displacement|similarity")]
     scaling: Option<ScalingArg>,
     /// Field of the samples of a topic, such as velocity; position if not given
@@ -153,7 +153,7 @@ impl Fit {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// No option is passed over in silence.
+    /// Refuses options that have no effect on this type of primitive.
     fn check(&self) -> anyhow::Result<()> {
         let discrete = self.model == Model::Discrete;
         let penalised = match self.regression {

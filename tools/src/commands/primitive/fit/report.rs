@@ -1,4 +1,4 @@
-//! How closely a primitive gives its recordings back.
+//! The error with which a primitive reproduces its recordings.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use super::Shown;
 use crate::report::table;
 use crate::style;
 
-/// What is printed.
+/// The printed report.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     kind: &'static str,

@@ -58,7 +58,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Looks at the whole scene.
+    /// A projection that fits the whole scene.
     pub(super) fn new(view: View, (width, height): (f64, f64), scene: &Scene, marks: &Marks) -> Self {
         let (sa, ca) = view.azimuth.sin_cos();
         let (se, ce) = view.elevation.sin_cos();

@@ -30,10 +30,10 @@ pub(super) struct Draw {
     robot: RobotArgs,
     #[command(flatten)]
     pose: PoseArgs,
-    /// From where to look: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
+    /// View: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
     #[arg(long, default_value = "-50,20", allow_hyphen_values = true)]
     view: View,
-    /// Which frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
+    /// Frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
     #[arg(long, value_enum, default_value_t = Frames::Ends)]
     frames: Frames,
     /// Write the names of the frames beside them

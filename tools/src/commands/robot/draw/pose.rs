@@ -28,7 +28,7 @@ impl PoseArgs {
         }
         if let Some(text) = &self.base {
             anyhow::ensure!(model.base().floating, "the base is fixed; --floating-base lets it move");
-            place(text, &mut q[..7])?;
+            set_base(text, &mut q[..7])?;
         }
         Ok(q)
     }
@@ -78,7 +78,7 @@ fn set(model: &Model, text: &str, joints: &mut [f64]) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn place(text: &str, base: &mut [f64]) -> anyhow::Result<()> {
+fn set_base(text: &str, base: &mut [f64]) -> anyhow::Result<()> {
     let values = numbers(text)?;
     let (position, rpy) = match values[..] {
         [x, y, z] => ([x, y, z], [0.0; 3]),

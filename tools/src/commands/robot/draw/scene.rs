@@ -14,7 +14,7 @@ const PLAIN: [[f64; 3]; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77
 /// Of sticks in place of links without a shape.
 const STICK: [f64; 3] = [0.45, 0.58, 0.75];
 
-/// Everything solid.
+/// The bodies of the scene.
 #[derive(Debug, Clone)]
 pub(super) struct Scene {
     pub(super) solids: Vec<Solid>,

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 /// Faces around a cylinder or a sphere.
 const ROUND: usize = 20;
 
-/// Corners of a mesh's hull, at most: finer is not to be seen.
+/// Largest number of corners of a mesh's hull: more are not visible.
 const CORNERS: usize = 100;
 
 /// A convex body in the world.

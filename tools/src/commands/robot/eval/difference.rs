@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-/// What is given, not computed.
+/// Quantities that are inputs, not results.
 const GIVEN: [&str; 6] = ["q", "joint_positions", "v", "a", "tau", "fext"];
 
 /// For every quantity that both documents hold: how often, and the largest difference relative to its largest entry.

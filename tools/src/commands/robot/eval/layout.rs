@@ -17,7 +17,7 @@ pub(super) struct Entry {
     pub(super) nv: usize,
 }
 
-/// Where every joint is in the vectors of the states.
+/// The position of every joint in the vectors of the states.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub(super) entries: Vec<Entry>,
@@ -25,12 +25,12 @@ pub(super) struct Layout {
     pub(super) nv: usize,
 }
 
-/// What the floating base is called among joints.
+/// Name of the floating base among the joints.
 const ROOT: &str = "root_joint";
 
 impl Layout {
-    /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`, `nq`, `idx_v`. Without
-    /// it, Pinocchio's: the base, then the joints in `order`.
+    /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`, `nq`, `idx_v`.
+    /// Without it, Pinocchio's: the base, then the joints in `order`.
     pub(super) fn of(model: &Model, document: &Value, order: &[String]) -> anyhow::Result<Self> {
         let mut entries = match &document["joints"] {
             Value::Null => usual(model, order),

@@ -26,8 +26,8 @@ use states::States;
 ///
 /// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in Pinocchio's layout,
 /// or in the order `joints` lists. Two kinds of joints differ from Pinocchio: `v`, `a` and `tau` of a planar joint are
-/// along the axes of its plane, and `q` of a floating base is its pose in the world even where its joint has an origin. With --json the answer has one case for each; without, results that the states already hold are
-/// compared with ours.
+/// along the axes of its plane, and `q` of a floating base is its pose in the world even where its joint has an origin.
+/// With --json the answer has one case for each; without, results that the states already hold are compared with ours.
 ///
 /// Example: motorium robot eval arm.urdf --states states.json --json
 #[derive(Debug, clap::Args)]
@@ -37,8 +37,8 @@ pub(super) struct Eval {
     /// The states; `-` is standard input
     #[arg(long, value_name = "FILE")]
     states: PathBuf,
-    /// Jacobians, velocities and accelerations of this frame; may be repeated; those of `jacobian_frames` of the states, or
-    /// of all frames, if not given
+    /// Jacobians, velocities and accelerations of this frame; may be repeated; those of `jacobian_frames` of the
+    /// states, or of all frames, if not given
     #[arg(long, value_name = "LINK")]
     frame: Vec<String>,
     /// Largest relative difference that counts as agreement when results are compared
@@ -82,7 +82,7 @@ impl Eval {
         states::read(&robot.model, layout, document, &self.frame)
     }
 
-    /// Compares the results the states hold with ours; without any, says where the robot is.
+    /// Compares the results in the states with ours; without any, prints the pose of the robot.
     fn print(&self, document: &Value, answer: &Value) -> ExitCode {
         let differences = difference::differences(document, answer);
         if differences.is_empty() {

@@ -2,14 +2,12 @@
 
 mod number;
 
-use motorium::state::TypeLayout;
+use motorium::state::{FieldLayout, TypeLayout};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
 use number::{Number, Scalar};
 
-/// Types of which only the first `count` entries of every array mean anything.
-const COUNTED: [&str; 2] = ["motorium.JointState", "motorium.JointCommand"];
-/// Padding that these types name.
+/// Name of padding that a type declares.
 const PADDING: &str = "reserved";
 
 /// A layout or a sample that cannot be read.
@@ -26,9 +24,9 @@ pub(super) enum DecodeError {
     /// A sample is cut short.
     #[error("a sample of {found} bytes, expected {expected}")]
     Short { found: usize, expected: usize },
-    /// A sample counts more entries than it holds.
-    #[error("`count` is {found}, but the sample holds at most {capacity} entries")]
-    Count { found: u64, capacity: usize },
+    /// A sample counts more entries than an array holds.
+    #[error("`{count}` is {found}, but `{field}` holds at most {capacity} entries")]
+    Count { count: String, found: u64, field: String, capacity: usize },
 }
 
 /// A field's value.
@@ -69,8 +67,6 @@ impl Serialize for Decoded<'_> {
 pub(super) struct Decoder {
     size: usize,
     fields: Vec<Field>,
-    /// Index of the field that counts the entries of all arrays.
-    count: Option<usize>,
 }
 
 #[derive(Debug)]
@@ -80,6 +76,8 @@ struct Field {
     scalar: Scalar,
     /// Entries of an array; `None` for a single number.
     length: Option<usize>,
+    /// Index of the field that counts the entries of this array in use.
+    count: Option<usize>,
 }
 
 impl Decoder {
@@ -88,9 +86,9 @@ impl Decoder {
     /// # Errors
     /// It has a field of an unknown type, or one outside of the sample.
     pub(super) fn new(layout: &TypeLayout) -> Result<Self, DecodeError> {
-        let counted = COUNTED.contains(&layout.type_name.as_str());
         let mut fields = Vec::new();
-        for field in &layout.fields {
+        let shown: Vec<_> = layout.fields.iter().filter(|field| field.name != PADDING).collect();
+        for field in &shown {
             let (scalar, length) = parse(&field.kind).ok_or_else(|| DecodeError::Kind {
                 type_name: layout.type_name.clone(),
                 field: field.name.clone(),
@@ -105,12 +103,11 @@ impl Decoder {
                 let (type_name, field) = (layout.type_name.clone(), field.name.clone());
                 return Err(DecodeError::Outside { type_name, field, end, size: layout.size });
             }
-            if !(counted && field.name == PADDING) {
-                fields.push(Field { name: field.name.clone(), offset: field.offset, scalar, length });
-            }
+            let counter = |other: &&FieldLayout| Some(&other.name) == field.count.as_ref();
+            let count = shown.iter().position(counter);
+            fields.push(Field { name: field.name.clone(), offset: field.offset, scalar, length, count });
         }
-        let count = fields.iter().position(|field| counted && field.name == "count");
-        Ok(Self { size: layout.size, fields, count })
+        Ok(Self { size: layout.size, fields })
     }
 
     /// Reads a sample.
@@ -121,25 +118,32 @@ impl Decoder {
         if bytes.len() < self.size {
             return Err(DecodeError::Short { found: bytes.len(), expected: self.size });
         }
-        let used = self.used(bytes)?;
-        let value = |field: &Field| {
-            let at = |i: usize| field.scalar.read(&bytes[field.offset + i * field.scalar.size()..]);
-            match field.length {
-                None => Value::One(at(0)),
-                Some(length) => Value::Many((0..length.min(used)).map(at).collect()),
+        let used: Vec<Option<usize>> =
+            self.fields.iter().map(|field| self.used(field, bytes)).collect::<Result<_, _>>()?;
+        let value = |field: &Field, used| {
+            let entry = |i: usize| field.scalar.read(&bytes[field.offset + i * field.scalar.size()..]);
+            match used {
+                None => Value::One(entry(0)),
+                Some(used) => Value::Many((0..used).map(entry).collect()),
             }
         };
-        Ok(Decoded(self.fields.iter().map(|field| (field.name.as_str(), value(field))).collect()))
+        let fields = self.fields.iter().zip(used);
+        Ok(Decoded(fields.map(|(field, used)| (field.name.as_str(), value(field, used))).collect()))
     }
 
-    /// Number of valid entries of each array.
-    fn used(&self, bytes: &[u8]) -> Result<usize, DecodeError> {
-        let Some(field) = self.count.map(|index| &self.fields[index]) else { return Ok(usize::MAX) };
-        let Number::Natural(found) = field.scalar.read(&bytes[field.offset..]) else { return Ok(usize::MAX) };
-        let capacity = self.fields.iter().filter_map(|field| field.length).min().unwrap_or(0);
+    /// Number of entries in use of an array; `None` for a single number.
+    fn used(&self, field: &Field, bytes: &[u8]) -> Result<Option<usize>, DecodeError> {
+        let (Some(capacity), Some(index)) = (field.length, field.count) else { return Ok(field.length) };
+        let counter = &self.fields[index];
+        let Number::Natural(found) = counter.scalar.read(&bytes[counter.offset..]) else {
+            return Ok(Some(capacity));
+        };
         match usize::try_from(found) {
-            Ok(used) if used <= capacity => Ok(used),
-            _ => Err(DecodeError::Count { found, capacity }),
+            Ok(used) if used <= capacity => Ok(Some(used)),
+            _ => {
+                let (count, field) = (counter.name.clone(), field.name.clone());
+                Err(DecodeError::Count { count, found, field, capacity })
+            }
         }
     }
 }

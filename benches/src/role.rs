@@ -4,36 +4,36 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use crate::host::run_load;
-use crate::pair::{PART, run_part};
+use crate::pair::{ROLE, run_role};
 use crate::raw_chain::{LINK, run_link};
 
 /// The role that a measurement started a process for.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Part {
-    /// One of two that throw something to and fro.
-    Throw {
+pub enum Role {
+    /// One side of a ping-pong.
+    PingPong {
         /// Which of the two.
         side: String,
         /// The folder of the measurement.
         folder: PathBuf,
     },
-    /// One of a chain that passes something on.
+    /// One process of a chain.
     Link {
         /// Which of them.
         index: String,
         /// The folder of the measurement.
         folder: PathBuf,
     },
-    /// Other work for the machine.
+    /// Background load.
     Load(String),
 }
 
-impl Part {
+impl Role {
     /// Reads the command line of a process. A program that measures asks this first.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
-            [_, mark, side, folder] if mark == PART => {
-                Some(Self::Throw { side: side.clone(), folder: folder.into() })
+            [_, mark, side, folder] if mark == ROLE => {
+                Some(Self::PingPong { side: side.clone(), folder: folder.into() })
             }
             [_, mark, index, folder] if mark == LINK => {
                 Some(Self::Link { index: index.clone(), folder: folder.into() })
@@ -43,10 +43,10 @@ impl Part {
         }
     }
 
-    /// Plays the part to its end.
+    /// Runs the process to its end.
     pub fn run(&self) -> ExitCode {
         let ended = match self {
-            Self::Throw { side, folder } => run_part(side, folder),
+            Self::PingPong { side, folder } => run_role(side, folder),
             Self::Link { index, folder } => run_link(index, folder),
             Self::Load(kind) => {
                 run_load(kind);

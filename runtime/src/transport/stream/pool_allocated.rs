@@ -97,11 +97,11 @@ struct Shared<T> {
 }
 
 /// A handle on a value shared within one thread.
-pub struct Pooled<T> {
+pub struct PoolAllocated<T> {
     shared: NonNull<Shared<T>>,
 }
 
-impl<T> Pooled<T> {
+impl<T> PoolAllocated<T> {
     fn shared(&self) -> &Shared<T> {
         // SAFETY: the block lives as long as any handle, and this is one. The handle is neither `Send` nor `Sync`,
         // so nobody changes the count meanwhile.
@@ -116,20 +116,20 @@ impl<T> Pooled<T> {
     }
 }
 
-impl<T: Debug> Debug for Pooled<T> {
+impl<T: Debug> Debug for PoolAllocated<T> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_tuple("Pooled").field(&*self.shared().value).finish()
+        f.debug_tuple("PoolAllocated").field(&*self.shared().value).finish()
     }
 }
 
-impl<T> Clone for Pooled<T> {
+impl<T> Clone for PoolAllocated<T> {
     fn clone(&self) -> Self {
         self.shared().handles.set(self.shared().handles.get() + 1);
         Self { shared: self.shared }
     }
 }
 
-impl<T> Drop for Pooled<T> {
+impl<T> Drop for PoolAllocated<T> {
     fn drop(&mut self) {
         if self.release() {
             // SAFETY: this was the last handle: nobody else sees the value or its block.
@@ -139,7 +139,7 @@ impl<T> Drop for Pooled<T> {
     }
 }
 
-impl<T: Abandonable> Abandonable for Pooled<T> {
+impl<T: Abandonable> Abandonable for PoolAllocated<T> {
     unsafe fn abandon_in_place(mut this: NonNull<Self>) {
         // SAFETY: the caller hands over a valid handle that it will not use or drop any more.
         let handle = unsafe { this.as_mut() };
@@ -166,7 +166,7 @@ impl<T> Deref for Access<'_, T> {
 
 impl<'parent, T: Send + Debug + Abandonable> LockGuard<'parent, T> for Access<'parent, T> {}
 
-impl<T: Send + Debug + Abandonable> ArcSyncPolicy<T> for Pooled<T> {
+impl<T: Send + Debug + Abandonable> ArcSyncPolicy<T> for PoolAllocated<T> {
     type LockGuard<'parent>
         = Access<'parent, T>
     where
@@ -209,8 +209,8 @@ mod tests {
         }
     }
 
-    fn counted(drops: &Rc<Cell<u32>>) -> Pooled<Counted> {
-        Pooled::new(Counted(drops.clone(), [7; 4])).unwrap()
+    fn counted(drops: &Rc<Cell<u32>>) -> PoolAllocated<Counted> {
+        PoolAllocated::new(Counted(drops.clone(), [7; 4])).unwrap()
     }
 
     #[test]
@@ -251,7 +251,7 @@ mod tests {
         impl Abandonable for Large {
             unsafe fn abandon_in_place(_: NonNull<Self>) {}
         }
-        let large = Pooled::new(Large([3; 100])).unwrap();
+        let large = PoolAllocated::new(Large([3; 100])).unwrap();
         assert_eq!(large.clone().lock().0[99], 3);
     }
 
@@ -261,7 +261,7 @@ mod tests {
         let kept = counted(&drops);
         let mut abandoned = ManuallyDrop::new(kept.clone());
         // SAFETY: the handle is not used afterwards.
-        unsafe { Pooled::abandon_in_place(NonNull::from_mut(&mut *abandoned)) };
+        unsafe { PoolAllocated::abandon_in_place(NonNull::from_mut(&mut *abandoned)) };
         drop(kept);
         assert_eq!(drops.get(), 1);
     }

@@ -1,4 +1,4 @@
-//! What the graph says of its components.
+//! The properties of the components as the graph states them.
 
 use super::super::graphs::When;
 use super::Machine;
@@ -17,7 +17,7 @@ impl Machine<'_> {
         cost as i64
     }
 
-    /// What the worker does after it at most.
+    /// Longest work of the worker after the step.
     pub(super) fn tail(&self, index: usize) -> i64 {
         let Overheads { worker_ns, timer_ns, look_ns, .. } = self.overheads;
         let waiting = match self.nodes[index].when {
@@ -40,7 +40,7 @@ impl Machine<'_> {
         matches!(self.nodes[index].class, SchedulingClass::Deadline { .. })
     }
 
-    /// Whether the analysis takes one and whom it triggers for one task.
+    /// True if the analysis puts a component and the one it triggers into one task.
     pub(super) fn one_task(&self, writer: usize, reader: usize) -> bool {
         let base = |index: usize| self.priority(index) - self.nodes[index].rise;
         self.nodes[writer].core == self.nodes[reader].core && base(writer) == base(reader)
@@ -50,7 +50,7 @@ impl Machine<'_> {
         if self.by_deadline(index) { 0 } else { self.spin }
     }
 
-    /// Whether all whom a component triggers are on its core.
+    /// True if all components that this one triggers are on its core.
     pub(super) fn stays(&self, index: usize) -> bool {
         self.nodes.iter().all(|reader| match reader.when {
             When::After(writer) if writer == index => reader.core == self.nodes[index].core,

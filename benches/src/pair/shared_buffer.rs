@@ -27,7 +27,7 @@ pub(super) const PAYLOADS: usize = 4;
 #[repr(C, align(128))]
 pub(super) struct Payload(pub(super) [AtomicU64; NUMBERS]);
 
-/// What one of the two processes says of itself.
+/// State of one of the two processes.
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(super) struct Side {
@@ -42,21 +42,21 @@ pub(super) struct Side {
 #[derive(Debug)]
 #[repr(C)]
 struct Head {
-    /// There and back.
+    /// One for each direction.
     lines: [Line; 2],
     sides: [Side; 2],
     payloads: [[Payload; PAYLOADS]; 2],
 }
 
-/// The board of one measurement.
+/// The memory that the two processes of one measurement share.
 #[derive(Debug)]
-pub(super) struct Board {
+pub(super) struct SharedBuffer {
     memory: MmapRaw,
     room: usize,
 }
 
-impl Board {
-    /// Makes a board with room for so many samples of each side.
+impl SharedBuffer {
+    /// Creates a buffer for `room` samples of each side.
     pub(super) fn create(path: &Path, room: usize) -> std::io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
         let bytes = size_of::<Head>() + 2 * room * 8;
@@ -64,12 +64,12 @@ impl Board {
         Ok(Self { memory: MmapOptions::new().len(bytes).map_raw(&file)?, room })
     }
 
-    /// Opens the board that was made with the same room.
+    /// Opens the buffer that was created with the same `room`.
     pub(super) fn open(path: &Path, room: usize) -> std::io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         let bytes = size_of::<Head>() + 2 * room * 8;
         if file.metadata()?.len() < bytes as u64 {
-            return Err(std::io::Error::other("the board was cut short"));
+            return Err(std::io::Error::other("the shared memory was cut short"));
         }
         Ok(Self { memory: MmapOptions::new().len(bytes).map_raw(&file)?, room })
     }
@@ -89,7 +89,7 @@ impl Board {
         &self.head().payloads[side][round as usize % PAYLOADS]
     }
 
-    /// What a side says of itself.
+    /// State of a side.
     pub(super) fn side(&self, side: usize) -> &Side {
         &self.head().sides[side]
     }
@@ -103,7 +103,7 @@ impl Board {
         }
     }
 
-    /// Records a sample; what does not fit any more is left out.
+    /// Records a sample; one too many is dropped.
     pub(super) fn record(&self, side: usize, nanoseconds: u64) {
         let recorded = &self.side(side).recorded;
         let index = recorded.load(Relaxed);

@@ -1,0 +1,39 @@
+//! Lines and columns of the places in a text.
+
+use crate::Position;
+
+/// The starts of the lines of a text: a position is found by bisection, not by reading the text from its beginning.
+pub(crate) struct Lines<'a> {
+    text: &'a str,
+    starts: Vec<usize>,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn new(text: &'a str) -> Self {
+        let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
+        Self { text, starts: starts.collect() }
+    }
+
+    /// Line and column of the byte at `offset`, both from 1; columns count characters.
+    pub(crate) fn position(&self, offset: usize) -> Position {
+        let line = self.starts.partition_point(|start| *start <= offset);
+        let column = self.text[self.starts[line - 1]..offset].chars().count() + 1;
+        Position { line: line as u32, column: column as u32 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_position_is_that_of_the_xml_reader() {
+        let text = "<a>\n  <b x=\"ä€\"/>\r\n\n<c/></a>\n";
+        let document = roxmltree::Document::parse(text).unwrap();
+        let lines = Lines::new(text);
+        for (offset, _) in text.char_indices() {
+            let theirs = document.text_pos_at(offset);
+            assert_eq!(lines.position(offset), Position { line: theirs.row, column: theirs.col }, "{offset}");
+        }
+    }
+}
