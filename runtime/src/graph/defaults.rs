@@ -24,8 +24,9 @@ pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
 /// Budgets (periods, where there is none) that a component may compute for without waiting.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;
-/// The least of that time.
-pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 10 * MILLISECOND };
+/// The least of that time: the kernel counts the ticks at which a component has the core, also where a host has taken most of
+/// the time between them.
+pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 50 * MILLISECOND };
 pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const SCHEDULE: Schedule = Schedule::Fifo;

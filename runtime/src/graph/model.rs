@@ -220,7 +220,7 @@ pub(super) struct ComponentTable<'i> {
     /// Time without a step after which it has hung and is ended, in place of that in `[realtime]`.
     pub hang_after: Option<At<TimeSpan>>,
     /// Time for which it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. If left
-    /// out: 10 of its budgets (periods, without a budget), but at least 10 ms.
+    /// out: 10 of its budgets (periods, without a budget), but at least 50 ms.
     pub cpu_limit: Option<At<TimeSpan>>,
     /// Share of its steps that it may lose without a warning, in place of that in `[realtime]`.
     pub lost_steps: Option<At<Share>>,
