@@ -3,7 +3,8 @@
 pub use crate::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
 pub use crate::declare::{ConfigError, Declare, RobotReference, StepError};
 pub use crate::state::{
-    BaseState, ImuSample, JointCommand, JointState, MAX_JOINTS, Phase, PoseTarget, Stamp, StateBuffer, Wrench,
+    BaseState, EmergencyStop, ImuSample, JointCommand, JointState, MAX_JOINTS, Phase, PoseTarget, Stamp,
+    StateBuffer, Wrench,
 };
 pub use crate::transport::{Input, Loan, Output, Parameter, Reading};
 pub use crate::units::TimeSpan;

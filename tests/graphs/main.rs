@@ -3,6 +3,7 @@
 
 mod access;
 mod bridge;
+mod commands;
 mod corruption;
 mod exhaustion;
 mod exposition;

@@ -4,6 +4,7 @@ mod chart;
 mod commands;
 mod draw;
 mod exit;
+mod gate;
 mod metrics;
 mod out;
 mod overheads;

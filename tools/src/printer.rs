@@ -77,7 +77,6 @@ impl Printer {
         let (dropped, states) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
         let (lost, shown) = (dropped.clone(), states.clone());
         std::thread::Builder::new().name("printer".to_string()).spawn(move || {
-            let _end = end;
             for message in messages {
                 let count = lost.swap(0, Relaxed);
                 if count > 0 {
@@ -91,6 +90,9 @@ impl Printer {
                     }
                 }
             }
+            // The terminal is as it was before the end is told.
+            drop(sink);
+            drop(end);
         })?;
         Ok(Self { sender, ended, dropped, states, wants })
     }

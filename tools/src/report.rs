@@ -7,7 +7,7 @@ use motorium::launcher::{Exit, Report};
 use motorium::plan::ClockKind;
 use motorium::telemetry::Percentiles;
 
-use crate::style;
+use crate::{gate, style};
 
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
@@ -108,6 +108,11 @@ pub(crate) fn summary(report: &Report) -> String {
     right_from(&mut components, 1);
     let _ = writeln!(text, "{}", components.trim_fmt());
     missed_steps(report, &mut text);
+    for c in &report.components {
+        if let Some(words) = c.gate.as_ref().and_then(gate::words) {
+            let _ = writeln!(text, "{}: {words}", c.name);
+        }
+    }
     interrupted(report, &mut text);
     for latency in &report.latencies {
         let _ = writeln!(

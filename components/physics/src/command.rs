@@ -12,6 +12,10 @@
 /// 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the step (implicit),
 /// so gains of any size are stable; a drive without `kd` is damped by the integration.
 ///
+/// A joint that moves beyond `min_velocity` or `max_velocity` is braked, whatever the rest of the command: the highest
+/// effort in the direction of its motion falls from `limit` at that velocity to `-limit` over a twentieth of the larger of
+/// both.
+///
 /// # Example
 ///
 /// ```
@@ -21,7 +25,7 @@
 /// assert!(hold.is_valid());
 /// assert!(!JointCommand { kp: -1.0, ..hold }.is_valid());
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointCommand {
     /// Position setpoint \[rad or m\].
     pub position: f64,
@@ -33,6 +37,21 @@ pub struct JointCommand {
     pub kp: f64,
     /// Velocity gain Kd \[Nms/rad or Ns/m\], not negative.
     pub kd: f64,
+    /// Velocity backwards beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for none.
+    pub min_velocity: f64,
+    /// Velocity forwards beyond which the drive brakes \[rad/s or m/s\], positive; infinity for none.
+    pub max_velocity: f64,
+}
+
+/// Share of the larger velocity limit over which the effort of a drive goes from full to full braking.
+pub(crate) const BRAKING_BAND: f64 = 0.05;
+
+impl Default for JointCommand {
+    /// No effort, at any velocity.
+    fn default() -> Self {
+        let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
+        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
+    }
 }
 
 impl JointCommand {
@@ -46,10 +65,12 @@ impl JointCommand {
         Self { position, kp, kd, ..Self::default() }
     }
 
-    /// True when every field is finite and no gain is negative.
+    /// True when setpoints and gains are finite, no gain is negative and zero velocity lies within the limits.
     pub fn is_valid(&self) -> bool {
         [self.position, self.velocity, self.effort, self.kp, self.kd].iter().all(|x| x.is_finite())
             && self.kp >= 0.0
             && self.kd >= 0.0
+            && self.min_velocity < 0.0
+            && self.max_velocity > 0.0
     }
 }

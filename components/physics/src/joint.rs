@@ -11,7 +11,8 @@ pub struct JointProperties {
     pub upper: f64,
     /// Largest effort of the drive, either way \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\], +inf without a limit. It is counted, not enforced.
+    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted; drives keep
+    /// it where their command says so ([`JointCommand`](crate::JointCommand)).
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

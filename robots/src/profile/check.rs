@@ -13,6 +13,19 @@ impl Profile {
             self.check_length("gains.kp", &gains.kp)?;
             self.check_length("gains.kd", &gains.kd)?;
         }
+        for (key, limits) in
+            [("acceleration", &self.limits.acceleration), ("effort_rate", &self.limits.effort_rate)]
+        {
+            let Some(limits) = limits else { continue };
+            self.check_length(&format!("limits.{key}"), limits)?;
+            for (joint, limit) in self.joints.iter().zip(limits) {
+                if limit.is_nan() || *limit <= 0.0 {
+                    let what = format!("the {key} limit of joint \"{joint}\"");
+                    let (found, expected) = (limit.to_string(), "a positive number, or `inf` for none");
+                    return Err(ProfileError::Value { what, found, expected });
+                }
+            }
+        }
         self.find_pose(&self.home)?;
         if self.base == BaseKind::Fixed && !self.base_poses.is_empty() {
             return Err(ProfileError::FixedBasePlaced);

@@ -53,6 +53,18 @@ pub struct Profile {
     /// Default gains of a joint impedance loop.
     #[serde(default)]
     gains: Option<GainArrays>,
+    /// Limits that a URDF does not have.
+    #[serde(default)]
+    limits: LimitArrays,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LimitArrays {
+    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
+    acceleration: Option<Vec<f64>>,
+    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for none.
+    effort_rate: Option<Vec<f64>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -129,6 +141,39 @@ impl Profile {
     pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
         let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
         Ok(Gains { kp: self.arrange(model, &gains.kp)?, kd: self.arrange(model, &gains.kd)? })
+    }
+
+    /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite where none is given.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
+    /// let limits = panda.profile.ok_or("no profile")?.acceleration_limit(&panda.model)?;
+    /// assert_eq!(limits[1], 7.5);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        self.arrange_limits(model, &self.limits.acceleration)
+    }
+
+    /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's joints; infinite
+    /// where none is given.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn effort_rate_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        self.arrange_limits(model, &self.limits.effort_rate)
+    }
+
+    fn arrange_limits(&self, model: &Model, limits: &Option<Vec<f64>>) -> Result<DVector<f64>, ProfileError> {
+        match limits {
+            Some(limits) => self.arrange(model, limits),
+            None => Ok(DVector::from_element(model.joint_count(), f64::INFINITY)),
+        }
     }
 
     /// The end effector `name`.

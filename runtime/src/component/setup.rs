@@ -128,6 +128,11 @@ impl Setup {
         Ok(input)
     }
 
+    /// Whether the component has this input.
+    pub(crate) fn has_input(&self, port: &str) -> bool {
+        self.component().inputs.iter().any(|input| input.port == port)
+    }
+
     /// Opens a declared input of slices.
     ///
     /// # Errors

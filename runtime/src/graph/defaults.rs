@@ -1,7 +1,10 @@
 //! Defaults of the graph file. The JSON Schema shows the same values.
 
 use super::values::{Schedule, Share, SpinChoice};
-use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::plan::{
+    ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
+    SafeState,
+};
 use crate::units::TimeSpan;
 
 const MILLISECOND: u64 = 1_000_000;
@@ -21,8 +24,9 @@ pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
 /// Budgets (periods, where there is none) that a component may compute for without waiting.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;
-/// The least of that time.
-pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 10 * MILLISECOND };
+/// The least of that time: the kernel counts the ticks at which a component has the core, also where a host has taken most of
+/// the time between them.
+pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 50 * MILLISECOND };
 pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const SCHEDULE: Schedule = Schedule::Fifo;
@@ -36,6 +40,8 @@ pub(super) const RESTART_WITHIN: TimeSpan = TimeSpan { ns: SECOND };
 pub(super) const ON_MISS: OnMiss = OnMiss::Warn;
 pub(super) const STALE_AFTER: TimeSpan = TimeSpan { ns: 5 * MILLISECOND };
 pub(super) const SAFE_STATE: SafeState = SafeState::Hold;
+pub(super) const LIMITS: LimitPolicy = LimitPolicy::Clamp;
+pub(super) const RESUME: ResumeRule = ResumeRule::Near;
 pub(super) const SETTLE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
 
 /// Priority of the fastest real-time component; each slower rate gets [`PRIORITY_STEP`] less.

@@ -211,7 +211,7 @@ fn shortened(text: String) -> String {
 fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let group = |(i, digit): (usize, char)| {
-        let comma = (i > 0 && (digits.len() - i) % 3 == 0).then_some(',');
+        let comma = (i > 0 && (digits.len() - i).is_multiple_of(3)).then_some(',');
         comma.into_iter().chain([digit])
     };
     digits.chars().enumerate().flat_map(group).collect()

@@ -7,7 +7,10 @@ use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
 use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
 use crate::declare::ParameterValue;
-use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::plan::{
+    ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
+    SafeState,
+};
 use crate::units::{Rate, TimeSpan};
 
 /// A table whose fields are the values of the keys of the same names.
@@ -217,7 +220,7 @@ pub(super) struct ComponentTable<'i> {
     /// Time without a step after which it has hung and is ended, in place of that in `[realtime]`.
     pub hang_after: Option<At<TimeSpan>>,
     /// Time for which it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. If left
-    /// out: 10 of its budgets (periods, without a budget), but at least 10 ms.
+    /// out: 10 of its budgets (periods, without a budget), but at least 50 ms.
     pub cpu_limit: Option<At<TimeSpan>>,
     /// Share of its steps that it may lose without a warning, in place of that in `[realtime]`.
     pub lost_steps: Option<At<Share>>,
@@ -319,12 +322,33 @@ pub(super) struct SafetyTable {
     /// Time for which the actuators stay in the safe state before they are stopped, at every end of a run.
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
+    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and twice the
+    /// periods of the components from the measurement to the command.
+    pub source_stale_after: Option<At<TimeSpan>>,
+    /// Treatment of a command beyond a limit of the robot's joints.
+    #[schemars(extend("default" = defaults::LIMITS))]
+    pub limits: Option<At<LimitPolicy>>,
+    /// The way out of the safe state once commands are fresh again.
+    #[schemars(extend("default" = defaults::RESUME))]
+    pub resume: Option<At<ResumeRule>>,
+    /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
+    /// `motorium resume`.
+    pub emergency_stop: Option<At<TopicName>>,
 }
 
 impl<'i> Read<'i> for SafetyTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(key, value, report)?;
-        let table = take_fields!(keys, stale_after, safe_state, settle);
+        let table = take_fields!(
+            keys,
+            stale_after,
+            safe_state,
+            settle,
+            source_stale_after,
+            limits,
+            resume,
+            emergency_stop
+        );
         keys.finish("`[safety]`");
         Some(table)
     }

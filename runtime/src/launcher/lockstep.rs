@@ -64,7 +64,7 @@ impl Launch<'_> {
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
             for &index in &order {
                 if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
-                    match self.tick(index, time, &mut supervision[index], services, signals, observe) {
+                    match self.tick((index, time), &mut supervision[index], services, signals, observe) {
                         Ticked::Done => {}
                         Ticked::Fatal(reason) => stop = Some(reason),
                         Ticked::Interrupted => return (Exit::Interrupted, time),
@@ -81,6 +81,7 @@ impl Launch<'_> {
                 next_status = now + 50_000_000;
                 self.relay_output(observe);
                 self.monitor_guard(0, observe);
+                self.look_at_places(observe);
                 for (index, supervision) in supervision.iter_mut().enumerate() {
                     self.tell_tolerated(index, supervision, observe);
                 }
@@ -125,7 +126,7 @@ impl Launch<'_> {
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
             while actuator && !supervision.is_gone() && next <= end {
-                let ticked = self.tick(index, next, supervision, services, signals, observe);
+                let ticked = self.tick((index, next), supervision, services, signals, observe);
                 if !matches!(ticked, Ticked::Done) {
                     break;
                 }
@@ -135,12 +136,11 @@ impl Launch<'_> {
         end
     }
 
-    /// Hands out one tick and waits for it to be done, however long that takes: a tick takes no simulated time. A signal
+    /// Hands out one tick, to a component and for a time, and waits for it to be done, however long that takes: a tick takes no simulated time. A signal
     /// ends the wait.
     fn tick(
         &mut self,
-        index: usize,
-        time: u64,
+        (index, time): (usize, u64),
         supervision: &mut Supervision,
         services: &Services,
         signals: &Signals,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{CoreReport, Launch};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
-use crate::region::{ComponentBlock, Misses, Region, Stalls};
+use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
 
@@ -100,6 +100,9 @@ pub struct ComponentReport {
     pub refused: u64,
     /// Restarts.
     pub restarts: u32,
+    /// The account of an actuator's command gate; `null` for other components.
+    #[serde(default)]
+    pub gate: Option<GateReport>,
     /// Heap allocations of its own in steps after the first 100; `null` if its program does not count them.
     pub allocations: Option<u64>,
     /// Heap allocations in steps after the first 100 by foreign code that its documentation names.
@@ -247,6 +250,7 @@ pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u6
         errors: block.errors.load(Relaxed),
         refused: block.refused.load(Relaxed),
         restarts: block.restarts.load(Relaxed),
+        gate: block.gate.report(),
         allocations: counts.then(|| block.allocations.load(Relaxed)),
         allocations_apart: counts.then(|| block.allocations_apart.load(Relaxed)),
         page_faults: block.page_faults.load(Relaxed),

@@ -75,8 +75,6 @@ impl Drop for Signals {
         for id in self.registered.drain(..) {
             signal_hook::low_level::unregister(id);
         }
-        // From here on there is no run to be ended in good order: the signals mean what they mean to any program.
-        crate::os::default_signals(&SIGNALS);
     }
 }
 

@@ -26,4 +26,4 @@ pub use realtime::{
     wake_soon,
 };
 pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
-pub use wait::{current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};
+pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

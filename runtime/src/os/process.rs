@@ -39,11 +39,12 @@ pub fn interrupt_thread(thread: i32) {
     }
 }
 
-/// Gives signals back their default action.
-pub fn default_signals(signals: &[i32]) {
-    for signal in signals {
+/// Lets `SIGINT`, `SIGTERM` and `SIGHUP` end this process from now on, whatever was registered for them: for a program
+/// whose last run is over. No run can be started in it after that.
+pub fn default_signals() {
+    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
         // SAFETY: a system call on integers; the default action runs no code of this process.
-        unsafe { libc::signal(*signal, libc::SIG_DFL) };
+        unsafe { libc::signal(signal, libc::SIG_DFL) };
     }
 }
 

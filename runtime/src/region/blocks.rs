@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
 
 use serde::{Deserialize, Serialize};
 
-use super::CheckpointBlock;
+use super::{CheckpointBlock, GateBlock, Latch};
 use crate::telemetry::Histogram;
 
 /// A command of the launcher to all workers.
@@ -75,6 +75,10 @@ pub struct Header {
     pub launcher: AtomicU32,
     /// Process id of the guard.
     pub guard: AtomicU32,
+    /// The latches of the run, as flags. Written by the commands `stop --now` and `resume` and by command gates.
+    latch: AtomicU32,
+    /// Number of times that `resume` released the latches.
+    resumes: AtomicU32,
     /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last looked after the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
@@ -97,6 +101,34 @@ impl Header {
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
+    }
+
+    /// Keeps every command gate of the run in its safe state until [`release`](Self::release).
+    pub fn latch(&self, latch: Latch) {
+        if self.latch.load(Relaxed) & latch as u32 == 0 {
+            self.latch.fetch_or(latch as u32, AcqRel);
+        }
+    }
+
+    /// The latch of the run, the gravest if there are several.
+    #[inline]
+    pub fn latched(&self) -> Option<Latch> {
+        match self.latch.load(Acquire) {
+            0 => None,
+            word => Latch::from_word(word),
+        }
+    }
+
+    /// Releases all latches.
+    pub fn release(&self) {
+        self.latch.store(0, Release);
+        self.resumes.fetch_add(1, AcqRel);
+    }
+
+    /// Number of releases so far.
+    #[inline]
+    pub fn resumes(&self) -> u32 {
+        self.resumes.load(Acquire)
     }
 }
 
@@ -224,6 +256,8 @@ pub struct ComponentBlock {
     pub execution: Histogram,
     /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu: Histogram,
+    /// The account of an actuator's command gate.
+    pub gate: GateBlock,
     /// Numbers that a restarted component may resume from.
     pub(crate) checkpoint: CheckpointBlock,
 }
@@ -373,6 +407,8 @@ mod tests {
             safe_stop_ns: AtomicU64::new(0),
             launcher: AtomicU32::new(0),
             guard: AtomicU32::new(0),
+            latch: AtomicU32::new(0),
+            resumes: AtomicU32::new(0),
             launcher_alive_ns: AtomicU64::new(0),
             guard_alive_ns: AtomicU64::new(0),
         };

@@ -5,6 +5,7 @@
 
 mod blocks;
 mod checkpoint;
+mod gate;
 mod mapping;
 
 pub(crate) use blocks::add;
@@ -15,4 +16,5 @@ pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
 #[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
+pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use mapping::{Region, RegionError};

@@ -7,6 +7,7 @@
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
 
 mod content;
+mod emergency;
 mod field;
 mod joint;
 mod layout;
@@ -14,6 +15,7 @@ mod motion;
 mod stamp;
 
 pub use content::{ContentCheck, ContentDefect, UnknownKind};
+pub use emergency::EmergencyStop;
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
@@ -50,6 +52,7 @@ pub fn built_in() -> Vec<TypeLayout> {
         Wrench::layout(),
         ImuSample::layout(),
         Phase::layout(),
+        EmergencyStop::layout(),
     ]
 }
 
@@ -160,7 +163,8 @@ mod tests {
 
     #[test]
     fn every_state_of_the_runtime_is_in_the_list() {
-        let sources = [include_str!("joint.rs"), include_str!("motion.rs")].concat();
+        let sources =
+            [include_str!("joint.rs"), include_str!("motion.rs"), include_str!("emergency.rs")].concat();
         let mut defined: Vec<&str> =
             sources.split(" as \"motorium.").skip(1).filter_map(|rest| rest.split('"').next()).collect();
         let layouts = built_in();

@@ -9,20 +9,22 @@ use crate::plan::ComponentPlan;
 
 /// Length of a rest, ns.
 const REST_NS: u64 = 50_000;
+/// Longest time without sleep, ns.
+const LONGEST_NS: u64 = 5_000_000;
 /// Attempts to fall asleep.
 const ATTEMPTS: usize = 10;
 
 /// The time since a worker slept.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rest {
-    /// Time without sleep after which it rests, ns: half the limit, so that the other half is left to a step.
+    /// Time without sleep after which it rests, ns: at most half the limit, so that the other half is left to a step.
     after_ns: u64,
     slept_ns: u64,
 }
 
 impl Rest {
     pub(super) fn new(component: &ComponentPlan) -> Self {
-        let after_ns = component.liveness.cpu_limit_ns.map_or(u64::MAX, |limit| limit / 2);
+        let after_ns = component.liveness.cpu_limit_ns.map_or(u64::MAX, |limit| (limit / 2).min(LONGEST_NS));
         Self { after_ns, slept_ns: monotonic_ns() }
     }
 

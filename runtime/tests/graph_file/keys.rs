@@ -73,10 +73,14 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.stale_after", &["safety.stale_after=9 ms"]),
     ("Safety.safe_state", &["safety.safe_state=damp"]),
     ("Safety.settle", &["safety.settle=2 s"]),
+    ("Safety.source_stale_after", &["safety.source_stale_after=90 ms"]),
+    ("Safety.limits", &["safety.limits=refuse"]),
+    ("Safety.resume", &["safety.resume=latch"]),
 ];
 
-/// Keys whose own keys are in the list, and `exec`, which has tests of its own.
-const TABLES: [&str; 8] = [
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec` and `emergency_stop`.
+const TABLES: [&str; 9] = [
+    "Safety.emergency_stop",
     "Graph.cores",
     "Graph.realtime",
     "Graph.robot",

@@ -15,6 +15,7 @@ mod reproduce;
 mod robot;
 mod run;
 mod schema;
+mod stop;
 mod top;
 mod topic;
 
@@ -42,6 +43,8 @@ enum Command {
     Top(top::Top),
     Topic(topic::Topic),
     Param(param::Param),
+    Stop(stop::Stop),
+    Resume(stop::Resume),
     Bench(bench::Bench),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
@@ -64,6 +67,8 @@ impl Cli {
             Some(Command::Top(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
+            Some(Command::Stop(command)) => command.run(),
+            Some(Command::Resume(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),

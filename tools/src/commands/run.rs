@@ -109,6 +109,8 @@ impl Run {
         });
         // What went wrong comes after the last lines.
         printer.finish();
+        // No run is left to be ended in good order: a report that nobody reads must not keep this process from ending.
+        motorium::os::default_signals();
         let report = ran?;
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&report)?);

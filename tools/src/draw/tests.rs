@@ -2,9 +2,9 @@ use std::path::PathBuf;
 
 use motorium::declare::TopicPattern;
 use motorium::plan::{
-    Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
-    PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,
-    Spin, TopicPlan,
+    Activation, ClockKind, ComponentPlan, LatencyPlan, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss,
+    OnOverrun, Plan, PortPlan, Program, RestartPlan, RestartWhen, ResumeRule, SafeState, SafetyPlan,
+    SchedulingClass, SchedulingPlan, Spin, TopicPlan,
 };
 use motorium::state::{JointState, StateBuffer as _};
 
@@ -97,7 +97,14 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         latencies: latencies.collect(),
         topics,
         scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
-        safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
+        safety: SafetyPlan {
+            stale_after_ns: 5_000_000,
+            source_stale_after_ns: 10_000_000,
+            limits: LimitPolicy::Clamp,
+            resume: ResumeRule::Near,
+            safe_state: SafeState::Hold,
+            settle_ns: 0,
+        },
     }
 }
 

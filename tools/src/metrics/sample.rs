@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use motorium::os::machine::CoreTimes;
 use motorium::os::monotonic_ns;
-use motorium::region::{Command, ComponentBlock, Misses, Phase, Stalls};
+use motorium::region::{Command, ComponentBlock, GateReport, Misses, Phase, Stalls};
 use motorium::telemetry::Snapshot;
 
 use super::thread::Usage;
@@ -38,6 +38,8 @@ pub(crate) struct Sample {
 pub(crate) struct ComponentSample {
     pub(crate) phase: Phase,
     pub(crate) safe: bool,
+    /// Of an actuator.
+    pub(crate) gate: Option<GateReport>,
     pub(crate) pid: u32,
     pub(crate) begun: u64,
     pub(crate) steps: u64,
@@ -113,6 +115,7 @@ impl ComponentSample {
         Self {
             phase,
             safe: block.safe.load(Relaxed) != 0,
+            gate: block.gate.report(),
             pid,
             begun: load(&block.begun),
             steps: load(&block.steps),

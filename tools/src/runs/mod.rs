@@ -54,9 +54,13 @@ pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     Ok(folders.swap_remove(chosen))
 }
 
-/// The runs of this user that are alive at this moment: their ids and plans.
+/// The runs of this user that are alive at this moment and not about to end: their ids and plans.
 pub(crate) fn living() -> Vec<(String, Plan)> {
-    let runs = RunFolder::list().into_iter().filter(RunFolder::is_alive);
+    let goes_on = |folder: &RunFolder| {
+        let region = folder.region();
+        region.is_ok_and(|region| !matches!(region.header().command(), Command::SafeStop | Command::Stop))
+    };
+    let runs = RunFolder::list().into_iter().filter(|folder| folder.is_alive() && goes_on(folder));
     runs.filter_map(|folder| Some((folder.id().to_string(), folder.plan().ok()?))).collect()
 }
 

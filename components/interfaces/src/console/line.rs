@@ -90,6 +90,12 @@ impl Print for PoseTarget {
     }
 }
 
+impl Print for EmergencyStop {
+    fn print(&self, groups: &mut Groups) {
+        groups.add("stop", &[self.stop as f64], "");
+    }
+}
+
 impl Print for BaseState {
     fn print(&self, groups: &mut Groups) {
         groups.add("position", &self.position, "m");

@@ -96,6 +96,7 @@ ports! {
     "wrench": Wrench, "wrench to print";
     "imu": ImuSample, "inertial measurement to print";
     "phase": Phase, "phase to print";
+    "emergency_stop": EmergencyStop, "emergency stop to print";
 }
 
 impl Component for ConsoleLog {

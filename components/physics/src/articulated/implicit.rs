@@ -4,6 +4,7 @@ use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
 
 use super::JointEvents;
+use super::laws::{Friction, Laws, Mode, START};
 use crate::JointCommand;
 use crate::joint::JointProperties;
 
@@ -40,178 +41,6 @@ impl ExternalImpulses for NoImpulses {
     fn apply(&mut self, _: &MassFactor, _: &[bool], _: &mut [f64], _: &mut [f64]) {}
 }
 
-/// The branch that each law of a joint is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Mode {
-    drive: Drive,
-    friction: Friction,
-    stop: Stop,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Drive {
-    Linear,
-    High,
-    Low,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Friction {
-    None,
-    Stick,
-    /// Moving forwards, friction pushes back.
-    Forwards,
-    Backwards,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stop {
-    Free,
-    Lower,
-    Upper,
-}
-
-/// One joint's laws as functions of its end velocity.
-#[derive(Clone, Debug)]
-struct Laws {
-    /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
-    drive_0: f64,
-    drive_slope: f64,
-    limit: f64,
-    damping: f64,
-    friction: f64,
-    /// Range of `v+` the stops allow.
-    slowest: f64,
-    fastest: f64,
-}
-
-/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be a blow.
-const RECOVERY_RATE: f64 = 20.0;
-
-impl Laws {
-    /// A velocity of a floating base: nothing acts on it.
-    const FREE: Self = Self {
-        drive_0: 0.0,
-        drive_slope: 0.0,
-        limit: f64::INFINITY,
-        damping: 0.0,
-        friction: 0.0,
-        slowest: f64::NEG_INFINITY,
-        fastest: f64::INFINITY,
-    };
-
-    fn new(joint: &JointProperties, command: &JointCommand, q: f64, h: f64) -> Self {
-        // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
-        let reach =
-            |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
-        Self {
-            drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
-            drive_slope: command.kd + h * command.kp,
-            limit: joint.effort_limit.abs(),
-            damping: joint.damping,
-            friction: joint.friction,
-            slowest: reach(joint.lower - q, q < joint.lower),
-            fastest: reach(joint.upper - q, q > joint.upper),
-        }
-    }
-
-    /// Drive effort at end velocity `x`, after clamping.
-    fn drive(&self, x: f64) -> f64 {
-        (self.drive_0 - self.drive_slope * x).clamp(-self.limit, self.limit)
-    }
-
-    fn drive_mode(&self, x: f64) -> Drive {
-        let raw = self.drive_0 - self.drive_slope * x;
-        if raw > self.limit {
-            Drive::High
-        } else if raw < -self.limit {
-            Drive::Low
-        } else {
-            Drive::Linear
-        }
-    }
-
-    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
-    fn force(&self, mode: &Mode) -> (f64, f64) {
-        let (drive, slope) = match mode.drive {
-            Drive::Linear => (self.drive_0, self.drive_slope),
-            Drive::High => (self.limit, 0.0),
-            Drive::Low => (-self.limit, 0.0),
-        };
-        let friction = match mode.friction {
-            Friction::None | Friction::Stick => 0.0,
-            Friction::Forwards => -self.friction,
-            Friction::Backwards => self.friction,
-        };
-        (drive + friction, slope + self.damping)
-    }
-
-    /// The velocity `mode` fixes, if it does.
-    fn fixed(&self, mode: &Mode) -> Option<f64> {
-        match (mode.stop, mode.friction) {
-            (Stop::Lower, _) => Some(self.slowest),
-            (Stop::Upper, _) => Some(self.fastest),
-            (Stop::Free, Friction::Stick) => Some(0.0),
-            (Stop::Free, _) => None,
-        }
-    }
-
-    /// The mode that the solution `x` belongs to; `missing` is the force that holds a fixed velocity.
-    fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
-        let drive = self.drive_mode(x);
-        let mut friction = mode.friction;
-        let stop = match mode.stop {
-            Stop::Lower if missing >= 0.0 => Stop::Lower,
-            Stop::Upper if missing <= 0.0 => Stop::Upper,
-            Stop::Lower | Stop::Upper => Stop::Free,
-            Stop::Free => {
-                friction = match mode.friction {
-                    Friction::None => Friction::None,
-                    Friction::Stick if missing > self.friction => Friction::Backwards,
-                    Friction::Stick if missing < -self.friction => Friction::Forwards,
-                    Friction::Stick => Friction::Stick,
-                    Friction::Forwards if x < 0.0 => Friction::Stick,
-                    Friction::Backwards if x > 0.0 => Friction::Stick,
-                    slipping => slipping,
-                };
-                let slack = 1e-13 * (1.0 + x.abs());
-                if x < self.slowest - slack {
-                    Stop::Lower
-                } else if x > self.fastest + slack {
-                    Stop::Upper
-                } else {
-                    Stop::Free
-                }
-            }
-        };
-        Mode { drive, friction, stop }
-    }
-
-    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed velocities of the
-    /// others: a monotone scalar equation with kinks.
-    fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
-        // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
-        let root = |push: f64| {
-            let linear =
-                (h * (self.drive_0 + push) - rest) / (inertia + h * (self.drive_slope + self.damping));
-            match self.drive_mode(linear) {
-                Drive::Linear => linear,
-                Drive::High => (h * (self.limit + push) - rest) / (inertia + h * self.damping),
-                Drive::Low => (h * (push - self.limit) - rest) / (inertia + h * self.damping),
-            }
-        };
-        let without = root(0.0);
-        let x = if self.friction == 0.0 {
-            without
-        } else if without > 0.0 {
-            root(-self.friction).max(0.0)
-        } else {
-            root(self.friction).min(0.0)
-        };
-        x.max(self.slowest).min(self.fastest)
-    }
-}
-
 /// Workspace of the active-set iteration.
 #[derive(Clone, Debug)]
 pub(super) struct ImplicitSolver {
@@ -224,8 +53,6 @@ pub(super) struct ImplicitSolver {
     /// Generalized external impulse.
     impulse: Vec<f64>,
 }
-
-const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
 
 /// Largest number of sweeps of the relaxation, which takes over when the active set cycles.
 const SWEEPS: usize = 200;
@@ -293,7 +120,7 @@ impl ImplicitSolver {
         let mut events = JointEvents::default();
         for ((laws, x), tau) in self.laws.iter().zip(x.iter()).skip(offset).zip(tau) {
             *tau = laws.drive(*x);
-            events.saturated += usize::from(laws.drive_mode(*x) != Drive::Linear);
+            events.saturated += usize::from(laws.is_saturated(*x));
             events.at_limit += usize::from(*x == laws.slowest || *x == laws.fastest);
         }
         Ok(events)

@@ -3,6 +3,7 @@
 
 mod implicit;
 mod integrator;
+mod laws;
 mod step;
 
 use motorium_robots::{Dynamics, Kinematics};

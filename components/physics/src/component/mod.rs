@@ -2,11 +2,11 @@
 
 mod build;
 mod config;
-mod safe;
+mod limits;
 
 use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::safety::{CommandGuard, Verdict};
+use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
 use motorium_robots::Dynamics;
@@ -16,7 +16,6 @@ use crate::{Articulated, JointCommand, Rapier, Simulation, Simulator, StepReport
 pub use build::PhysicsEngine;
 use build::build;
 pub use config::PhysicsConfig;
-use safe::SafeStates;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
@@ -28,9 +27,8 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 /// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
 /// too.
 ///
-/// Every step checks the newest command, advances the simulation by the time since the last step, and publishes the
-/// state at its end. A command that is stale, is for another number of joints, or has a negative gain is not applied:
-/// the safe state is, as it is before the first command. When steps were skipped the simulation makes up for up to
+/// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time since the last
+/// step, and publishes the state at its end. When steps were skipped the simulation makes up for up to
 /// four of them, so that the robot does not stand still while its clock goes on.
 ///
 /// After a crash the robot goes on from its last published state, the objects from the start.
@@ -38,10 +36,10 @@ pub struct PhysicsComponent<E> {
     command: Input<state::JointCommand>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
-    guard: CommandGuard,
+    gate: CommandGate,
     simulation: Simulation<E>,
     dynamics: Dynamics,
-    safe: SafeStates,
+    gravity: Vec<f64>,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
     /// Initial position of the base \[m\].
@@ -57,7 +55,6 @@ struct Totals {
     at_limit: u64,
     overspeed: u64,
     near_contact: u64,
-    refused: u64,
     safe: u64,
     /// Height of the base \[m\].
     lowest: f64,
@@ -98,13 +95,14 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             simulation.reset(q, v).map_err(ConfigureError::failed)?;
         }
         let floating = simulation.model().base().floating;
+        let limits = limits::of_drives(&simulation, &robot).map_err(ConfigureError::Config)?;
         Ok(Self {
             command: setup.input("joint_command")?,
             state: setup.output("joint_state")?,
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
-            guard: setup.command_guard(),
+            gate: setup.command_gate(limits)?,
             dynamics: Dynamics::new(simulation.model()),
-            safe: SafeStates::new(&simulation, robot.profile.as_ref()),
+            gravity: vec![0.0; nv],
             start: simulation.base_pose().translation.vector.into(),
             simulation,
             checkpoint,
@@ -146,7 +144,6 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let mut result = json!({
             "steps": totals.steps,
             "steps_in_safe_state": totals.safe,
-            "commands_refused": totals.refused,
             "steps_with_saturated_drives": totals.saturated,
             "steps_at_a_joint_limit": totals.at_limit,
             "steps_beyond_a_velocity_limit": totals.overspeed,
@@ -171,22 +168,29 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 }
 
 impl<E: PhysicsEngine> PhysicsComponent<E> {
-    /// Applies the newest command, or the safe state.
+    /// Applies the newest command as far as its gate lets it pass, or the safe state.
     fn apply_command(&mut self) {
-        let verdict = self.guard.check(&mut self.command);
-        let state = match verdict {
-            Verdict::Apply(command) => {
-                if apply(&command, self.simulation.commands_mut()) {
-                    self.safe.leave();
-                    return;
-                }
-                self.totals.refused += 1;
-                None
-            }
-            Verdict::Safe { state, .. } => Some(state),
+        let Self { simulation, dynamics, gravity, .. } = self;
+        let model = simulation.model();
+        let (q, g) = (simulation.configuration(), simulation.gravity());
+        let mut of_drives = |effort: &mut [f64]| {
+            dynamics.gravity(model, q, g, gravity);
+            let joints = model.joints_of_v(gravity);
+            effort[..joints.len()].copy_from_slice(joints);
+            // A rotor holds nothing.
+            effort[joints.len()..].fill(0.0);
         };
-        self.totals.safe += 1;
-        self.safe.apply(state, &mut self.simulation, &mut self.dynamics);
+        let measured = Measured {
+            position: simulation.positions(),
+            velocity: simulation.velocities(),
+            gravity: &mut of_drives,
+        };
+        let verdict = self.gate.check(&mut self.command, measured);
+        self.totals.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
+        for (command, setpoint) in self.simulation.commands_mut().iter_mut().zip(self.gate.setpoints()) {
+            let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
+            *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+        }
     }
 
     /// Periods since the last step, at most [`CATCH_UP`] more than one.
@@ -206,7 +210,6 @@ impl Totals {
         at_limit: 0,
         overspeed: 0,
         near_contact: 0,
-        refused: 0,
         safe: 0,
         lowest: f64::INFINITY,
         highest: f64::NEG_INFINITY,
@@ -221,22 +224,4 @@ impl Totals {
         self.overspeed += u64::from(report.overspeed > 0);
         self.near_contact += u64::from(report.near_contact);
     }
-}
-
-/// Copies the command; false, and nothing copied, when its count or a gain is wrong.
-fn apply(buffer: &state::JointCommand, commands: &mut [JointCommand]) -> bool {
-    let gains = buffer.kp().iter().chain(buffer.kd());
-    if buffer.count() != commands.len() || gains.clone().any(|gain| *gain < 0.0) {
-        return false;
-    }
-    for (i, command) in commands.iter_mut().enumerate() {
-        *command = JointCommand {
-            position: buffer.position()[i],
-            velocity: buffer.velocity()[i],
-            effort: buffer.effort()[i],
-            kp: buffer.kp()[i],
-            kd: buffer.kd()[i],
-        };
-    }
-    true
 }

@@ -19,10 +19,11 @@ impl Rapier {
             let c = commands[i];
             let limit = joint.effort_limit;
             let law = c.kp * (c.position - q[i]) + c.kd * (c.velocity - v[i]) + c.effort;
-            if self.overdriven[i] && law.abs() > limit {
+            let braked = v_next[i] > c.max_velocity || v_next[i] < c.min_velocity;
+            if !braked && self.overdriven[i] && law.abs() > limit {
                 tau_next[i] = limit.copysign(law);
             }
-            self.overdriven[i] = tau_next[i].abs() >= limit;
+            self.overdriven[i] = braked || tau_next[i].abs() >= limit;
             let action =
                 if self.overdriven[i] { DriveAction::Constant(tau_next[i]) } else { DriveAction::Law(c) };
             self.multibody.drive(model, &mut self.scene, (i, q[i]), action);

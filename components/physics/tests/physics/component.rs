@@ -6,6 +6,7 @@ use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Hosting, Options, Report, run};
+use motorium::region::{Refusal, Refused};
 use motorium::state::{BaseState, JointCommand, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::{Kind, Registry, RobotSource};
@@ -214,8 +215,9 @@ fn when_commands_cease_the_arm_holds_where_it_is() {
 #[test]
 fn a_command_with_a_negative_gain_is_not_applied() {
     let report = run_for(1, KINDS[0], "offset = 0.5, until = 100000, stiffness = -10.0");
-    let physics = &report.results["physics"];
-    assert!(physics["commands_refused"].as_u64().unwrap() > 900, "{physics}");
+    let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
+    let refused = &physics.gate.as_ref().unwrap().refused;
+    assert!(matches!(refused[..], [Refused { reason: Refusal::NegativeGain, count: 900.. }]), "{refused:?}");
     let driver = &report.results["driver"];
     for (start, last) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])) {
         assert!((last - start).abs() < 0.01, "{last}, started at {start}");

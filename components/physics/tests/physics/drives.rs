@@ -127,7 +127,7 @@ fn the_sum_of_law_and_feed_forward_never_exceeds_the_effort_limit() {
     for engine in ENGINES {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 8.0), World::default(), &[0.0], options());
         simulation.commands_mut()[0] =
-            JointCommand { position: 0.5, kp: 5_000.0, kd: 3_000.0, effort: 50.0, velocity: 0.0 };
+            JointCommand { effort: 50.0, ..JointCommand::hold(0.5, 5_000.0, 3_000.0) };
         let report = simulation.step(DT).unwrap();
         assert_eq!(report.saturated, 1);
         assert_eq!(simulation.efforts()[0], 8.0);
@@ -296,4 +296,86 @@ fn speed_beyond_the_limit_is_flagged() {
     assert_eq!(simulation.step(DT).unwrap().overspeed, 1);
     simulation.reset(&[-1.0], &[2.5]).unwrap();
     assert_eq!(simulation.step(DT).unwrap().overspeed, 0);
+}
+
+/// Largest speed of joint `moved` as a share of its limit, over a second of commands that change every five milliseconds,
+/// while the others are held.
+fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand) -> f64 {
+    let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
+    let model = simulation.model();
+    let (limit, low, high) = (model.velocity_limit()[moved], model.lower()[moved], model.upper()[moved]);
+    let home = panda::home();
+    for (command, home) in simulation.commands_mut().iter_mut().zip(&home) {
+        *command = JointCommand::hold(*home, 600.0, 40.0);
+    }
+    let mut seed = 7_u64;
+    let mut fastest = 0.0_f64;
+    let mut wanted = JointCommand::default();
+    for step in 0..1_000 {
+        if step % 5 == 0 {
+            wanted = command(&mut seed);
+        }
+        let q = simulation.positions()[moved];
+        // As a command gate has it: no faster than the joint can be stopped at the end of its range.
+        let towards = |distance: f64| (10.0 * limit * distance.max(0.0)).sqrt().clamp(0.05 * limit, limit);
+        let (min_velocity, max_velocity) = (-towards(q - low), towards(high - q));
+        simulation.commands_mut()[moved] = JointCommand { min_velocity, max_velocity, ..wanted };
+        simulation.step(DT).unwrap();
+        fastest = fastest.max(simulation.velocities()[moved].abs() / limit);
+    }
+    fastest
+}
+
+/// Evenly distributed in -1 to 1.
+fn noise(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+#[test]
+fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
+    type Commands = fn(&mut u64) -> JointCommand;
+    let commands: [(&str, Commands); 6] = [
+        ("full effort forwards", |_| JointCommand::effort(1e9)),
+        ("full effort backwards", |_| JointCommand::effort(-1e9)),
+        ("full effort to and fro", |seed| JointCommand::effort(1e9 * noise(seed))),
+        ("a far position", |seed| JointCommand::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
+        ("a fast velocity", |seed| JointCommand {
+            velocity: 1e6 * noise(seed),
+            kd: 40.0,
+            ..JointCommand::default()
+        }),
+        ("stiff gains", |seed| JointCommand::hold(noise(seed), 1e12, 1e12)),
+    ];
+    for (what, command) in commands {
+        let shares: Vec<f64> = (0..8).map(|joint| fastest_under(joint, command)).collect();
+        assert!(shares.iter().all(|share| *share < 1.05), "{what}: {shares:?} of the velocity limits");
+    }
+    // Without a limit in the command the same efforts go far beyond it: the law is what keeps it.
+    let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
+    simulation.commands_mut().fill(JointCommand::effort(1e9));
+    run(&mut *simulation, 0.2);
+    let limits = simulation.model().velocity_limit().clone();
+    assert!(simulation.velocities().iter().zip(&limits).any(|(v, limit)| v.abs() > 2.0 * limit));
+}
+
+#[test]
+fn within_its_velocity_limit_a_drive_moves_to_the_bit_as_one_without() {
+    let run_with = |limited: bool| {
+        let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
+        let limits = simulation.model().velocity_limit().clone();
+        let home = panda::home();
+        for step in 0..1_000 {
+            for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
+                let position = home[i] - 0.1 * (1.0 - (f64::from(step) * 3e-3).cos()) * f64::from(i < 7);
+                let max_velocity = if limited { limits[i] } else { f64::INFINITY };
+                let min_velocity = -max_velocity;
+                *command =
+                    JointCommand { min_velocity, max_velocity, ..JointCommand::hold(position, 600.0, 40.0) };
+            }
+            assert_eq!(simulation.step(DT).unwrap().overspeed, 0);
+        }
+        simulation.positions().to_vec()
+    };
+    assert_eq!(run_with(true), run_with(false));
 }

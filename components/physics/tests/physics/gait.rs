@@ -27,7 +27,7 @@ fn a_trot_carries_the_quadruped_ahead_as_far_as_in_mujoco() {
                 velocity: -share * amplitude * omega * angle.sin(),
                 kp: 15.0,
                 kd: 0.3,
-                effort: 0.0,
+                ..JointCommand::default()
             };
         }
         simulation.step(1e-3).unwrap();

@@ -49,6 +49,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
                 effort: 5.0 * noise(&mut seed),
                 kp: 3_000.0 * (1.0 + noise(&mut seed)),
                 kd: 100.0 * (1.0 + noise(&mut seed)),
+                ..JointCommand::default()
             })
             .collect();
         for _ in 0..30 {

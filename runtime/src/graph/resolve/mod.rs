@@ -83,7 +83,8 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
             .advise("begin the file with a line such as `name = \"panda-reach\"`");
     }
     let robots = robots::resolve(graph, context, report);
-    let drafts = declare::resolve(graph, &robots, context, report);
+    let mut drafts = declare::resolve(graph, &robots, context, report);
+    safety::emergency_stop(graph, &mut drafts);
     let wiring = wiring::resolve(graph, &drafts, report);
     topics::check(&drafts, &wiring, report);
     let timing = timing::resolve(&drafts, &wiring, report);
@@ -92,7 +93,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     let parameters = parameters::resolve(&drafts, report);
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
-    let safety = safety::resolve(graph, &drafts, &wiring, &timing, report);
+    let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
     if report.has_errors() {
         return None;
     }

@@ -1,15 +1,17 @@
 //! The safety settings and the restart policies.
 
+mod bounds;
+
 use super::Draft;
 use super::timing::Timing;
 use super::wiring::Wiring;
-use crate::declare::Direction;
+use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
-use crate::plan::SafetyPlan;
-use crate::state::{JointCommand, StateBuffer as _};
+use crate::plan::{Activation, EMERGENCY_STOP_PORT, SafetyPlan};
+use crate::state::{EmergencyStop, JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
 /// Resolves the `[safety]` table and checks it, the restart policies and the duration.
@@ -18,6 +20,7 @@ pub(super) fn resolve(
     drafts: &[Draft<'_, '_>],
     wiring: &Wiring,
     timing: &Timing,
+    causes: &[Option<usize>],
     report: &mut Report,
 ) -> SafetyPlan {
     let table = good(&graph.safety);
@@ -43,12 +46,69 @@ pub(super) fn resolve(
     }
     stale_commands(stale_after, at, drafts, wiring, timing, report);
     no_actuator(graph, drafts, report);
+    let chains_ns = chains_ns(drafts, wiring, timing, causes);
+    let settle = table.map_or(defaults::SETTLE, |table| good_or(&table.settle, defaults::SETTLE));
+    let source = table.and_then(|table| good(&table.source_stale_after)).map(|span| span.ns);
+    if let Some(table) = table {
+        bounds::check(table, stale_after, chains_ns, report);
+    }
     SafetyPlan {
         stale_after_ns: stale_after.ns,
+        source_stale_after_ns: source.unwrap_or(stale_after.ns.saturating_add(2 * chains_ns)),
+        limits: table.map_or(defaults::LIMITS, |table| good_or(&table.limits, defaults::LIMITS)),
+        resume: table.map_or(defaults::RESUME, |table| good_or(&table.resume, defaults::RESUME)),
         safe_state: table
             .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
-        settle_ns: table.map_or(defaults::SETTLE, |table| good_or(&table.settle, defaults::SETTLE)).ns,
+        settle_ns: settle.ns,
     }
+}
+
+/// The emergency-stop topic as an input of each actuator, which its gate reads.
+pub(super) fn emergency_stop(graph: &GraphTable<'_>, drafts: &mut [Draft<'_, '_>]) {
+    if good(&graph.safety).and_then(|table| good(&table.emergency_stop)).is_none() {
+        return;
+    }
+    for declaration in drafts.iter_mut().filter_map(|draft| draft.declaration.as_mut()) {
+        if declaration.actuator && declaration.ports.iter().all(|port| port.name != EMERGENCY_STOP_PORT) {
+            declaration.ports.push(PortDeclaration {
+                name: EMERGENCY_STOP_PORT.to_string(),
+                direction: Direction::Input,
+                pattern: TopicPattern::State,
+                layout: EmergencyStop::layout(),
+                required: false,
+                doc: "emergency stop of `[safety]`".to_string(),
+            });
+        }
+    }
+}
+
+/// The longest sum of the periods of the components through which a measurement becomes an actuator's command, ns.
+fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes: &[Option<usize>]) -> u64 {
+    let mut longest = 0;
+    for (component, draft) in drafts.iter().enumerate() {
+        if !draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator) {
+            continue;
+        }
+        for (index, port) in draft.ports(Direction::Input).enumerate() {
+            if port.layout.type_name != JointCommand::NAME {
+                continue;
+            }
+            let mut sum_ns: u64 = 0;
+            let mut input = Some((component, index));
+            // A chain of causes has no loop; the count bounds one that was reported.
+            for _ in 0..drafts.len() {
+                let writer = input
+                    .and_then(|(component, index)| wiring.of_port(component, Direction::Input, index))
+                    .and_then(|wire| wiring.writer(wire.topic?));
+                let Some(writer) = writer.map(|wire| wire.component) else { break };
+                let periodic = matches!(timing.activation[writer], Some(Activation::Periodic { .. }));
+                sum_ns += timing.period_ns(writer).filter(|_| periodic).unwrap_or(0);
+                input = causes.get(writer).copied().flatten().map(|cause| (writer, cause));
+            }
+            longest = longest.max(sum_ns);
+        }
+    }
+    longest
 }
 
 fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report) {

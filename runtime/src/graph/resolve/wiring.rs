@@ -8,6 +8,7 @@ use crate::graph::read::{At, good};
 use crate::graph::source::Span;
 use crate::graph::values::{Named, TopicName};
 use crate::nearest::{list, nearest};
+use crate::plan::EMERGENCY_STOP_PORT;
 
 /// A port wired to a topic, as in the file.
 #[derive(Debug)]
@@ -45,6 +46,30 @@ pub(super) struct Wiring {
 }
 
 impl Wiring {
+    /// Wires the emergency-stop topic of `[safety]` to an actuator, unless its `subscribe` table does.
+    fn emergency_stop(&mut self, graph: &GraphTable<'_>, component: usize, draft: &Draft<'_, '_>) {
+        let stop = good(&graph.safety).and_then(|table| table.emergency_stop.as_ref());
+        let Some((at, TopicName(name))) = stop.and_then(|at| Some((at, at.get()?))) else { return };
+        let port = EMERGENCY_STOP_PORT.to_string();
+        let direction = Direction::Input;
+        let Some(index) = draft.ports(direction).position(|declared| declared.name == port) else { return };
+        if self.of_port(component, direction, index).is_some() {
+            return;
+        }
+        let topic = Some(self.topic(name).unwrap_or_else(|| {
+            self.topics.push(name.clone());
+            self.topics.len() - 1
+        }));
+        self.wires.push(Wire {
+            component,
+            port,
+            index: Some(index),
+            direction,
+            topic,
+            span: at.span.clone(),
+        });
+    }
+
     /// The wires of one topic and direction.
     pub(super) fn of_topic(&self, topic: usize, direction: Direction) -> impl Iterator<Item = &Wire> {
         self.wires.iter().filter(move |wire| wire.topic == Some(topic) && wire.direction == direction)
@@ -125,6 +150,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: 
             let (port, span) = (port.clone(), at.span.clone());
             wiring.wires.push(Wire { component, port, index, direction, topic, span });
         }
+        wiring.emergency_stop(graph, component, draft);
     }
     for (component, draft) in drafts.iter().enumerate() {
         required(component, drafts, &wiring, report);

@@ -13,7 +13,10 @@ use super::read::{At, Read, Value, entries, mismatch, table, text};
 use super::source::Span;
 use crate::declare::ParameterValue;
 use crate::nearest::{list, nearest};
-use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, SafeState};
+use crate::plan::{
+    ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
+    SafeState,
+};
 use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use scheduling::{Schedule, Share, SpinChoice};
 
@@ -260,6 +263,8 @@ choices! {
     OnMiss: Warn, SafeStop;
     RestartWhen: Never, Failure, Always;
     SafeState: Hold, Damp, ZeroTorque, Brake;
+    LimitPolicy: Clamp, Refuse;
+    ResumeRule: Near, Latch, AtOnce;
     Schedule: Fifo, Deadline, Normal;
 }
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use crate::declare::TopicPattern;
 use crate::plan::{
     Activation, ClockKind, ComponentPlan, LatencyPlan, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, Plan,
-    PortPlan, Program, RestartPlan, RestartWhen, SafeState, SafetyPlan, SchedulingClass, SchedulingPlan,
-    Spin, TopicPlan,
+    PortPlan, Program, RestartPlan, RestartWhen, SafetyPlan, SchedulingClass, SchedulingPlan, Spin,
+    TopicPlan,
 };
 use crate::state::{JointState, StateBuffer as _};
 
@@ -169,6 +169,6 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             })
             .collect(),
         scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
-        safety: SafetyPlan { stale_after_ns: 5_000_000, safe_state: SafeState::Hold, settle_ns: 0 },
+        safety: SafetyPlan::for_tests(),
     }
 }

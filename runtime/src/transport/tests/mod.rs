@@ -87,7 +87,7 @@ impl Bench {
             topics: vec![topic],
             latencies: Vec::new(),
             scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
-            safety: SafetyPlan { stale_after_ns: 1, safe_state: SafeState::Hold, settle_ns: 1 },
+            safety: SafetyPlan::for_tests(),
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();
         let node = folder.domain().unwrap().node().unwrap();

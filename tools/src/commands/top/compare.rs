@@ -92,6 +92,7 @@ fn component(
         name: plan.name.clone(),
         phase: now.phase,
         safe: now.safe,
+        gate: now.gate.clone(),
         pid: now.pid,
         core: plan.core,
         core_share: ran.filter(|_| now.pid == before.pid).map(share),

@@ -1,7 +1,7 @@
 //! The data of `motorium top`: printed by `--json`, shown by its tables.
 
 use motorium::plan::ClockKind;
-use motorium::region::{Misses, Phase, Stalls};
+use motorium::region::{GateReport, Misses, Phase, Stalls};
 use motorium::telemetry::Percentiles;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -59,6 +59,8 @@ pub(crate) struct ComponentTop {
     pub(crate) phase: Phase,
     /// True if it is an actuator in its safe state.
     pub(crate) safe: bool,
+    /// The account of an actuator's command gate over the whole run; `null` for other components.
+    pub(crate) gate: Option<GateReport>,
     /// Its process.
     pub(crate) pid: u32,
     /// The core it is pinned to; `null` if it may run on several.

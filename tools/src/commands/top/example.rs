@@ -34,6 +34,7 @@ fn component(name: &str, core: Option<usize>, run: ComponentSpan, interval: Comp
         name: name.to_string(),
         phase: Phase::Running,
         safe: false,
+        gate: None,
         pid: 4711,
         core,
         core_share: Some(0.031),

@@ -1,12 +1,13 @@
 //! The tables of `motorium top`.
 
 use motorium::plan::ClockKind;
-use motorium::region::{Misses, Phase};
+use motorium::region::{GateState, Misses, Phase};
 use motorium::telemetry::Percentiles;
 
 use super::data::{ComponentTop, CoreTop, EdgeTop, LatencyTop, Span, State, Top};
 use super::layout::{Cell, Column, Sheet, Tone};
 use super::order::Order;
+use crate::gate;
 use crate::report::microseconds;
 
 /// Choice of the data that is shown, and their order.
@@ -199,6 +200,13 @@ fn name(component: &ComponentTop) -> Cell {
 }
 
 fn phase(component: &ComponentTop) -> Cell {
+    match component.gate.as_ref().map(|gate| (gate.latch, gate.state)) {
+        Some((Some(latch), _)) if component.safe => return Cell::new(gate::latch_words(latch), Tone::Bad),
+        Some((_, GateState::Resuming)) if component.phase == Phase::Running => {
+            return Cell::new("resuming", Tone::Warning);
+        }
+        _ => {}
+    }
     if component.safe {
         return Cell::new("safe state", Tone::Bad);
     }

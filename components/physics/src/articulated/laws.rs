@@ -1,0 +1,269 @@
+//! The laws of a joint as functions of its end velocity: drive, damping, friction, stops.
+
+use crate::JointCommand;
+use crate::command::BRAKING_BAND;
+use crate::joint::JointProperties;
+
+/// The branch that each law of a joint is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Mode {
+    pub(super) drive: Drive,
+    pub(super) friction: Friction,
+    pub(super) stop: Stop,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Drive {
+    Linear,
+    /// The full effort forwards.
+    High,
+    /// The full effort backwards.
+    Low,
+    /// Moving forwards faster than it may: the effort falls with the velocity.
+    SlowForwards,
+    /// Moving backwards faster than it may.
+    SlowBackwards,
+}
+
+/// The modes of a joint about which nothing is known.
+pub(super) const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Friction {
+    None,
+    Stick,
+    /// Moving forwards, friction pushes back.
+    Forwards,
+    Backwards,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stop {
+    Free,
+    Lower,
+    Upper,
+}
+
+/// One joint's laws as functions of its end velocity.
+#[derive(Clone, Debug)]
+pub(super) struct Laws {
+    /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
+    drive_0: f64,
+    drive_slope: f64,
+    limit: f64,
+    /// Velocities beyond which the drive brakes.
+    min_velocity: f64,
+    max_velocity: f64,
+    /// Fall of its highest effort beyond those velocities.
+    braking_slope: f64,
+    pub(super) damping: f64,
+    pub(super) friction: f64,
+    /// Range of `v+` the stops allow.
+    pub(super) slowest: f64,
+    pub(super) fastest: f64,
+}
+
+/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be a blow.
+const RECOVERY_RATE: f64 = 20.0;
+
+impl Laws {
+    /// A velocity of a floating base: nothing acts on it.
+    pub(super) const FREE: Self = Self {
+        drive_0: 0.0,
+        drive_slope: 0.0,
+        limit: f64::INFINITY,
+        min_velocity: f64::NEG_INFINITY,
+        max_velocity: f64::INFINITY,
+        braking_slope: 0.0,
+        damping: 0.0,
+        friction: 0.0,
+        slowest: f64::NEG_INFINITY,
+        fastest: f64::INFINITY,
+    };
+
+    pub(super) fn new(joint: &JointProperties, command: &JointCommand, q: f64, h: f64) -> Self {
+        // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
+        let reach =
+            |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
+        let limit = joint.effort_limit.abs();
+        let band = BRAKING_BAND * command.max_velocity.max(-command.min_velocity);
+        let brakes = limit.is_finite() && band.is_finite();
+        Self {
+            drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
+            drive_slope: command.kd + h * command.kp,
+            limit,
+            min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },
+            max_velocity: if brakes { command.max_velocity } else { f64::INFINITY },
+            braking_slope: if brakes { 2.0 * limit / band } else { 0.0 },
+            damping: joint.damping,
+            friction: joint.friction,
+            slowest: reach(joint.lower - q, q < joint.lower),
+            fastest: reach(joint.upper - q, q > joint.upper),
+        }
+    }
+
+    /// The highest effort at end velocity `x`.
+    fn highest(&self, x: f64) -> f64 {
+        if x > self.max_velocity { self.slowing_forwards(x).max(-self.limit) } else { self.limit }
+    }
+
+    /// The lowest effort at end velocity `x`.
+    fn lowest(&self, x: f64) -> f64 {
+        if x < self.min_velocity { self.slowing_backwards(x).min(self.limit) } else { -self.limit }
+    }
+
+    /// The highest effort beyond `max_velocity`, as far as it falls.
+    fn slowing_forwards(&self, x: f64) -> f64 {
+        self.limit - self.braking_slope * (x - self.max_velocity)
+    }
+
+    /// The lowest effort beyond `min_velocity`, as far as it rises.
+    fn slowing_backwards(&self, x: f64) -> f64 {
+        -self.limit - self.braking_slope * (x - self.min_velocity)
+    }
+
+    /// Drive effort at end velocity `x`, after clamping.
+    pub(super) fn drive(&self, x: f64) -> f64 {
+        (self.drive_0 - self.drive_slope * x).clamp(self.lowest(x), self.highest(x))
+    }
+
+    /// The branch of the drive at end velocity `x`, as if there were no `max_velocity`.
+    fn plain_mode(&self, x: f64) -> Drive {
+        let raw = self.drive_0 - self.drive_slope * x;
+        if raw > self.limit {
+            Drive::High
+        } else if raw < -self.limit {
+            Drive::Low
+        } else {
+            Drive::Linear
+        }
+    }
+
+    /// Whether the drive's effort is below what its command alone would give.
+    pub(super) fn is_saturated(&self, x: f64) -> bool {
+        let raw = self.drive_0 - self.drive_slope * x;
+        raw > self.highest(x) || raw < self.lowest(x)
+    }
+
+    /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and backwards lies the
+    /// branch of braking: to jump over it would make the iteration cycle.
+    fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
+        let raw = self.drive_0 - self.drive_slope * x;
+        if x > self.max_velocity && raw > self.highest(x) {
+            let full = self.slowing_forwards(x) <= -self.limit;
+            return if full && matches!(mode, Drive::SlowForwards | Drive::Low) {
+                Drive::Low
+            } else {
+                Drive::SlowForwards
+            };
+        }
+        if x < self.min_velocity && raw < self.lowest(x) {
+            let full = self.slowing_backwards(x) >= self.limit;
+            return if full && matches!(mode, Drive::SlowBackwards | Drive::High) {
+                Drive::High
+            } else {
+                Drive::SlowBackwards
+            };
+        }
+        let plain = self.plain_mode(x);
+        match (mode, plain) {
+            (Drive::Low, Drive::High) if self.braking_slope > 0.0 => Drive::SlowForwards,
+            (Drive::High, Drive::Low) if self.braking_slope > 0.0 => Drive::SlowBackwards,
+            _ => plain,
+        }
+    }
+
+    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
+    pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
+        let (drive, slope) = match mode.drive {
+            Drive::Linear => (self.drive_0, self.drive_slope),
+            Drive::High => (self.limit, 0.0),
+            Drive::Low => (-self.limit, 0.0),
+            Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
+            Drive::SlowBackwards => (self.slowing_backwards(0.0), self.braking_slope),
+        };
+        let friction = match mode.friction {
+            Friction::None | Friction::Stick => 0.0,
+            Friction::Forwards => -self.friction,
+            Friction::Backwards => self.friction,
+        };
+        (drive + friction, slope + self.damping)
+    }
+
+    /// The velocity `mode` fixes, if it does.
+    pub(super) fn fixed(&self, mode: &Mode) -> Option<f64> {
+        match (mode.stop, mode.friction) {
+            (Stop::Lower, _) => Some(self.slowest),
+            (Stop::Upper, _) => Some(self.fastest),
+            (Stop::Free, Friction::Stick) => Some(0.0),
+            (Stop::Free, _) => None,
+        }
+    }
+
+    /// The mode that the solution `x` belongs to; `missing` is the force that holds a fixed velocity.
+    pub(super) fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
+        let drive = self.drive_mode(mode.drive, x);
+        let mut friction = mode.friction;
+        let stop = match mode.stop {
+            Stop::Lower if missing >= 0.0 => Stop::Lower,
+            Stop::Upper if missing <= 0.0 => Stop::Upper,
+            Stop::Lower | Stop::Upper => Stop::Free,
+            Stop::Free => {
+                friction = match mode.friction {
+                    Friction::None => Friction::None,
+                    Friction::Stick if missing > self.friction => Friction::Backwards,
+                    Friction::Stick if missing < -self.friction => Friction::Forwards,
+                    Friction::Stick => Friction::Stick,
+                    Friction::Forwards if x < 0.0 => Friction::Stick,
+                    Friction::Backwards if x > 0.0 => Friction::Stick,
+                    slipping => slipping,
+                };
+                let slack = 1e-13 * (1.0 + x.abs());
+                if x < self.slowest - slack {
+                    Stop::Lower
+                } else if x > self.fastest + slack {
+                    Stop::Upper
+                } else {
+                    Stop::Free
+                }
+            }
+        };
+        Mode { drive, friction, stop }
+    }
+
+    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed velocities of the
+    /// others: a monotone scalar equation with kinks.
+    pub(super) fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
+        // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
+        let root = |push: f64| {
+            let linear =
+                (h * (self.drive_0 + push) - rest) / (inertia + h * (self.drive_slope + self.damping));
+            let full = |effort: f64| (h * (effort + push) - rest) / (inertia + h * self.damping);
+            let plain = match self.plain_mode(linear) {
+                Drive::High => full(self.limit),
+                Drive::Low => full(-self.limit),
+                _ => linear,
+            };
+            // Beyond a velocity limit the drive gives the least of its branches.
+            let slowing = |effort: f64| {
+                (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
+            };
+            if plain > self.max_velocity {
+                plain.min(slowing(self.slowing_forwards(0.0)).max(full(-self.limit)))
+            } else if plain < self.min_velocity {
+                plain.max(slowing(self.slowing_backwards(0.0)).min(full(self.limit)))
+            } else {
+                plain
+            }
+        };
+        let without = root(0.0);
+        let x = if self.friction == 0.0 {
+            without
+        } else if without > 0.0 {
+            root(-self.friction).max(0.0)
+        } else {
+            root(self.friction).min(0.0)
+        };
+        x.max(self.slowest).min(self.fastest)
+    }
+}

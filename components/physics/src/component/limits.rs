@@ -1,0 +1,50 @@
+//! The limits of the drives, as the command gate takes them from the robot.
+
+use motorium::declare::ConfigError;
+use motorium::safety::JointLimits;
+use motorium_robots::{Loaded, ProfileError};
+
+use crate::Simulator;
+
+/// Limits and gains of every drive: the joints of the model, then the rotors.
+///
+/// Position, velocity and effort limits are those of the model, acceleration limits, those of the effort's rate of change and the gains of the safe states those
+/// of the profile. A robot without gains is given full effort at a twentieth of a radian (or metre), and a tenth of that
+/// per second.
+pub(super) fn of_drives(simulator: &dyn Simulator, robot: &Loaded) -> Result<Vec<JointLimits>, ConfigError> {
+    let model = simulator.model();
+    let profile = robot.profile.as_ref();
+    let refused = |error: ProfileError| ConfigError::new(error.to_string());
+    let acceleration =
+        profile.map(|profile| profile.acceleration_limit(model)).transpose().map_err(refused)?;
+    let effort_rate = profile.map(|profile| profile.effort_rate_limit(model)).transpose().map_err(refused)?;
+    let gains = profile.and_then(|profile| profile.gains(model).ok());
+    let joint = |(i, name): (usize, &String)| {
+        if i >= model.joint_count() {
+            // A rotor holds nothing in place; its thrust has limits of its own.
+            return JointLimits::new(name);
+        }
+        let effort = model.effort_limit()[i].abs();
+        let (kp, kd) = match &gains {
+            Some(gains) => (gains.kp[i], gains.kd[i]),
+            None => default_gains(effort),
+        };
+        let limits = JointLimits {
+            lower: model.lower()[i],
+            upper: model.upper()[i],
+            velocity: model.velocity_limit()[i],
+            acceleration: acceleration.as_ref().map_or(f64::INFINITY, |limits| limits[i]),
+            effort_rate: effort_rate.as_ref().map_or(f64::INFINITY, |limits| limits[i]),
+            kp,
+            kd,
+            ..JointLimits::new(name)
+        };
+        limits.with_effort(effort)
+    };
+    Ok(simulator.joint_names().iter().enumerate().map(joint).collect())
+}
+
+fn default_gains(effort_limit: f64) -> (f64, f64) {
+    let kp = if effort_limit.is_finite() { 20.0 * effort_limit } else { 1000.0 };
+    (kp, 0.1 * kp)
+}

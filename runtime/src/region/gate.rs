@@ -1,0 +1,241 @@
+//! The account of a command gate: its state, and the commands it limited and refused.
+
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::add;
+use crate::state::MAX_JOINTS;
+
+/// Bytes of a joint's name that are kept.
+const NAME: usize = 48;
+
+/// The state of an actuator's command gate.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum GateState {
+    /// The safe state is applied.
+    #[default]
+    Safe = 0,
+    /// Fresh commands are followed from the held pose, at limited rates, until the setpoint is met.
+    Resuming = 1,
+    /// Commands are applied, within the limits.
+    Following = 2,
+}
+
+/// The reason for which a gate stays in its safe state until `motorium resume`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum Latch {
+    /// `motorium stop --now`.
+    Stop = 1,
+    /// A message on the emergency-stop topic.
+    EmergencyStop = 2,
+    /// The safe state was entered, and `resume = "latch"`.
+    SafeState = 4,
+}
+
+impl Latch {
+    /// Decodes a word of flags: the gravest of them.
+    pub fn from_word(word: u32) -> Option<Self> {
+        [Self::EmergencyStop, Self::Stop, Self::SafeState].into_iter().find(|latch| word & *latch as u32 != 0)
+    }
+}
+
+/// The limit of a joint that a command exceeded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum LimitKind {
+    /// The position setpoint lies outside of the joint's range.
+    Position = 0,
+    /// The position setpoint moves faster than the joint may.
+    PositionRate = 1,
+    /// The velocity setpoint is beyond the velocity limit.
+    Velocity = 2,
+    /// The velocity setpoint changes faster than the acceleration limit allows.
+    Acceleration = 3,
+    /// The feed-forward effort is beyond the effort limit.
+    Effort = 4,
+    /// The position gain is larger than the drive can make use of.
+    Kp = 5,
+    /// The velocity gain is larger than the drive can make use of.
+    Kd = 6,
+    /// The feed-forward effort changes faster than the drive allows.
+    EffortRate = 7,
+}
+
+impl LimitKind {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Position,
+        Self::PositionRate,
+        Self::Velocity,
+        Self::Acceleration,
+        Self::Effort,
+        Self::Kp,
+        Self::Kd,
+        Self::EffortRate,
+    ];
+}
+
+/// The reason for which a command was not applied at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum Refusal {
+    /// A number is not finite, or the count is beyond the capacity of the buffer.
+    Content = 0,
+    /// It is for another number of joints.
+    Count = 1,
+    /// A gain is negative.
+    NegativeGain = 2,
+    /// A limit was exceeded, and `limits = "refuse"`.
+    Limits = 3,
+    /// Its stamp lies in the future.
+    Future = 4,
+    /// It is older than the command before it.
+    Sequence = 5,
+    /// The measurement it was computed from is too old.
+    StaleSource = 6,
+}
+
+impl Refusal {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Content,
+        Self::Count,
+        Self::NegativeGain,
+        Self::Limits,
+        Self::Future,
+        Self::Sequence,
+        Self::StaleSource,
+    ];
+}
+
+/// The account of the command gate of one actuator. Written by its worker.
+#[derive(Debug)]
+#[repr(C)]
+pub struct GateBlock {
+    state: AtomicU32,
+    latch: AtomicU32,
+    joints: AtomicU32,
+    reserved: AtomicU32,
+    entries: AtomicU64,
+    refused: [AtomicU64; Refusal::ALL.len()],
+    limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
+    names: [[AtomicU8; NAME]; MAX_JOINTS],
+}
+
+impl GateBlock {
+    /// Opens the account for joints of these names.
+    pub fn open<'a>(&self, names: impl Iterator<Item = &'a str>) {
+        let mut count = 0;
+        for (cells, name) in self.names.iter().zip(names) {
+            let bytes = name.bytes().chain(std::iter::repeat(0));
+            cells.iter().zip(bytes).for_each(|(cell, byte)| cell.store(byte, Relaxed));
+            count += 1;
+        }
+        self.joints.store(count, Release);
+    }
+
+    /// Sets the state and the latch.
+    pub fn set(&self, state: GateState, latch: Option<Latch>) {
+        if state == GateState::Safe && self.state() != GateState::Safe {
+            add(&self.entries, 1);
+        }
+        self.state.store(state as u32, Relaxed);
+        self.latch.store(latch.map_or(0, |latch| latch as u32), Relaxed);
+    }
+
+    /// Counts a limit that a command exceeded.
+    pub fn limit(&self, joint: usize, kind: LimitKind) {
+        if let Some(joint) = self.limited.get(joint) {
+            add(&joint[kind as usize], 1);
+        }
+    }
+
+    /// Counts a refused command.
+    pub fn refuse(&self, reason: Refusal) {
+        add(&self.refused[reason as usize], 1);
+    }
+
+    /// The state.
+    pub fn state(&self) -> GateState {
+        match self.state.load(Relaxed) {
+            1 => GateState::Resuming,
+            2 => GateState::Following,
+            _ => GateState::Safe,
+        }
+    }
+
+    /// The account so far; `None` if the component opened none.
+    pub fn report(&self) -> Option<GateReport> {
+        let joints = (self.joints.load(Acquire) as usize).min(MAX_JOINTS);
+        if joints == 0 {
+            return None;
+        }
+        let count = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|count| *count > 0);
+        let limited = (0..joints).flat_map(|joint| {
+            LimitKind::ALL.into_iter().filter_map(move |limit| {
+                let count = count(&self.limited[joint][limit as usize])?;
+                Some(Limited { joint: self.name(joint), limit, count })
+            })
+        });
+        let refused = Refusal::ALL
+            .into_iter()
+            .filter_map(|reason| Some(Refused { reason, count: count(&self.refused[reason as usize])? }));
+        Some(GateReport {
+            state: self.state(),
+            latch: Latch::from_word(self.latch.load(Relaxed)),
+            entries: self.entries.load(Relaxed),
+            limited: limited.collect(),
+            refused: refused.collect(),
+        })
+    }
+
+    fn name(&self, joint: usize) -> String {
+        let bytes = self.names[joint].iter().map(|cell| cell.load(Relaxed));
+        let bytes: Vec<u8> = bytes.take_while(|byte| *byte != 0).collect();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+}
+
+/// The account of an actuator's command gate.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GateReport {
+    /// State of the gate.
+    pub state: GateState,
+    /// The reason for which it stays in the safe state until `motorium resume`; `null` if it does not.
+    pub latch: Option<Latch>,
+    /// Times that the safe state was entered after commands had been applied.
+    pub entries: u64,
+    /// Limits that commands exceeded, by joint: clamped, or refused where the graph says so.
+    pub limited: Vec<Limited>,
+    /// Commands that were not applied, by reason.
+    pub refused: Vec<Refused>,
+}
+
+/// Commands beyond one limit of one joint.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Limited {
+    /// Name of the joint, its first 48 bytes.
+    pub joint: String,
+    /// The limit.
+    pub limit: LimitKind,
+    /// Number of commands.
+    pub count: u64,
+}
+
+/// Commands refused for one reason.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Refused {
+    /// The reason.
+    pub reason: Refusal,
+    /// Number of commands.
+    pub count: u64,
+}

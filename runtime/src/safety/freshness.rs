@@ -1,0 +1,201 @@
+//! The age of a command: by its publication and by its measurement, on a clock that counts suspend.
+
+use crate::region::Refusal;
+use crate::state::Stamp;
+
+/// A stamp may lie this far ahead of the clock, ns: two cores read the clock at slightly different times.
+pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
+
+/// A difference of the two clocks beyond which the machine was suspended, ns.
+const SUSPENDED_NS: u64 = 1_000_000;
+
+/// The present, on the clock of stamps.
+///
+/// Stamps are taken on `CLOCK_MONOTONIC`, which stands still while the machine is suspended: a command from before would
+/// look fresh after it. So the present is read on `CLOCK_BOOTTIME`, less the distance between the two clocks, which only
+/// a suspend changes: one reading of one clock, as before. When a command looks stale, the distance is taken again; if it
+/// has grown, the machine was suspended, and no command from before is fresh ever again.
+#[derive(Debug, Clone, Copy)]
+pub struct SuspendClock {
+    /// `CLOCK_BOOTTIME` less `CLOCK_MONOTONIC`, ns.
+    ahead_ns: u64,
+    /// Time at which the end of a suspend was found, ns on `CLOCK_MONOTONIC`; no command from before counts.
+    resumed_ns: u64,
+}
+
+impl SuspendClock {
+    /// A clock that starts now, at these readings of the two clocks.
+    pub fn new(monotonic_ns: u64, boottime_ns: u64) -> Self {
+        Self { ahead_ns: boottime_ns.saturating_sub(monotonic_ns), resumed_ns: 0 }
+    }
+
+    /// The present on the clock of stamps, with suspends since the last comparison added, ns.
+    #[inline]
+    pub fn now_ns(&self, boottime_ns: u64) -> u64 {
+        boottime_ns.saturating_sub(self.ahead_ns)
+    }
+
+    /// Compares the clocks again; whether the machine was suspended since the last time.
+    pub fn compare(&mut self, monotonic_ns: u64, boottime_ns: u64) -> bool {
+        let ahead_ns = boottime_ns.saturating_sub(monotonic_ns);
+        let suspended = ahead_ns > self.ahead_ns + SUSPENDED_NS;
+        if suspended {
+            (self.ahead_ns, self.resumed_ns) = (ahead_ns, monotonic_ns);
+        }
+        suspended
+    }
+
+    /// Whether a stamp is from before the last suspend.
+    #[inline]
+    pub fn is_from_before(&self, publish_ns: u64) -> bool {
+        publish_ns < self.resumed_ns
+    }
+}
+
+/// The verdict on a stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Age {
+    /// Young enough.
+    Fresh,
+    /// Published too long ago.
+    Stale,
+    /// Not to be applied, however young.
+    Refused(Refusal),
+}
+
+/// The check of stamps: age, future and order.
+#[derive(Debug, Clone, Copy)]
+pub struct Freshness {
+    /// A command published longer ago is stale, ns.
+    pub stale_after_ns: u64,
+    /// A command computed from a measurement older than this is refused, ns.
+    pub source_stale_after_ns: u64,
+    last: Option<(u32, u32, u64)>,
+}
+
+impl Freshness {
+    /// A check that has seen no command.
+    pub fn new(stale_after_ns: u64, source_stale_after_ns: u64) -> Self {
+        Self { stale_after_ns, source_stale_after_ns, last: None }
+    }
+
+    /// Checks a stamp at `now_ns`.
+    ///
+    /// The age by publication finds a dead controller, the age by source a live one that computes from a dead sensor.
+    #[inline]
+    pub fn check(&mut self, stamp: &Stamp, now_ns: u64) -> Age {
+        let latest = now_ns.saturating_add(FUTURE_TOLERANCE_NS);
+        if stamp.publish_time > latest || stamp.source_time > latest {
+            return Age::Refused(Refusal::Future);
+        }
+        let (publisher, restart_count, sequence) = (stamp.publisher, stamp.restart_count, stamp.sequence);
+        let in_order = match self.last {
+            Some((same, life, number)) if same == publisher => {
+                restart_count > life || (restart_count == life && sequence >= number)
+            }
+            _ => true,
+        };
+        if sequence == 0 || !in_order {
+            return Age::Refused(Refusal::Sequence);
+        }
+        self.last = Some((publisher, restart_count, sequence));
+        if now_ns.saturating_sub(stamp.publish_time) > self.stale_after_ns {
+            return Age::Stale;
+        }
+        if now_ns.saturating_sub(stamp.source_time) > self.source_stale_after_ns {
+            return Age::Refused(Refusal::StaleSource);
+        }
+        Age::Fresh
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn published(at: u64, source: u64, sequence: u64) -> Stamp {
+        Stamp {
+            sequence,
+            source_time: source,
+            publish_time: at,
+            state_time: source,
+            publisher: 3,
+            restart_count: 0,
+        }
+    }
+
+    fn check() -> Freshness {
+        Freshness::new(5 * MS, 20 * MS)
+    }
+
+    #[test]
+    fn a_command_is_fresh_until_it_is_older_than_stale_after() {
+        let mut check = check();
+        let stamp = published(100 * MS, 100 * MS, 1);
+        assert_eq!(check.check(&stamp, 105 * MS), Age::Fresh);
+        assert_eq!(check.check(&stamp, 105 * MS + 1), Age::Stale);
+    }
+
+    #[test]
+    fn a_live_controller_on_a_dead_sensor_is_refused() {
+        let mut check = check();
+        assert_eq!(check.check(&published(120 * MS, 100 * MS, 1), 120 * MS), Age::Fresh);
+        let verdict = check.check(&published(121 * MS, 100 * MS, 2), 121 * MS);
+        assert_eq!(verdict, Age::Refused(Refusal::StaleSource));
+    }
+
+    #[test]
+    fn a_stamp_from_the_future_is_never_fresh_neither_ten_seconds_nor_centuries_ahead() {
+        let mut check = check();
+        assert_eq!(
+            check.check(&published(101 * MS, 101 * MS, 1), 100 * MS),
+            Age::Fresh,
+            "within the tolerance"
+        );
+        for ahead in [2 * MS, 10_000 * MS, u64::MAX - 100 * MS] {
+            let stamp = published(100 * MS + ahead, 100 * MS, 2);
+            assert_eq!(check.check(&stamp, 100 * MS), Age::Refused(Refusal::Future), "{ahead} ns ahead");
+            let stamp = published(100 * MS, 100 * MS + ahead, 2);
+            assert_eq!(
+                check.check(&stamp, 100 * MS),
+                Age::Refused(Refusal::Future),
+                "source {ahead} ns ahead"
+            );
+        }
+    }
+
+    #[test]
+    fn an_older_command_of_the_same_publisher_is_refused_and_a_restarted_publisher_is_not() {
+        let mut check = check();
+        let now = 100 * MS;
+        assert_eq!(check.check(&published(now, now, 7), now), Age::Fresh);
+        assert_eq!(check.check(&published(now, now, 7), now), Age::Fresh, "the same again");
+        assert_eq!(check.check(&published(now, now, 6), now), Age::Refused(Refusal::Sequence));
+        assert_eq!(check.check(&published(now, now, 0), now), Age::Refused(Refusal::Sequence));
+        let restarted = Stamp { restart_count: 1, ..published(now, now, 1) };
+        assert_eq!(check.check(&restarted, now), Age::Fresh);
+        assert_eq!(
+            check.check(&published(now, now, 8), now),
+            Age::Refused(Refusal::Sequence),
+            "its dead process"
+        );
+    }
+
+    #[test]
+    fn a_suspend_ages_the_commands_from_before_it_and_not_those_after() {
+        // Monotonic 100 ms, booted 7 s before; the machine sleeps for an hour between the steps.
+        let (before, hour) = (100 * MS, 3_600_000 * MS);
+        let mut clock = SuspendClock::new(before, 7_000 * MS);
+        assert_eq!(clock.now_ns(7_000 * MS + 2 * MS), 102 * MS);
+        let (monotonic, boottime) = (103 * MS, 7_003 * MS + hour);
+        let stamp = published(102 * MS, 102 * MS, 1);
+        assert_eq!(check().check(&stamp, clock.now_ns(boottime)), Age::Stale);
+        assert!(clock.compare(monotonic, boottime));
+        assert!(clock.is_from_before(102 * MS), "although it is 1 ms old on the clock that slept");
+        assert_eq!(clock.now_ns(boottime + MS), 104 * MS);
+        assert!(!clock.is_from_before(104 * MS));
+        assert!(!clock.compare(monotonic + MS, boottime + MS), "no second suspend");
+    }
+}

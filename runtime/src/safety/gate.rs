@@ -1,0 +1,379 @@
+//! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
+
+use super::limits::{Before, JointLimits, JointSetpoint, VelocityRange};
+use super::resume::Resume;
+use super::states::{Joint, enter, stay};
+use crate::plan::{LimitPolicy, ResumeRule, SafeState};
+use crate::region::{ComponentBlock, GateState, LimitKind, Refusal, add};
+use crate::state::{Field as _, JointCommand};
+
+/// The settings of a gate, from the graph's `[safety]` table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GateSettings {
+    /// The state applied where no command may be.
+    pub safe_state: SafeState,
+    /// Treatment of commands beyond a limit.
+    pub limits: LimitPolicy,
+    /// The way out of the safe state.
+    pub resume: ResumeRule,
+}
+
+/// The robot as its actuator measures it at the beginning of a step.
+pub struct Measured<'a> {
+    /// Positions of the joints, rad or m.
+    pub position: &'a [f64],
+    /// Velocities of the joints, rad/s or m/s.
+    pub velocity: &'a [f64],
+    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: at the entry into
+    /// a safe state, and on the way back.
+    pub gravity: &'a mut dyn FnMut(&mut [f64]),
+}
+
+impl core::fmt::Debug for Measured<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { position, velocity, .. } = self;
+        f.debug_struct("Measured")
+            .field("position", position)
+            .field("velocity", velocity)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The verdict of one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The newest command is applied, within the limits.
+    Applied,
+    /// The newest command is approached from the held pose, at limited rates.
+    Resuming,
+    /// The safe state is applied.
+    Safe {
+        /// The safe state of the graph.
+        state: SafeState,
+        /// True in its first step.
+        entered: bool,
+    },
+}
+
+/// The account of limited and refused commands.
+pub trait Account {
+    /// A command exceeded a limit of a joint.
+    fn limited(&self, joint: usize, kind: LimitKind);
+    /// A command was refused.
+    fn refused(&self, reason: Refusal);
+}
+
+impl Account for ComponentBlock {
+    fn limited(&self, joint: usize, kind: LimitKind) {
+        self.gate.limit(joint, kind);
+    }
+
+    fn refused(&self, reason: Refusal) {
+        self.gate.refuse(reason);
+        add(&self.refused, 1);
+    }
+}
+
+/// One command as it is offered to the gate.
+#[derive(Debug, Clone, Copy)]
+pub struct Offer<'a> {
+    /// The command.
+    pub command: &'a JointCommand,
+    /// True if it was not offered in the step before.
+    pub is_new: bool,
+    /// Time that its setpoints are ahead of those of the command before, s: rates are taken over it.
+    pub ahead: f64,
+}
+
+/// The command gate of one actuator: a state machine over the joints.
+///
+/// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none ([`make_safe`](Self::make_safe)); then
+/// [`setpoints`](Self::setpoints) are what the drives apply. A command within all limits passes to the last bit.
+///
+/// ```
+/// use motorium::plan::{LimitPolicy, ResumeRule, SafeState};
+/// use motorium::safety::{Account, Gate, GateSettings, JointLimits, Measured, Verdict};
+///
+/// let elbow = JointLimits { kp: 600.0, kd: 40.0, ..JointLimits::new("elbow") }.with_effort(87.0);
+/// let settings =
+///     GateSettings { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::Near };
+/// let mut gate = Gate::new(vec![elbow], settings);
+/// let mut gravity = |effort: &mut [f64]| effort.fill(21.0);
+/// let measured = Measured { position: &[-1.2], velocity: &[0.0], gravity: &mut gravity };
+/// assert_eq!(gate.make_safe(measured, 1e-3), Verdict::Safe { state: SafeState::Hold, entered: true });
+/// assert_eq!((gate.setpoints()[0].position, gate.setpoints()[0].effort), (-1.2, 21.0));
+/// ```
+#[derive(Debug)]
+pub struct Gate {
+    joints: Vec<JointLimits>,
+    settings: GateSettings,
+    state: GateState,
+    /// The safe state has been entered and not left.
+    in_safe: bool,
+    /// The safe state stays until [`release`](Self::release).
+    latched: bool,
+    /// The setpoints still lag behind the newest command.
+    lags: bool,
+    setpoints: Vec<JointSetpoint>,
+    /// Those of the step that is being computed.
+    next: Vec<JointSetpoint>,
+    gravity: Vec<f64>,
+    velocities: Vec<VelocityRange>,
+    resume: Resume,
+}
+
+impl Gate {
+    /// A gate for these joints, in the order of the commands.
+    pub fn new(joints: Vec<JointLimits>, settings: GateSettings) -> Self {
+        let count = joints.len();
+        Self {
+            settings,
+            state: GateState::Safe,
+            in_safe: false,
+            latched: false,
+            lags: false,
+            setpoints: vec![JointSetpoint::default(); count],
+            next: vec![JointSetpoint::default(); count],
+            gravity: vec![0.0; count],
+            velocities: joints.iter().map(VelocityRange::of).collect(),
+            resume: Resume::new(count),
+            joints,
+        }
+    }
+
+    /// The joints and their limits.
+    pub fn joints(&self) -> &[JointLimits] {
+        &self.joints
+    }
+
+    /// The setpoints that the drives apply in this step.
+    pub fn setpoints(&self) -> &[JointSetpoint] {
+        &self.setpoints
+    }
+
+    /// The state.
+    pub fn state(&self) -> GateState {
+        self.state
+    }
+
+    /// Whether the safe state stays until [`release`](Self::release).
+    pub fn is_latched(&self) -> bool {
+        self.latched
+    }
+
+    /// Keeps the safe state until [`release`](Self::release), where the graph says `resume = "latch"`.
+    pub fn latch(&mut self) {
+        self.latched = self.settings.resume == ResumeRule::Latch;
+    }
+
+    /// Leaves the latch.
+    pub fn release(&mut self) {
+        self.latched = false;
+    }
+
+    /// Offers the newest fresh command, `dt` s after the step before.
+    pub fn offer(
+        &mut self,
+        offer: Offer<'_>,
+        measured: Measured<'_>,
+        dt: f64,
+        account: &impl Account,
+    ) -> Verdict {
+        let position = measured.position;
+        let verdict = self.judge(offer, measured, dt, account);
+        self.bound_velocities(position);
+        verdict
+    }
+
+    #[inline]
+    fn judge(
+        &mut self,
+        offer: Offer<'_>,
+        measured: Measured<'_>,
+        dt: f64,
+        account: &impl Account,
+    ) -> Verdict {
+        if self.latched {
+            return self.make_safe(measured, dt);
+        }
+        if self.state == GateState::Following && !offer.is_new && !self.lags {
+            return Verdict::Applied;
+        }
+        if let Err(reason) = self.take(&offer, account) {
+            if offer.is_new {
+                account.refused(reason);
+            }
+            return self.make_safe(measured, dt);
+        }
+        match self.state {
+            GateState::Following => self.follow(&offer, measured, dt, account),
+            GateState::Safe => {
+                // A process that has not been in its safe state yet begins in it.
+                if !self.in_safe {
+                    self.enter_safe(measured.position, measured.velocity, measured.gravity);
+                }
+                self.leave_safe(&offer, measured, dt)
+            }
+            GateState::Resuming => self.approach(measured, dt),
+        }
+    }
+
+    /// Applies the safe state, `dt` s after the step before.
+    pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
+        let state = self.settings.safe_state;
+        let position = measured.position;
+        let entered = !self.in_safe;
+        if entered {
+            self.enter_safe(measured.position, measured.velocity, measured.gravity);
+        } else if matches!(state, SafeState::Hold | SafeState::Brake) {
+            for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
+                let joint = joint(measured.position, measured.velocity, 0.0, i, setpoint);
+                *setpoint = stay(state, &joint, limits, setpoint, dt);
+            }
+        }
+        self.bound_velocities(position);
+        Verdict::Safe { state, entered }
+    }
+
+    /// Sets the velocities beyond which the drives brake, from where the joints are.
+    #[inline]
+    pub(super) fn bound_velocities(&mut self, position: &[f64]) {
+        if self.state == GateState::Safe && self.settings.safe_state == SafeState::ZeroTorque {
+            return;
+        }
+        for ((setpoint, velocities), q) in self.setpoints.iter_mut().zip(&self.velocities).zip(position) {
+            (setpoint.min_velocity, setpoint.max_velocity) = velocities.at(*q);
+        }
+    }
+
+    fn enter_safe(&mut self, position: &[f64], velocity: &[f64], gravity: &mut dyn FnMut(&mut [f64])) {
+        gravity(&mut self.gravity);
+        for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
+            let joint = joint(position, velocity, self.gravity[i], i, setpoint);
+            *setpoint = enter(self.settings.safe_state, &joint, limits, setpoint);
+        }
+        let followed = self.state != GateState::Safe;
+        (self.state, self.in_safe, self.lags) = (GateState::Safe, true, false);
+        if followed {
+            self.latch();
+        }
+    }
+
+    /// Takes the command into `next`, with what does not depend on the step before clamped.
+    #[inline]
+    fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
+        let command = offer.command;
+        if command.check().is_err() {
+            return Err(Refusal::Content);
+        }
+        if command.count() != self.joints.len() {
+            return Err(Refusal::Count);
+        }
+        let (position, velocity, effort) = (command.position(), command.velocity(), command.effort());
+        let (kp, kd) = (command.kp(), command.kd());
+        let mut exceeds = false;
+        for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
+            if kp[i] < 0.0 || kd[i] < 0.0 {
+                return Err(Refusal::NegativeGain);
+            }
+            *next = JointSetpoint {
+                position: position[i],
+                velocity: velocity[i],
+                effort: effort[i],
+                kp: kp[i],
+                kd: kd[i],
+                ..JointSetpoint::default()
+            };
+            limits.clamp(next, |kind| {
+                exceeds = true;
+                if offer.is_new {
+                    account.limited(i, kind);
+                }
+            });
+        }
+        if exceeds && self.settings.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
+    }
+
+    /// Applies the command in `next`, as fast as the rates allow.
+    #[inline]
+    fn follow(
+        &mut self,
+        offer: &Offer<'_>,
+        measured: Measured<'_>,
+        dt: f64,
+        account: &impl Account,
+    ) -> Verdict {
+        let over = if offer.is_new { offer.ahead.max(dt) } else { dt };
+        let mut lags = false;
+        for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
+            let last = &self.setpoints[i];
+            // A drive without a gain held no setpoint: it is where it is measured.
+            let before = Before {
+                position: if last.kp > 0.0 { last.position } else { measured.position[i] },
+                velocity: if last.kd > 0.0 { last.velocity } else { measured.velocity[i] },
+                effort: last.effort,
+            };
+            limits.clamp_rates(next, before, over, |kind| {
+                lags = true;
+                if offer.is_new {
+                    account.limited(i, kind);
+                }
+            });
+        }
+        if lags && self.settings.limits == LimitPolicy::Refuse {
+            if offer.is_new {
+                account.refused(Refusal::Limits);
+            }
+            return self.make_safe(measured, dt);
+        }
+        core::mem::swap(&mut self.setpoints, &mut self.next);
+        self.lags = lags;
+        Verdict::Applied
+    }
+
+    /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way back.
+    fn leave_safe(&mut self, offer: &Offer<'_>, measured: Measured<'_>, dt: f64) -> Verdict {
+        self.in_safe = false;
+        let joints =
+            self.setpoints.iter().enumerate().map(|(i, setpoint)| {
+                (setpoint, joint(measured.position, measured.velocity, 0.0, i, setpoint))
+            });
+        self.resume.begin(joints);
+        let resume = &self.resume;
+        let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
+        let met = |(i, ((next, safe), limits))| resume.is_met(i, next, limits, safe, offer.ahead.max(dt));
+        if self.settings.resume == ResumeRule::AtOnce || pairs.into_iter().all(met) {
+            self.state = GateState::Following;
+            core::mem::swap(&mut self.setpoints, &mut self.next);
+            return Verdict::Applied;
+        }
+        self.state = GateState::Resuming;
+        self.approach(measured, dt)
+    }
+
+    /// One step of the way back to the command in `next`.
+    fn approach(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
+        (measured.gravity)(&mut self.gravity);
+        let mut all_met = true;
+        for (i, (next, limits)) in self.next.iter().zip(&self.joints).enumerate() {
+            let joint = joint(measured.position, measured.velocity, self.gravity[i], i, &self.setpoints[i]);
+            let (setpoint, met) = self.resume.advance(i, next, limits, &joint, dt);
+            self.setpoints[i] = setpoint;
+            all_met &= met;
+        }
+        if self.resume.end_step(all_met, dt) {
+            (self.state, self.lags) = (GateState::Following, true);
+        }
+        Verdict::Resuming
+    }
+}
+
+/// Joint `i` as it is measured; a reading that is not finite counts as the setpoint, at rest.
+fn joint(position: &[f64], velocity: &[f64], gravity: f64, i: usize, setpoint: &JointSetpoint) -> Joint {
+    let finite = |x: f64, other: f64| if x.is_finite() { x } else { other };
+    Joint {
+        position: finite(position[i], setpoint.position),
+        velocity: finite(velocity[i], 0.0),
+        gravity: finite(gravity, 0.0),
+    }
+}

@@ -1,0 +1,267 @@
+//! Limits of a joint, and the check of a setpoint against them.
+
+use crate::region::LimitKind;
+
+/// Position gain at which a drive gives its full effort at a tenth of a milliradian (or millimetre), per effort limit.
+const KP_PER_EFFORT: f64 = 1e4;
+/// Velocity gain at which a drive gives its full effort at a thousandth of its velocity limit, per effort limit and
+/// velocity limit.
+const KD_PER_EFFORT: f64 = 1e3;
+/// Largest gain of a drive without an effort limit.
+const LARGEST_GAIN: f64 = 1e9;
+/// A position setpoint may lie this share of the joint's range outside of it: sensor noise at a stop.
+const RANGE_TOLERANCE: f64 = 1e-3;
+/// Rates may exceed their limit by this share: rounding of a setpoint that was integrated at the limit.
+const ROUNDING: f64 = 1e-6;
+
+/// The limits of one joint and of its drive, and the gains of its safe states.
+///
+/// The actuator takes them from the robot's model. Infinity stands for no limit.
+///
+/// ```
+/// use motorium::safety::JointLimits;
+///
+/// let elbow = JointLimits { lower: -3.07, upper: -0.07, velocity: 2.175, acceleration: 12.5, ..JointLimits::new("elbow") }
+///     .with_effort(87.0);
+/// assert_eq!(elbow.max_kp, 8.7e5);
+/// assert!(JointLimits::new("wheel").velocity.is_infinite());
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointLimits {
+    /// Name of the joint, for the report.
+    pub name: String,
+    /// Lowest position, rad or m.
+    pub lower: f64,
+    /// Highest position, rad or m.
+    pub upper: f64,
+    /// Largest velocity, rad/s or m/s.
+    pub velocity: f64,
+    /// Largest acceleration, rad/s^2 or m/s^2.
+    pub acceleration: f64,
+    /// Largest effort, N m or N.
+    pub effort: f64,
+    /// Largest rate of change of the feed-forward effort, N m/s or N/s.
+    pub effort_rate: f64,
+    /// Largest position gain, N m/rad or N/m.
+    pub max_kp: f64,
+    /// Largest velocity gain, N m s/rad or N s/m.
+    pub max_kd: f64,
+    /// Position gain of the safe states where the last command had none, N m/rad or N/m.
+    pub kp: f64,
+    /// Velocity gain of the safe states where the last command had none, N m s/rad or N s/m.
+    pub kd: f64,
+}
+
+/// The command of one drive that has passed the gate.
+///
+/// The drive applies [`effort`](Self::effort_at): the impedance law of torque-controlled drives, within its effort
+/// limit, and braking where the joint moves beyond `min_velocity` or `max_velocity`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointSetpoint {
+    /// Position setpoint, rad or m.
+    pub position: f64,
+    /// Velocity setpoint, rad/s or m/s.
+    pub velocity: f64,
+    /// Feed-forward effort, N m or N.
+    pub effort: f64,
+    /// Position gain, N m/rad or N/m.
+    pub kp: f64,
+    /// Velocity gain, N m s/rad or N s/m.
+    pub kd: f64,
+    /// Velocity backwards beyond which the drive brakes, rad/s or m/s, negative; minus infinity for none.
+    pub min_velocity: f64,
+    /// Velocity forwards beyond which the drive brakes, rad/s or m/s, positive; infinity for none.
+    pub max_velocity: f64,
+}
+
+impl Default for JointSetpoint {
+    /// No effort, at any velocity.
+    fn default() -> Self {
+        let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
+        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
+    }
+}
+
+/// Share of its velocity limit over which the effort of a drive goes from full to full braking.
+pub const BRAKING_BAND: f64 = 0.05;
+
+impl JointSetpoint {
+    /// The effort at position `q` and velocity `v`, N m or N:
+    ///
+    /// ```text
+    /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, low(v), high(v))
+    /// ```
+    ///
+    /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over a
+    /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that.
+    ///
+    /// ```
+    /// use motorium::safety::JointSetpoint;
+    ///
+    /// let push = JointSetpoint { effort: 1e9, min_velocity: -2.0, max_velocity: 2.0, ..JointSetpoint::default() };
+    /// assert_eq!(push.effort_at(0.0, 0.0, 87.0), 87.0);
+    /// assert_eq!(push.effort_at(0.0, 2.1, 87.0), -87.0);
+    /// ```
+    pub fn effort_at(&self, q: f64, v: f64, limit: f64) -> f64 {
+        let wanted = self.kp * (self.position - q) + self.kd * (self.velocity - v) + self.effort;
+        let band = BRAKING_BAND * self.max_velocity.max(-self.min_velocity);
+        let highest = |beyond: f64| {
+            let brakes = beyond > 0.0 && limit.is_finite();
+            if brakes { limit * (1.0 - 2.0 * (beyond / band).min(1.0)) } else { limit }
+        };
+        let (low, high) = (-highest(self.min_velocity - v), highest(v - self.max_velocity));
+        if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
+    }
+}
+
+/// The velocities that a joint may have at each of its positions: those from which it can be brought to rest at the end of
+/// its range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct VelocityRange {
+    lower: f64,
+    upper: f64,
+    velocity: f64,
+    twice_acceleration: f64,
+    /// Distance to the end of the range from which the limit is smaller than the joint's.
+    distance: f64,
+}
+
+/// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
+pub(super) const FULL_SPEED: f64 = 0.2;
+/// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave it.
+const CREEP: f64 = 0.05;
+
+impl VelocityRange {
+    pub(super) fn of(limits: &JointLimits) -> Self {
+        let twice_acceleration = 2.0 * limits.usual_acceleration();
+        Self {
+            lower: limits.lower,
+            upper: limits.upper,
+            velocity: limits.velocity,
+            twice_acceleration,
+            distance: if limits.velocity.is_finite() {
+                limits.velocity.powi(2) / twice_acceleration
+            } else {
+                0.0
+            },
+        }
+    }
+
+    /// Lowest and highest velocity at position `q`.
+    #[inline]
+    pub(super) fn at(&self, q: f64) -> (f64, f64) {
+        let towards = |distance: f64| {
+            if distance < self.distance {
+                (self.twice_acceleration * distance.max(0.0)).sqrt().max(CREEP * self.velocity)
+            } else {
+                self.velocity
+            }
+        };
+        (-towards(q - self.lower), towards(self.upper - q))
+    }
+}
+
+/// The setpoint of the step before, as far as rates are taken from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Before {
+    pub(super) position: f64,
+    pub(super) velocity: f64,
+    pub(super) effort: f64,
+}
+
+impl JointLimits {
+    /// A joint without limits and without gains.
+    pub fn new(name: &str) -> Self {
+        Self {
+            name: name.to_string(),
+            lower: f64::NEG_INFINITY,
+            upper: f64::INFINITY,
+            velocity: f64::INFINITY,
+            acceleration: f64::INFINITY,
+            effort: f64::INFINITY,
+            effort_rate: f64::INFINITY,
+            max_kp: LARGEST_GAIN,
+            max_kd: LARGEST_GAIN,
+            kp: 0.0,
+            kd: 0.0,
+        }
+    }
+
+    /// The acceleration limit, or where there is none, the velocity limit in 0.2 s.
+    pub(super) fn usual_acceleration(&self) -> f64 {
+        if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
+    }
+
+    /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain that gives the
+    /// full effort at 0.1 mrad (or mm), and a velocity gain that gives it at a thousandth of the velocity limit.
+    #[must_use]
+    pub fn with_effort(mut self, effort: f64) -> Self {
+        self.effort = effort;
+        let velocity = if self.velocity.is_finite() { self.velocity } else { 1.0 };
+        self.max_kp = (KP_PER_EFFORT * effort).min(LARGEST_GAIN);
+        self.max_kd = (KD_PER_EFFORT * effort / velocity.max(1e-6)).min(LARGEST_GAIN);
+        self
+    }
+
+    /// Clamps what does not depend on the step before: position, velocity, effort and gains. Values within the limits
+    /// stay as they are, to the last bit.
+    #[inline]
+    pub(super) fn clamp(&self, setpoint: &mut JointSetpoint, mut exceeded: impl FnMut(LimitKind)) {
+        if setpoint.kp > self.max_kp {
+            setpoint.kp = self.max_kp;
+            exceeded(LimitKind::Kp);
+        }
+        if setpoint.kd > self.max_kd {
+            setpoint.kd = self.max_kd;
+            exceeded(LimitKind::Kd);
+        }
+        if setpoint.effort.abs() > self.effort {
+            setpoint.effort = self.effort.copysign(setpoint.effort);
+            exceeded(LimitKind::Effort);
+        }
+        // Without its gain a setpoint means nothing, and may be anything.
+        if setpoint.kp > 0.0 && (setpoint.position < self.lower || setpoint.position > self.upper) {
+            let range = self.upper - self.lower;
+            let tolerance = if range.is_finite() { RANGE_TOLERANCE * range } else { RANGE_TOLERANCE };
+            let clamped = setpoint.position.max(self.lower).min(self.upper);
+            if (setpoint.position - clamped).abs() > tolerance {
+                setpoint.position = clamped;
+                exceeded(LimitKind::Position);
+            }
+        }
+        if setpoint.kd > 0.0 && setpoint.velocity.abs() > self.velocity {
+            setpoint.velocity = self.velocity.copysign(setpoint.velocity);
+            exceeded(LimitKind::Velocity);
+        }
+    }
+
+    /// Clamps the rates of change since the setpoint `before`, `dt` s ago.
+    #[inline]
+    pub(super) fn clamp_rates(
+        &self,
+        setpoint: &mut JointSetpoint,
+        before: Before,
+        dt: f64,
+        mut exceeded: impl FnMut(LimitKind),
+    ) {
+        if setpoint.kp > 0.0 {
+            let (step, largest) = (setpoint.position - before.position, self.velocity * dt);
+            if step.abs() > largest * (1.0 + ROUNDING) {
+                setpoint.position = before.position + largest.copysign(step);
+                exceeded(LimitKind::PositionRate);
+            }
+        }
+        if setpoint.kd > 0.0 {
+            let (step, largest) = (setpoint.velocity - before.velocity, self.acceleration * dt);
+            if step.abs() > largest * (1.0 + ROUNDING) {
+                setpoint.velocity = before.velocity + largest.copysign(step);
+                exceeded(LimitKind::Acceleration);
+            }
+        }
+        let (step, largest) = (setpoint.effort - before.effort, self.effort_rate * dt);
+        if step.abs() > largest * (1.0 + ROUNDING) {
+            setpoint.effort = before.effort + largest.copysign(step);
+            exceeded(LimitKind::EffortRate);
+        }
+    }
+}

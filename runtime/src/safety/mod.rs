@@ -1,0 +1,33 @@
+//! The command gate: the last check of every command before an actuator applies it, and the safe states it applies
+//! instead.
+//!
+//! # Layers
+//!
+//! [`Gate`] is the logic, a state machine over the joints without ports or clocks; [`Freshness`] and [`SuspendClock`]
+//! decide on stamps; [`enter`] and [`stay`] are the law of the safe states; [`CommandGate`] joins them to the input of an
+//! actuator, to the run's latch and to the account in the control block. An actuator uses [`CommandGate`] alone.
+//!
+//! # Order of the checks
+//!
+//! 1. The run: stopping, latched, stopped in an emergency?
+//! 2. The stamp: order, future, age by publication and by source.
+//! 3. The content: finite, the right count, gains that are not negative.
+//! 4. The limits: position, velocity, effort, gains, rates of change.
+//!
+//! A command that fails 1 to 3 is not applied: the safe state is. One that fails 4 is clamped, or refused where the graph
+//! says `limits = "refuse"`.
+
+mod freshness;
+mod gate;
+mod limits;
+mod port;
+mod resume;
+mod states;
+#[cfg(test)]
+mod tests;
+
+pub use freshness::{Age, FUTURE_TOLERANCE_NS, Freshness, SuspendClock};
+pub use gate::{Account, Gate, GateSettings, Measured, Offer, Verdict};
+pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
+pub use port::CommandGate;
+pub use states::{Joint, enter, stay};

@@ -1,0 +1,222 @@
+//! The command gate of an actuator: the logic joined to its input, the run's latch and the account.
+
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::freshness::{Age, Freshness, SuspendClock};
+use super::gate::{Account as _, Gate, GateSettings, Measured, Offer, Verdict};
+use super::limits::{JointLimits, JointSetpoint};
+use crate::component::{ConfigureError, Setup};
+use crate::os::{boottime_ns, monotonic_ns};
+use crate::plan::EMERGENCY_STOP_PORT;
+use crate::region::{Command, GateState, Latch, MissCause};
+use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
+use crate::transport::{Context, Input};
+
+/// The gate through which the commands of an actuator pass, at every step.
+///
+/// A command is applied only while it is fresh, valid and within the limits, and the run is neither stopping nor latched,
+/// whichever other processes still live. Otherwise the gate applies the safe state of the graph. One gate serves one
+/// command input; an actuator with two inputs makes two.
+///
+/// ```
+/// use motorium::prelude::*;
+/// use motorium::safety::{CommandGate, JointLimits, Measured};
+///
+/// struct Drive {
+///     command: Input<JointCommand>,
+///     gate: CommandGate,
+///     position: [f64; 1],
+///     velocity: [f64; 1],
+/// }
+///
+/// impl Drive {
+///     fn configure(setup: &mut Setup) -> Result<Self, ConfigureError> {
+///         let elbow = JointLimits { velocity: 2.175, acceleration: 12.5, kp: 600.0, kd: 40.0, ..JointLimits::new("elbow") };
+///         let gate = setup.command_gate(vec![elbow.with_effort(87.0)])?;
+///         Ok(Self { command: setup.input("joint_command")?, gate, position: [0.0], velocity: [0.0] })
+///     }
+///
+///     /// The effort to apply, N m.
+///     fn effort(&mut self) -> f64 {
+///         let mut gravity = |effort: &mut [f64]| effort.fill(0.0); // this joint stands upright
+///         let measured = Measured { position: &self.position, velocity: &self.velocity, gravity: &mut gravity };
+///         self.gate.check(&mut self.command, measured);
+///         self.gate.setpoints()[0].effort_at(self.position[0], self.velocity[0], 87.0)
+///     }
+/// }
+/// ```
+#[derive(Debug)]
+pub struct CommandGate {
+    context: Rc<Context>,
+    gate: Gate,
+    freshness: Freshness,
+    clock: SuspendClock,
+    emergency_stop: Option<Input<EmergencyStop>>,
+    /// A command has been applied before: from then on a stale one is a miss.
+    armed: bool,
+    /// Number of `motorium resume` that this gate has seen.
+    resumes: u32,
+    /// The command offered last: publisher, number and the time its state is for.
+    offered: Option<Stamp>,
+    period_ns: u64,
+    stepped_ns: u64,
+    shown: Option<(GateState, Option<Latch>)>,
+}
+
+impl Setup {
+    /// The gate of a command input, for the joints in the order of its commands. For components that declared
+    /// [`actuator`](crate::declare::Declare::actuator).
+    ///
+    /// # Errors
+    /// There are no joints or more than a command holds, or the emergency-stop topic cannot be joined.
+    pub fn command_gate(&mut self, joints: Vec<JointLimits>) -> Result<CommandGate, ConfigureError> {
+        if joints.is_empty() || joints.len() > MAX_JOINTS {
+            let message = format!("a command gate for {} joints, expected 1 to {MAX_JOINTS}", joints.len());
+            return Err(ConfigureError::failed(message));
+        }
+        let emergency_stop =
+            if self.has_input(EMERGENCY_STOP_PORT) { Some(self.input(EMERGENCY_STOP_PORT)?) } else { None };
+        let safety = &self.plan().safety;
+        let settings =
+            GateSettings { safe_state: safety.safe_state, limits: safety.limits, resume: safety.resume };
+        let context = self.context().clone();
+        context.block().gate.open(joints.iter().map(|joint| joint.name.as_str()));
+        let mut gate = Gate::new(joints, settings);
+        if context.restart_count() > 0 {
+            // The robot was without its actuator: under `resume = "latch"` a person decides.
+            gate.latch();
+        }
+        Ok(CommandGate {
+            gate,
+            freshness: Freshness::new(safety.stale_after_ns, safety.source_stale_after_ns),
+            clock: SuspendClock::new(monotonic_ns(), boottime_ns()),
+            emergency_stop,
+            armed: false,
+            resumes: context.region().header().resumes(),
+            offered: None,
+            period_ns: self.period().as_nanos().max(1) as u64,
+            stepped_ns: 0,
+            shown: None,
+            context,
+        })
+    }
+}
+
+impl CommandGate {
+    /// The setpoints that the drives apply in this step, one per joint.
+    pub fn setpoints(&self) -> &[JointSetpoint] {
+        self.gate.setpoints()
+    }
+
+    /// The joints and their limits.
+    pub fn joints(&self) -> &[JointLimits] {
+        self.gate.joints()
+    }
+
+    /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a step.
+    pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
+        let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
+        let dt = self.step_time();
+        let latch = self.latch();
+        let held = stopping || latch.is_some();
+        let verdict = if held { self.gate.make_safe(measured, dt) } else { self.offer(input, measured, dt) };
+        match verdict {
+            Verdict::Applied | Verdict::Resuming => self.armed = true,
+            Verdict::Safe { .. } if self.armed && !held && !self.gate.is_latched() => {
+                self.context.block().miss(MissCause::LateInput);
+            }
+            Verdict::Safe { .. } => {}
+        }
+        self.show(latch, verdict);
+        verdict
+    }
+
+    /// Offers the newest command, if it is fresh.
+    #[inline]
+    fn offer(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
+        let Some(reading) = input.latest() else { return self.gate.make_safe(measured, dt) };
+        let stamp = reading.stamp();
+        let before = self.offered.replace(stamp);
+        let is_same = |before: &Stamp| {
+            (before.sequence, before.publisher, before.restart_count)
+                == (stamp.sequence, stamp.publisher, stamp.restart_count)
+        };
+        let is_new = !before.as_ref().is_some_and(is_same);
+        let block = self.context.block();
+        let clock = self.context.clock();
+        let now_ns = if clock.is_lockstep() { clock.now_ns() } else { self.clock.now_ns(boottime_ns()) };
+        let mut age = self.freshness.check(&stamp, now_ns);
+        if age != Age::Fresh && !clock.is_lockstep() {
+            let monotonic_ns = monotonic_ns();
+            if self.clock.compare(monotonic_ns, boottime_ns()) {
+                age = self.freshness.check(&stamp, monotonic_ns);
+            }
+        }
+        if self.clock.is_from_before(stamp.publish_time) && !clock.is_lockstep() {
+            age = Age::Stale;
+        }
+        match age {
+            Age::Fresh => {
+                let ahead_ns = before.map_or(0, |before| stamp.state_time.saturating_sub(before.state_time));
+                let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
+                let offer = Offer { command: &reading, is_new, ahead };
+                self.gate.offer(offer, measured, dt, block)
+            }
+            Age::Stale => self.gate.make_safe(measured, dt),
+            Age::Refused(reason) => {
+                if is_new {
+                    block.refused(reason);
+                }
+                self.gate.make_safe(measured, dt)
+            }
+        }
+    }
+
+    /// Time since the step before, s, between half a period and the age at which a command is stale.
+    #[inline]
+    fn step_time(&mut self) -> f64 {
+        let now_ns = self.context.clock().step_ns();
+        let last_ns = core::mem::replace(&mut self.stepped_ns, now_ns);
+        let elapsed_ns = if last_ns == 0 { self.period_ns } else { now_ns.saturating_sub(last_ns) };
+        let longest_ns = self.freshness.stale_after_ns.max(self.period_ns);
+        elapsed_ns.max(self.period_ns / 2).min(longest_ns) as f64 * 1e-9
+    }
+
+    /// The latch of the run, with a look at the emergency stop.
+    #[inline]
+    fn latch(&mut self) -> Option<Latch> {
+        let header = self.context.region().header();
+        if let Some(input) = &mut self.emergency_stop
+            && input.latest().is_some_and(|stop| stop.is_pressed())
+        {
+            header.latch(Latch::EmergencyStop);
+        }
+        let resumes = header.resumes();
+        if resumes != self.resumes {
+            self.resumes = resumes;
+            self.gate.release();
+        }
+        header.latched()
+    }
+
+    /// Writes the state into the control block where it changed.
+    #[inline]
+    fn show(&mut self, latch: Option<Latch>, verdict: Verdict) {
+        let safe = matches!(verdict, Verdict::Safe { .. });
+        let state = if safe { GateState::Safe } else { self.gate.state() };
+        let latch = latch.or(self.gate.is_latched().then_some(Latch::SafeState));
+        let show = Some((state, latch));
+        if self.shown == show {
+            return;
+        }
+        self.shown = show;
+        let block = self.context.block();
+        block.gate.set(state, latch);
+        // Of this process: its predecessor may have been killed in the safe state and left the flag set.
+        if let Verdict::Safe { entered: true, .. } = verdict {
+            block.safe_since_ns.store(monotonic_ns(), Relaxed);
+        }
+        block.safe.store(u32::from(safe), Relaxed);
+    }
+}

@@ -1,0 +1,85 @@
+//! The law of the safe states.
+
+use super::limits::{JointLimits, JointSetpoint};
+use crate::plan::SafeState;
+
+/// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.
+const BRAKE: f64 = 1e6;
+
+/// Share of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some overshoot.
+const STOPPING_SHARE: f64 = 0.7;
+
+/// A joint slower than this counts as standing, rad/s or m/s.
+const STANDS: f64 = 1e-3;
+
+/// A joint as it is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Position, rad or m.
+    pub position: f64,
+    /// Velocity, rad/s or m/s.
+    pub velocity: f64,
+    /// Effort that holds the joint against gravity at this position, N m or N.
+    pub gravity: f64,
+}
+
+/// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its limits and
+/// the setpoint `last` that was applied before.
+///
+/// | state | position | gains | feed-forward |
+/// |---|---|---|---|
+/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | of the last command, or those of the safe states | gravity |
+/// | `damp` | none | `kd` of the safe states | none |
+/// | `zero_torque` | none | none | none |
+/// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
+///
+/// ```
+/// use motorium::plan::SafeState;
+/// use motorium::safety::{Joint, JointLimits, JointSetpoint, enter};
+///
+/// let limits = JointLimits { kp: 600.0, kd: 40.0, ..JointLimits::new("elbow") }.with_effort(87.0);
+/// let joint = Joint { position: -1.2, velocity: 0.3, gravity: 21.0 };
+/// let hold = enter(SafeState::Hold, &joint, &limits, &JointSetpoint::default());
+/// assert_eq!((hold.position, hold.kp, hold.effort), (-1.2, 600.0, 21.0));
+/// ```
+pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &JointSetpoint) -> JointSetpoint {
+    let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
+    match state {
+        // With gravity compensation, or soft gains would let the arm sag.
+        SafeState::Hold => {
+            let (kp, kd) = if last.kp > 0.0 { (last.kp, last.kd) } else { (limits.kp, limits.kd) };
+            let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
+            JointSetpoint { velocity, effort: joint.gravity, kp, kd, ..none }
+        }
+        SafeState::Damp => JointSetpoint { kd: limits.kd, ..none },
+        SafeState::ZeroTorque => none,
+        SafeState::Brake => JointSetpoint { kd: BRAKE, effort: joint.gravity, ..none },
+    }
+}
+
+/// The setpoint of a step in a safe state, `dt` s after `setpoint`: `hold` brings a moving joint to rest within its range,
+/// `brake` holds a joint once it stands.
+pub fn stay(
+    state: SafeState,
+    joint: &Joint,
+    limits: &JointLimits,
+    setpoint: &JointSetpoint,
+    dt: f64,
+) -> JointSetpoint {
+    match state {
+        SafeState::Hold if setpoint.velocity != 0.0 => {
+            let slower = (setpoint.velocity.abs() - STOPPING_SHARE * limits.acceleration * dt).max(0.0);
+            let velocity = slower.copysign(setpoint.velocity);
+            let position = setpoint.position + velocity * dt;
+            if velocity == 0.0 || position < limits.lower || position > limits.upper {
+                return JointSetpoint { velocity: 0.0, ..*setpoint };
+            }
+            JointSetpoint { position, velocity, ..*setpoint }
+        }
+        SafeState::Brake if setpoint.kp == 0.0 && joint.velocity.abs() < STANDS => {
+            let (position, kp, kd) = (joint.position, limits.kp, limits.kd);
+            JointSetpoint { position, kp, kd, ..*setpoint }
+        }
+        _ => *setpoint,
+    }
+}

@@ -1,0 +1,272 @@
+//! The command gate between processes: outages and the way back, commands out of any range, stops and their release.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use motorium::launcher::{ComponentReport, Exit};
+use motorium::region::{GateReport, GateState, Latch, LimitKind, Refusal};
+use rustix::process::Signal;
+
+use crate::support::{Ended, MOTORIUM, Run, is_root, machine, panda_reach, run, signal};
+
+const ROGUE: &str = env!("CARGO_BIN_EXE_rogue-commander");
+
+/// Limits of the catalogue's Panda: rad/s and rad/s^2.
+const VELOCITY: [f64; 7] = [2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61];
+const ACCELERATION: [f64; 7] = [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0];
+
+fn numbers(ended: &Ended, component: &str, key: &str) -> Vec<f64> {
+    let values = ended.report().results[component][key].as_array().expect("a list");
+    values.iter().map(|value| value.as_f64().expect("a number")).collect()
+}
+
+/// Largest share of its limit that a joint of the arm reached.
+fn share(measured: &[f64], limits: &[f64; 7]) -> f64 {
+    measured.iter().zip(limits).map(|(x, limit)| x / limit).fold(0.0, f64::max)
+}
+
+fn physics(ended: &Ended) -> &ComponentReport {
+    ended.report().components.iter().find(|c| c.name == "physics").expect("physics is reported")
+}
+
+fn gate(run: &Run) -> GateReport {
+    let plan = run.folder.plan().expect("the run has a plan");
+    let index = plan.components.iter().position(|c| c.name == "physics").expect("there is physics");
+    run.folder.region().expect("the run has a region").components()[index]
+        .gate
+        .report()
+        .expect("it has a gate")
+}
+
+fn await_gate(run: &Run, what: &str, reached: impl Fn(&GateReport) -> bool) {
+    let started = Instant::now();
+    while !reached(&gate(run)) {
+        assert!(started.elapsed() < Duration::from_secs(15), "{what}: {:?}", gate(run));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn motorium(run: &Run, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(MOTORIUM).args(arguments).args(["--run", run.folder.id()]).output();
+    let output = output.expect("motorium starts");
+    let text =
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    (output.status.code(), text)
+}
+
+/// The shipped graph with one more process that sees every step of the simulation.
+fn watched_reach() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(panda_reach()).expect("the graph is there");
+    let text = format!(
+        "{text}\n[component.watch]\nexec = \"{ROGUE}\"\ntrigger = \"panda/true_joint_state\"\n\
+         subscribe = {{ joint_state = \"panda/true_joint_state\" }}\n"
+    );
+    let graph = folder.path().join("watched.toml");
+    std::fs::write(&graph, text).expect("it can be written");
+    (folder, graph)
+}
+
+#[test]
+fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
+    let _machine = machine();
+    for away_ms in [500, 3_000] {
+        let (_folder, graph) = watched_reach();
+        let run = Run::start(&graph, &["--for", "9 s"]);
+        std::thread::sleep(Duration::from_millis(1_000));
+        let controller = run.pid_of("controller");
+        signal(controller, Signal::STOP);
+        await_gate(&run, "it goes to its safe state", |gate| gate.state == GateState::Safe);
+        std::thread::sleep(Duration::from_millis(away_ms));
+        signal(controller, Signal::CONT);
+        await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
+        let ended = run.finish();
+        assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
+        let (fastest, hardest) = (numbers(&ended, "watch", "fastest"), numbers(&ended, "watch", "hardest"));
+        assert!(share(&fastest, &VELOCITY) <= 1.0, "{away_ms} ms: {fastest:?} rad/s");
+        assert!(share(&hardest, &ACCELERATION) <= 1.0, "{away_ms} ms: {hardest:?} rad/s^2");
+        assert!(physics(&ended).gate.as_ref().expect("a gate").entries >= 1);
+    }
+}
+
+/// A Panda that is commanded by a rogue.
+fn rogue(config: &str, program: &Path, more: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = folder.path().join("rogue.toml");
+    let program = program.display();
+    let text = format!(
+        r#"
+name = "rogue"
+[robot.panda]
+urdf = "panda"
+[component.physics]
+kind = "physics.articulated"
+robot = "panda"
+rate = "1 kHz"
+subscribe = {{ joint_command = "panda/joint_command" }}
+publish = {{ joint_state = "panda/joint_state" }}
+[component.rogue]
+exec = "{program}"
+trigger = "panda/joint_state"
+subscribe = {{ joint_state = "panda/joint_state" }}
+publish = {{ joint_command = "panda/joint_command", stop = "stop" }}
+config = {{ {config} }}
+[safety]
+{more}
+"#
+    );
+    std::fs::write(&graph, text).expect("it can be written");
+    (folder, graph)
+}
+
+#[test]
+fn finite_nonsense_moves_no_joint_beyond_its_velocity_limit_and_is_counted_by_joint() {
+    let _machine = machine();
+    for (nonsense, limit) in [
+        ("far_position", LimitKind::Position),
+        ("jumping_position", LimitKind::PositionRate),
+        ("huge_position", LimitKind::Position),
+        ("huge_velocity", LimitKind::Velocity),
+        ("huge_effort", LimitKind::Effort),
+        ("pure_effort", LimitKind::Effort),
+        ("huge_kp", LimitKind::Kp),
+        ("huge_kd", LimitKind::Kd),
+    ] {
+        for joint in [0, 3, 6] {
+            let config = format!("nonsense = \"{nonsense}\", joint = {joint}, from = 300, until = 900");
+            let (_folder, graph) = rogue(&config, Path::new(ROGUE), "");
+            let ended = run(&graph, &["--for", "1200 ms", "--clock", "lockstep"]);
+            assert_eq!(ended.report().exit, Exit::Finished, "{nonsense}: {}", ended.stderr);
+            let fastest = numbers(&ended, "rogue", "fastest");
+            let share = share(&fastest, &VELOCITY);
+            assert!(share <= 1.05, "{nonsense} of joint {joint}: {fastest:?} rad/s");
+            let gate = physics(&ended).gate.as_ref().expect("a gate");
+            let name = format!("panda_joint{}", joint + 1);
+            let counted = gate.limited.iter().find(|l| l.joint == name && l.limit == limit);
+            assert!(counted.is_some_and(|l| l.count > 500), "{nonsense}: {gate:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_command_is_refused_by_reason_and_the_gate_never_says_it_follows() {
+    let _machine = machine();
+    for (nonsense, reason) in [("wrong_count", Refusal::Count), ("negative_gain", Refusal::NegativeGain)] {
+        let config = format!("nonsense = \"{nonsense}\", from = 300");
+        let (_folder, graph) = rogue(&config, Path::new(ROGUE), "");
+        let ended = run(&graph, &["--for", "1 s", "--clock", "lockstep"]);
+        let gate = physics(&ended).gate.as_ref().expect("a gate");
+        assert_eq!((gate.state, gate.entries), (GateState::Safe, 1), "{nonsense}");
+        assert!(matches!(gate.refused[..], [ref one] if one.reason == reason && one.count > 600), "{gate:?}");
+        let share = share(&numbers(&ended, "rogue", "fastest"), &VELOCITY);
+        assert!(share < 0.5, "{nonsense}: the arm is held, {share}");
+    }
+    for nonsense in ["not_a_number", "infinite"] {
+        let config = format!("nonsense = \"{nonsense}\", from = 300");
+        let (_folder, graph) = rogue(&config, Path::new(ROGUE), "");
+        let ended = run(&graph, &["--for", "1 s", "--clock", "lockstep"]);
+        let gate = physics(&ended).gate.as_ref().expect("a gate");
+        assert_eq!(
+            (gate.state, gate.entries),
+            (GateState::Safe, 1),
+            "{nonsense}: withheld by its own output"
+        );
+    }
+}
+
+#[test]
+fn under_refuse_a_command_beyond_a_limit_puts_the_robot_into_its_safe_state() {
+    let _machine = machine();
+    let config = "nonsense = \"far_position\", from = 300, until = 600";
+    let (_folder, graph) = rogue(config, Path::new(ROGUE), "limits = \"refuse\"");
+    let ended = run(&graph, &["--for", "1 s", "--clock", "lockstep"]);
+    let gate = physics(&ended).gate.as_ref().expect("a gate");
+    assert!(gate.refused.iter().any(|r| r.reason == Refusal::Limits && r.count == 300), "{gate:?}");
+    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "and it comes back afterwards");
+}
+
+#[test]
+fn commands_stamped_by_a_clock_ten_seconds_ahead_are_never_applied() {
+    let _machine = machine();
+    let ahead = ["--time", "--monotonic", "10"];
+    let works = Command::new("unshare").args(ahead).arg("true").status().is_ok_and(|status| status.success());
+    if !is_root() || !works {
+        return eprintln!("skipped: this user may not set a clock of its own for a process");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = folder.path().join("ahead");
+    let script =
+        format!("#!/bin/sh\nexec unshare --time --monotonic 10 --fork --kill-child {ROGUE} \"$@\"\n");
+    std::fs::write(&program, script).expect("it can be written");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&program, mode).expect("it can be made executable");
+    let (_folder, graph) = rogue("", &program, "");
+    let ended = run(&graph, &["--for", "2 s"]);
+    let gate = physics(&ended).gate.as_ref().expect("a gate");
+    assert_eq!((gate.state, gate.entries), (GateState::Safe, 0), "{gate:?}");
+    assert!(gate.refused.iter().any(|r| r.reason == Refusal::Future && r.count > 500), "{gate:?}");
+}
+
+#[test]
+fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    await_gate(&run, "it follows", |gate| gate.state == GateState::Following);
+    signal(run.launcher(), Signal::STOP);
+    let (code, text) = motorium(&run, &["stop", "--now"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("physics: in its safe state"), "{text}");
+    for _ in 0..100 {
+        let gate = gate(&run);
+        assert_eq!((gate.state, gate.latch), (GateState::Safe, Some(Latch::Stop)));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following && gate.latch.is_none());
+    let (code, text) = motorium(&run, &["resume"]);
+    assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
+    signal(run.launcher(), Signal::CONT);
+    let (code, text) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(run.finish().report().exit, Exit::Interrupted);
+}
+
+#[test]
+fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "safety.resume=latch"]);
+    await_gate(&run, "the start is no outage", |gate| gate.state == GateState::Following);
+    let controller = run.pid_of("controller");
+    signal(controller, Signal::STOP);
+    await_gate(&run, "it is latched", |gate| gate.latch == Some(Latch::SafeState));
+    signal(controller, Signal::CONT);
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(gate(&run).state, GateState::Safe, "commands are fresh again, and it stays");
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
+    let (code, _) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0));
+    run.finish();
+}
+
+#[test]
+fn an_emergency_stop_of_a_component_latches_and_cannot_be_resumed_while_it_is_pressed() {
+    let _machine = machine();
+    let (_folder, graph) = rogue("from = 500, until = 3500", Path::new(ROGUE), "emergency_stop = \"stop\"");
+    let run = Run::start(&graph, &["--for", "60 s"]);
+    await_gate(&run, "it stops", |gate| gate.latch == Some(Latch::EmergencyStop));
+    let (code, text) = motorium(&run, &["resume"]);
+    assert!(code == Some(1) && text.contains("release the emergency stop first"), "{code:?} {text}");
+    assert_eq!(gate(&run).state, GateState::Safe);
+    std::thread::sleep(Duration::from_millis(3_500));
+    assert_eq!(gate(&run).latch, Some(Latch::EmergencyStop), "released, it stays latched");
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
+    let (code, _) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0));
+    run.finish();
+}

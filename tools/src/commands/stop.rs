@@ -1,0 +1,202 @@
+//! `motorium stop` and `motorium resume`: the end of a run, the latched stop of its robot, and the way out of it.
+
+use std::process::ExitCode;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use motorium::os::Watch;
+use motorium::plan::ComponentPlan;
+use motorium::region::{ComponentBlock, GateState, Latch, Phase};
+use rustix::process::Signal;
+use serde::Serialize;
+
+use crate::out::{errln, outln};
+use crate::runs::{LivingRun, RunArg};
+use crate::{exit, gate, style};
+
+/// Time given to a launcher to end its run, beyond the time that its actuators take to settle.
+const END_WITHIN: Duration = Duration::from_secs(10);
+/// Time given to actuators to reach another state.
+const REACT_WITHIN: Duration = Duration::from_secs(1);
+
+/// End a run in good order, or stop its robot at once.
+///
+/// Without `--now` the launcher ends the run, as at Ctrl-C: the actuators go to their safe state first. With it every
+/// actuator goes to its safe state at its next step and stays there until `motorium resume`; the run goes on, and its
+/// launcher is not needed.
+///
+/// Example: motorium stop --now
+#[derive(Debug, clap::Args)]
+pub(crate) struct Stop {
+    /// Bring the robot to its safe state at once, and keep it there
+    #[arg(long)]
+    now: bool,
+    #[command(flatten)]
+    run: RunArg,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Release the actuators of a run from a stop.
+///
+/// They leave the safe state as `[safety] resume` says: by default from where they are held, at limited velocity and
+/// acceleration.
+///
+/// Example: motorium resume
+#[derive(Debug, clap::Args)]
+pub(crate) struct Resume {
+    #[command(flatten)]
+    run: RunArg,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// One actuator after a stop or its release, as JSON.
+#[derive(Debug, Serialize)]
+struct Actuator {
+    name: String,
+    state: GateState,
+    latch: Option<Latch>,
+    /// Time from the command to that state, ms; `null` if it did not come to it in time.
+    after_ms: Option<f64>,
+}
+
+impl Stop {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        if !self.now {
+            return end(&run, self.json);
+        }
+        let began = Instant::now();
+        run.region.header().latch(Latch::Stop);
+        let is_safe = |block: &ComponentBlock| block.safe.load(Relaxed) != 0;
+        let actuators = await_actuators(&run, began, is_safe);
+        let missing: Vec<&str> = actuators
+            .iter()
+            .filter(|actuator| actuator.after_ms.is_none())
+            .map(|actuator| actuator.name.as_str())
+            .collect();
+        if self.json {
+            outln!("{}", serde_json::to_string_pretty(&actuators)?);
+        } else {
+            for actuator in &actuators {
+                if let Some(after_ms) = actuator.after_ms {
+                    outln!("{}: in its safe state after {after_ms:.1} ms", style::strong(&actuator.name));
+                }
+            }
+            outln!("graph `{}` is stopped until `motorium resume`", run.plan.name);
+        }
+        if missing.is_empty() {
+            return Ok(ExitCode::SUCCESS);
+        }
+        errln!(
+            "{}: not in its safe state after {} s: {}; it goes there at its next step, if it makes one",
+            style::error("error"),
+            REACT_WITHIN.as_secs(),
+            missing.join(", ")
+        );
+        Ok(exit::FAILED)
+    }
+}
+
+impl Resume {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let header = run.region.header();
+        let latched = |block: &ComponentBlock| block.gate.report().is_some_and(|gate| gate.latch.is_some());
+        if header.latched().is_none() && !run.region.components().iter().any(latched) {
+            anyhow::bail!("graph `{}` is not stopped", run.plan.name);
+        }
+        let began = Instant::now();
+        header.release();
+        let actuators = await_actuators(&run, began, |block| !latched(block));
+        if self.json {
+            outln!("{}", serde_json::to_string_pretty(&actuators)?);
+        }
+        let held: Vec<String> = actuators
+            .iter()
+            .filter_map(|actuator| {
+                Some(format!("`{}`: {}", actuator.name, gate::latch_words(actuator.latch?)))
+            })
+            .collect();
+        if held.is_empty() && header.latched().is_none() {
+            if !self.json {
+                outln!("graph `{}` follows its commands again", run.plan.name);
+            }
+            return Ok(ExitCode::SUCCESS);
+        }
+        errln!(
+            "{}: graph `{}` stays in its safe state ({}); release the emergency stop first",
+            style::error("error"),
+            run.plan.name,
+            if held.is_empty() { "emergency stop".to_string() } else { held.join(", ") }
+        );
+        Ok(exit::FAILED)
+    }
+}
+
+/// Asks the launcher to end the run, and waits for that.
+fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
+    let launcher = Watch::new(run.region.header().launcher.load(Relaxed))
+        .context("its launcher has ended; its guard brings the robot to its safe state and ends the rest")?;
+    let began = Instant::now();
+    launcher.signal(Signal::INT);
+    let within = END_WITHIN + Duration::from_nanos(run.plan.safety.settle_ns);
+    if !launcher.wait(Some(within)) {
+        anyhow::bail!(
+            "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without it",
+            within.as_secs()
+        );
+    }
+    let after_s = began.elapsed().as_secs_f64();
+    if json {
+        outln!("{}", serde_json::json!({ "run": run.folder.id(), "ended_after_s": after_s }));
+    } else {
+        outln!("run {} ended after {after_s:.1} s", run.folder.id());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Waits until every living actuator is in a state, waking those that wait for a publication.
+fn await_actuators(
+    run: &LivingRun,
+    began: Instant,
+    reached: impl Fn(&ComponentBlock) -> bool,
+) -> Vec<Actuator> {
+    let components = run.plan.components.iter().zip(run.region.components());
+    let mut waiting: Vec<(&ComponentPlan, &ComponentBlock, Option<f64>)> = components
+        .filter(|(component, block)| component.actuator && block.phase() == Phase::Running)
+        .map(|(component, block)| (component, block, None))
+        .collect();
+    // One step may be under way; the state of the next one counts.
+    let seen: Vec<u64> = waiting.iter().map(|(_, block, _)| block.steps.load(Relaxed)).collect();
+    let launcher = run.region.header().launcher.load(Relaxed);
+    for (_, block, _) in &waiting {
+        let pid = block.pid.load(Relaxed);
+        // A component that the launcher hosts as a thread has no watcher for the signal.
+        if pid != launcher
+            && let Ok(process) = Watch::new(pid)
+        {
+            process.signal(Signal::USR2);
+        }
+    }
+    while began.elapsed() < REACT_WITHIN && waiting.iter().any(|(_, _, after)| after.is_none()) {
+        for ((_, block, after), seen) in waiting.iter_mut().zip(&seen) {
+            let stepped = block.steps.load(Relaxed) > *seen + 1;
+            if after.is_none() && stepped && reached(block) {
+                *after = Some(began.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    waiting
+        .into_iter()
+        .map(|(component, block, after_ms)| {
+            let gate = block.gate.report().unwrap_or_default();
+            Actuator { name: component.name.clone(), state: gate.state, latch: gate.latch, after_ms }
+        })
+        .collect()
+}
