@@ -38,7 +38,7 @@ fn another_user_can_read_and_write_no_object_of_a_run() {
     if !is_root() {
         return eprintln!("skipped: only root can look as another user");
     }
-    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let run = Run::start(&panda_reach(), &["--for", "60 s", "--force"]);
     let id = run.folder.id().to_string();
     let find = |test: &[&str]| -> Vec<String> {
         let mut command = Command::new("find");
@@ -88,7 +88,7 @@ fn a_runs_folder_made_by_another_user_is_refused_with_advice_and_left_as_it_is()
         return eprintln!("skipped: needs root, and a program that other users can start");
     }
     let squat = Squat::on(NOBODY, STRANGER);
-    let mut command = motorium(&["run", "graphs/panda-reach.toml", "--for", "100 ms"]);
+    let mut command = motorium(&["run", "graphs/panda-reach.toml", "--for", "100 ms", "--force"]);
     let output = command.uid(NOBODY).gid(NOBODY).output().expect("motorium starts");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
@@ -135,7 +135,7 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
         command.env("XDG_RUNTIME_DIR", session.path());
         command
     };
-    let mut child = inside(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json"])
+    let mut child = inside(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json", "--force"])
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
@@ -154,7 +154,8 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
     // One that others can write is no such place.
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o777)).expect("it is opened");
-    let output = inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms"]).output().expect("it starts");
+    let output =
+        inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms", "--force"]).output().expect("it starts");
     assert!(output.status.success(), "{}", text(&output));
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
 }
@@ -177,7 +178,8 @@ fn cleaning_up_in_another_process_namespace_leaves_a_living_run_alone() {
     if !namespaces_are_allowed() {
         return eprintln!("skipped: no process namespaces for this user");
     }
-    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "controller.restart.when=failure"]);
+    let run =
+        Run::start(&panda_reach(), &["--for", "60 s", "--force", "--set", "controller.restart.when=failure"]);
     let id = run.folder.id().to_string();
     let before = leftovers(&id);
     let output = contained(&["doctor", "--clean", "--json"]).output().expect("unshare runs");
@@ -206,7 +208,7 @@ fn a_run_of_a_container_that_was_killed_is_seen_to_be_dead_and_removed() {
     }
     let session = tempfile::tempdir().expect("a folder");
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o700)).expect("it is closed");
-    let mut child = contained(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json"])
+    let mut child = contained(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json", "--force"])
         .env("XDG_RUNTIME_DIR", session.path())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -246,8 +248,8 @@ fn a_graph_runs_in_a_user_namespace_of_its_own() {
         return eprintln!("skipped: no user namespaces on this machine");
     }
     // The folder of root itself, which is of another user in there.
-    let outside = Run::start(&panda_reach(), &["--for", "60 s"]);
-    let output = unshared(MOTORIUM, &["run", "graphs/panda-reach.toml", "--for", "100 ms"]);
+    let outside = Run::start(&panda_reach(), &["--for", "60 s", "--force"]);
+    let output = unshared(MOTORIUM, &["run", "graphs/panda-reach.toml", "--for", "100 ms", "--force"]);
     assert!(output.status.success(), "{}", text(&output));
     assert!(!Path::new("/dev/shm/motorium-65534").exists());
     drop(outside);
@@ -258,8 +260,8 @@ fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
     let _machine = machine();
     let id = |run: Run| run.folder.id().to_string();
     let (first, second) = (
-        id(Run::start(&panda_reach(), &["--for", "60 s"])),
-        id(Run::start(&panda_reach(), &["--for", "60 s"])),
+        id(Run::start(&panda_reach(), &["--for", "60 s", "--force"])),
+        id(Run::start(&panda_reach(), &["--for", "60 s", "--force"])),
     );
     let tail = |id: &str| id.strip_prefix("panda-reach-").expect("the name of the graph").to_string();
     assert_ne!(tail(&first), tail(&second));

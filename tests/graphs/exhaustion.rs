@@ -32,7 +32,7 @@ fn shared_memory() -> BTreeSet<String> {
 /// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind.
 fn limited(limit: &str, words: &[&str]) -> bool {
     let before = shared_memory();
-    let line = format!("{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms");
+    let line = format!("{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms");
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(shared_memory(), before, "`{limit}` left something behind: {text}");
@@ -76,8 +76,9 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
     let mut ran = Vec::new();
     // The shell is one, and each process of the graph has some threads.
     for processes in [1, 2, 3, 4, 6, 8, 10, 12, 200] {
-        let line =
-            format!("ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms");
+        let line = format!(
+            "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms"
+        );
         let output = shell(&line).uid(LONELY).gid(LONELY).output().expect("bash runs");
         let text = text(&output);
         assert_eq!(shared_memory(), before, "{processes} processes: {text}");
@@ -103,7 +104,7 @@ fn mounts_are_allowed() -> bool {
     is_root() && with_shared_memory("1m", 100, "true").status.code() == Some(0)
 }
 
-const RUN: &str = "\"$MOTORIUM\" run graphs/panda-reach.toml --for 200ms 2>&1";
+const RUN: &str = "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms 2>&1";
 
 #[test]
 fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything_is_made() {
@@ -142,7 +143,7 @@ fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything
 /// The run goes on while `fill` is at work; then the controller is killed.
 fn killed_after(fill: &str) -> String {
     let line = format!(
-        "\"$MOTORIUM\" run graphs/panda-reach.toml --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
+        "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
          run=$!; sleep 2; {fill}\n\
          kill -9 $(pgrep -P $run -f 'motorium-worker .* controller$'); wait $run; rc=$?\n\
          rm -f /dev/shm/fill; cat /tmp/motorium-full-$$; rm /tmp/motorium-full-$$; (exit $rc)"

@@ -46,7 +46,7 @@ fn with_stream() -> (tempfile::TempDir, PathBuf) {
 fn killed_observers_of_a_state_and_of_a_stream_leave_their_places_to_others() {
     let _machine = machine();
     let (_folder, graph) = with_stream();
-    let run = Run::start(&graph, &["--for", "60 s"]);
+    let run = Run::start(&graph, &["--for", "60 s", "--force"]);
     for topic in ["panda/joint_state", "panda/each"] {
         for _ in 0..OBSERVERS {
             let mut observer = observer(&run, topic);
@@ -66,7 +66,7 @@ fn killed_observers_of_a_state_and_of_a_stream_leave_their_places_to_others() {
 fn observers_killed_all_at_once_leave_their_places_too() {
     let _machine = machine();
     let (_folder, graph) = with_stream();
-    let run = Run::start(&graph, &["--for", "60 s"]);
+    let run = Run::start(&graph, &["--for", "60 s", "--force"]);
     for topic in ["panda/joint_state", "panda/each"] {
         let full: Vec<Child> = (0..4).map(|_| observer(&run, topic)).collect();
         for mut observer in full {

@@ -119,6 +119,11 @@ impl Drop for Run {
         if let Some(mut child) = self.child.take() {
             let _ = child.kill();
             let _ = child.wait();
+            // Its guard sees to the end of the run, which would stand in the way of the next one until then.
+            let killed = Instant::now();
+            while self.folder.is_alive() && killed.elapsed() < Duration::from_secs(10) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
         }
     }
 }

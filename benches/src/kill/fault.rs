@@ -90,6 +90,11 @@ impl Fault {
         self == Self::Pause
     }
 
+    /// Whether the process ends by it.
+    pub fn ends(self) -> bool {
+        !matches!(self, Self::Hang | Self::Pause)
+    }
+
     /// Makes the fault; one that passes lasts for `pause`.
     pub(super) fn make(self, process: &Watch, pause: Duration) {
         match self {

@@ -71,9 +71,9 @@ impl Trial {
             File::create(scratch.join(name)).map_err(|error| MeasureError::system("making a file", error))
         };
         let mut command = Command::new(program);
-        command.arg("run").arg(graph).args(["--json", "--for", "1 h"]);
+        command.arg("run").arg(graph).args(["--json", "--for", "60 min"]);
         for component in components {
-            for setting in ["when=failure", "at_most=1000000"] {
+            for setting in ["when=always", "at_most=1000000"] {
                 command.args(["--set", &format!("{component}.restart.{setting}")]);
             }
         }
@@ -106,7 +106,8 @@ impl Trial {
             if ended.is_some() || started.elapsed() > LIMIT {
                 let _ = child.kill();
                 let _ = child.wait();
-                let events = std::fs::read_to_string(scratch.join("events")).unwrap_or_default();
+                let printed = |name| std::fs::read_to_string(scratch.join(name)).unwrap_or_default();
+                let events = printed("events") + &printed("report");
                 let _ = std::fs::remove_dir_all(&scratch);
                 return Err(MeasureError::Ended(events));
             }
@@ -219,7 +220,10 @@ impl Trial {
                     }
                 }
                 (Victim::Observer, _) if began.elapsed() > Duration::from_millis(50) => return seen,
-                (Victim::Launcher, _) if fault.passes() || self.workers_ended() => return seen,
+                (Victim::Launcher, _) if !fault.ends() && began.elapsed() > Duration::from_millis(50) => {
+                    return seen;
+                }
+                (Victim::Launcher, _) if fault.ends() && self.workers_ended() => return seen,
                 _ => {}
             }
             if began.elapsed() > LIMIT {

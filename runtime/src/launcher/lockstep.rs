@@ -81,6 +81,7 @@ impl Launch<'_> {
                 next_status = now + 50_000_000;
                 self.relay_output(observe);
                 self.monitor_guard(0, observe);
+                self.look_at_places(observe);
                 for (index, supervision) in supervision.iter_mut().enumerate() {
                     self.tell_tolerated(index, supervision, observe);
                 }

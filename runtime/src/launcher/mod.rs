@@ -99,13 +99,13 @@ pub enum LaunchError {
         reason: String,
     },
     /// A resource of this machine or of this process does not suffice. Nothing was made.
-    #[error("too little of {what}: the graph needs {need}, there is {found}; {advice}")]
+    #[error("{what}: the graph needs {need}, but {found}; {advice}")]
     Exhausted {
-        /// The resource.
+        /// The lack.
         what: &'static str,
         /// The amount that the graph needs.
         need: String,
-        /// The amount there is.
+        /// The amount there is, as a clause.
         found: String,
         /// Advice, in one sentence.
         advice: String,

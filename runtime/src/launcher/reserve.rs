@@ -26,9 +26,9 @@ const SPARE: u64 = 256 * 1024;
 /// Files of a service, and of a process that joins the domain.
 const FILES: u64 = 8;
 /// Descriptors that each component costs the launcher: its process, its output, those of starting it.
-const PER_COMPONENT: u64 = 6;
+const PER_COMPONENT: u64 = 5;
 /// Descriptors of each service while it is made and held.
-const PER_SERVICE: u64 = 3;
+const PER_SERVICE: u64 = 2;
 /// Descriptors for everything else: signals, the control block, locks, cores, a terminal, cleaning up.
 const OTHERS: u64 = 40;
 
@@ -75,17 +75,28 @@ pub(super) fn check(plan: &Plan) -> Result<(), LaunchError> {
             "raise it with `ulimit -n {}`, or `LimitNOFILE=` of the service",
             1024.max(2 * need.descriptors)
         );
-        let (need, found) = (format!("{} more open files", need.descriptors), format!("a limit of {limit}"));
-        return exhausted("open files", need, found, advice);
+        let (need, found) =
+            (format!("{} more open files", need.descriptors), format!("the limit is {limit}"));
+        return exhausted("too few open files", need, found, advice);
     }
     if let Some(limit) = raise_limit(Resource::Fsize, need.largest).filter(|limit| *limit < need.largest) {
-        let found = format!("files of this process may have {} at most", amount(limit));
+        let found = format!("the limit is {}", amount(limit));
         let advice = "raise it with `ulimit -f unlimited`".to_string();
-        return exhausted("the size of files", amount(need.largest), found, advice);
+        return exhausted(
+            "the size of files is limited too far",
+            format!("files of {}", amount(need.largest)),
+            found,
+            advice,
+        );
     }
     let Some(room) = Room::of(Path::new(SHARED_MEMORY)) else {
         let advice = "`motorium doctor` looks at it".to_string();
-        return exhausted("shared memory", amount(need.bytes), format!("no {SHARED_MEMORY}"), advice);
+        return exhausted(
+            "no shared memory",
+            amount(need.bytes),
+            format!("there is no {SHARED_MEMORY}"),
+            advice,
+        );
     };
     let advice = || {
         format!(
@@ -95,11 +106,11 @@ pub(super) fn check(plan: &Plan) -> Result<(), LaunchError> {
     };
     if room.bytes < need.bytes {
         let found = format!("{} of {} are free in {SHARED_MEMORY}", amount(room.bytes), amount(room.total));
-        return exhausted("shared memory", amount(need.bytes), found, advice());
+        return exhausted("too little shared memory", amount(need.bytes), found, advice());
     }
     if room.files < need.files {
-        let found = format!("{} more may be made in {SHARED_MEMORY}", room.files);
-        return exhausted("shared memory", format!("{} files", need.files), found, advice());
+        let found = format!("{} may be made in {SHARED_MEMORY}", room.files);
+        return exhausted("too little shared memory", format!("{} files", need.files), found, advice());
     }
     Ok(())
 }

@@ -98,7 +98,7 @@ impl Topic {
                 sleepers: AtomicU32::new(0),
                 core: AtomicU32::new(0),
             },
-            pins: (0..pins).map(|_| Pin { slot: AtomicU32::new(0), owner: AtomicU32::new(0) }).collect(),
+            pins: (0..pins).map(|_| Pin { slot: AtomicU32::new(0) }).collect(),
             marks: (0..slots).map(|_| AtomicU64::new(0)).collect(),
             values: (0..slots).map(|_| loom::cell::UnsafeCell::new(0)).collect(),
         }

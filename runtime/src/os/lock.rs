@@ -21,39 +21,52 @@ impl Lock {
     /// # Errors
     /// The file cannot be made or opened, or the file system knows no locks.
     pub fn hold(path: &Path) -> io::Result<Self> {
-        let flags = libc::O_NOFOLLOW | libc::O_CLOEXEC;
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .custom_flags(flags)
-            .open(path)?;
-        command(&file, libc::F_OFD_SETLK, &mut request(libc::F_RDLCK))?;
+        let file = options().create(true).truncate(false).mode(0o600).open(path)?;
+        command(&file, libc::F_OFD_SETLK, &mut request(libc::F_RDLCK, 0))?;
         Ok(Self(file))
     }
+
+    /// Takes a place of a file, counted from 0, that one process has at a time; `None` if somebody has it. It has nothing
+    /// to do with [`hold`](Self::hold) of the same file.
+    ///
+    /// # Errors
+    /// The file is not there or cannot be opened, or the file system knows no locks.
+    pub fn take(path: &Path, place: u32) -> io::Result<Option<Self>> {
+        let file = options().open(path)?;
+        match command(&file, libc::F_OFD_SETLK, &mut request(libc::F_WRLCK, i64::from(place) + 1)) {
+            Ok(()) => Ok(Some(Self(file))),
+            Err(error) if matches!(error.raw_os_error(), Some(libc::EAGAIN | libc::EACCES)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+fn options() -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).custom_flags(libc::O_NOFOLLOW | libc::O_CLOEXEC);
+    options
 }
 
 /// Whether any process holds the [`Lock`] on a file. A file that is not there is not locked; one that cannot be asked,
 /// for want of descriptors say, is taken for locked.
 pub fn is_held(path: &Path) -> bool {
-    let flags = libc::O_NOFOLLOW | libc::O_CLOEXEC;
-    let file = match OpenOptions::new().read(true).write(true).custom_flags(flags).open(path) {
+    let file = match options().open(path) {
         Ok(file) => file,
         Err(error) => return error.kind() != io::ErrorKind::NotFound,
     };
-    let mut asked = request(libc::F_WRLCK);
+    let mut asked = request(libc::F_WRLCK, 0);
     command(&file, libc::F_OFD_GETLK, &mut asked).is_err() || asked.l_type != libc::F_UNLCK as libc::c_short
 }
 
-/// A request for the whole file.
-fn request(kind: libc::c_int) -> libc::flock {
-    // SAFETY: zero is a valid value of all fields of the plain structure; length 0 is the whole file, process 0 is what
-    // locks of open file descriptions ask for.
+/// A request for one byte of a file, which need not have it.
+fn request(kind: libc::c_int, byte: i64) -> libc::flock {
+    // SAFETY: zero is a valid value of all fields of the plain structure; process 0 is what locks of open file
+    // descriptions ask for.
     let mut request: libc::flock = unsafe { core::mem::zeroed() };
     request.l_type = kind as libc::c_short;
     request.l_whence = libc::SEEK_SET as libc::c_short;
+    request.l_start = byte as libc::off_t;
+    request.l_len = 1;
     request
 }
 
@@ -79,6 +92,20 @@ mod tests {
         assert!(is_held(&path), "asking has not taken it, and the second holds it");
         drop(second);
         assert!(!is_held(&path));
+    }
+
+    #[test]
+    fn a_place_belongs_to_one_at_a_time_and_has_nothing_to_do_with_holding_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        assert!(Lock::take(&path, 0).is_err(), "there is no file yet");
+        let _held = Lock::hold(&path).unwrap();
+        let first = Lock::take(&path, 0).unwrap();
+        assert!(first.is_some() && Lock::take(&path, 0).unwrap().is_none());
+        assert!(Lock::take(&path, u32::MAX).unwrap().is_some(), "another place");
+        drop(first);
+        assert!(Lock::take(&path, 0).unwrap().is_some());
+        assert!(is_held(&path));
     }
 
     #[test]

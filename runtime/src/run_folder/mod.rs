@@ -145,6 +145,20 @@ impl RunFolder {
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
+    /// The folder in which a new run would be made, checked if it is there already.
+    ///
+    /// # Errors
+    /// It is not private to this user.
+    pub fn place() -> Result<PathBuf, RunFolderError> {
+        let place = place::all().swap_remove(0);
+        match place::check(&place) {
+            Err(RunFolderError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                Ok(place)
+            }
+            checked => checked.map(|()| place),
+        }
+    }
+
     /// The run of this user with this id.
     pub fn find(id: &str) -> Option<Self> {
         Self::list().into_iter().find(|run| run.id == id)

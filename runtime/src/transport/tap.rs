@@ -11,15 +11,16 @@ use super::latest::{self, TopicMemory};
 use super::topic::{refused, service_name, type_detail};
 use super::{Domain, PortError, Shared};
 use crate::declare::TopicPattern;
+use crate::os::Lock;
 use crate::plan::TopicPlan;
-use crate::state::{Stamp, TypeLayout};
+use crate::state::{Digest, Stamp, TypeLayout};
 
 /// A reader of every value of a topic, in order, that is no part of the graph: for tools and recorders.
 ///
 /// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value:
 /// as many as its `history`, and a few more. What was overwritten before it was read is counted
 /// ([`missed`](Self::missed)). A topic has places for four taps at a time; the place of one that was killed is free
-/// again.
+/// at once.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -47,6 +48,13 @@ pub struct Sample {
     pub bytes: Vec<u8>,
 }
 
+/// The first of the places of a topic among those of all topics of a run.
+fn first_place(topic: &str) -> u32 {
+    let mut digest = Digest::default();
+    digest.write(topic.as_bytes());
+    (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
+}
+
 impl Tap {
     /// Joins a topic. The first value is the newest one of a state, or the next one of a stream.
     ///
@@ -59,9 +67,12 @@ impl Tap {
         let source = match topic.pattern {
             TopicPattern::State => {
                 let memory = TopicMemory::open(&node, topic)?;
+                let lock = domain.lock_file();
+                let first = first_place(name);
+                let take = |place: usize| Lock::take(&lock, first + place as u32).ok().flatten();
                 let full = &"its four places for those who look on are taken by programs that run";
                 Source::State(Box::new(
-                    latest::Tap::join(memory).ok_or_else(|| refused(name, "looking on")(full))?,
+                    latest::Tap::join(memory, take).ok_or_else(|| refused(name, "looking on")(full))?,
                 ))
             }
             TopicPattern::Slices { .. } => {

@@ -53,6 +53,17 @@ fn the_time_to_tell_other_errors_grows_with_the_length_of_the_file() {
 }
 
 #[test]
+fn a_graph_of_more_components_than_run_is_refused_before_its_times_are_analysed() {
+    let many = |count: usize| {
+        let component = |i| format!("[component.c{i}]\nkind = \"sensor.joint_encoder\"\nrate = \"1 Hz\"\n");
+        format!("name = \"many\"\n{}", (0..count).map(component).collect::<String>())
+    };
+    let (messages, rendered, _) = errors(many(2_000));
+    assert!(messages.iter().any(|message| message == "the graph has 2000 components"), "{rendered}");
+    assert!(rendered.contains("c512") && rendered.contains("beyond 512"), "{rendered}");
+}
+
+#[test]
 fn a_very_long_name_is_not_repeated_in_full() {
     let (messages, rendered, _) = errors(format!("name = \"{}\"\n", "A".repeat(1_000_000)));
     assert!(messages.iter().all(|message| message.len() < 2_000), "{}", messages[0].len());

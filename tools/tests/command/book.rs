@@ -317,3 +317,20 @@ fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
         }
     }
 }
+
+#[test]
+fn every_row_of_the_tables_of_faults_names_a_test_that_exists() {
+    let sources: String = std::fs::read_dir(workspace().join("tests/graphs"))
+        .expect("the tests of graphs are there")
+        .flatten()
+        .map(|entry| read(entry.path()))
+        .collect();
+    let page = read("docs/src/faults.md");
+    let rows: Vec<&str> =
+        page.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| fault |")).collect();
+    assert!(rows.len() > 30, "{} rows", rows.len());
+    for row in rows {
+        let named = row.trim_end_matches(" |").rsplit("| ").next().unwrap_or_default().trim_matches('`');
+        assert!(sources.contains(&format!("#[test]\nfn {named}()")), "no test is named `{named}`:\n{row}");
+    }
+}

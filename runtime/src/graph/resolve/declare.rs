@@ -17,6 +17,9 @@ use crate::nearest::{list, nearest, suggest};
 use crate::plan::Program;
 use crate::worker::{ConfigProblem, ConfigSource};
 
+/// Most components of a graph: what is beyond is no robot, and would take the analysis of its times long.
+const MOST: usize = 512;
+
 /// All components of the file, in its order.
 pub(super) fn resolve<'g, 'i>(
     graph: &'g GraphTable<'i>,
@@ -32,6 +35,13 @@ pub(super) fn resolve<'g, 'i>(
             .error("the graph has no components")
             .at(&place, "nothing would run")
             .advise("add a table such as `[component.physics]` with a `kind` and a `rate`");
+    }
+    if let Some((_, at)) = components.get(MOST) {
+        report
+            .error(format!("the graph has {} components", components.len()))
+            .at(&at.key, format!("the first of those beyond {MOST}"))
+            .advise("each component is a process of its own: put what belongs together into one of them");
+        return Vec::new();
     }
     let mut used = vec![false; robots.len()];
     let mut drafts = Vec::new();

@@ -284,15 +284,9 @@ impl TopicMemory {
         self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
     }
 
-    /// A pin beyond those of the graph's readers, taken for a process that looks on; `None` if all are in use.
-    pub(crate) fn take_side_pin(&self, process: u32, is_alive: impl Fn(u32) -> bool) -> Option<usize> {
-        let first = self.dimensions.pins - SIDE_PINS;
-        (first..self.dimensions.pins).find(|pin| {
-            let owner = &self.pins()[*pin].owner;
-            let before = owner.load(Acquire);
-            (before == 0 || !is_alive(before))
-                && owner.compare_exchange(before, process, Acquire, Relaxed).is_ok()
-        })
+    /// The pins beyond those of the graph's readers, for processes that look on.
+    pub(crate) fn side_pins(&self) -> core::ops::Range<usize> {
+        self.dimensions.pins - SIDE_PINS..self.dimensions.pins
     }
 }
 

@@ -70,8 +70,6 @@ pub(crate) struct Head<A: Atomics> {
 pub(crate) struct Pin<A: Atomics> {
     /// One more than the slot; 0 for none.
     pub(crate) slot: A::U32,
-    /// Process id of the tool that has taken this pin; 0 for none. Unused for components.
-    pub(crate) owner: A::U32,
 }
 
 /// The shared words of a topic, wherever they lie.

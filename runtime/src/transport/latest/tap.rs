@@ -4,9 +4,9 @@
 
 use super::TopicMemory;
 use super::protocol::{Words as _, pin_marked, unpin};
-use crate::os::Watch;
+use crate::os::Lock;
 use crate::state::Stamp;
-use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Tries to pin a publication before it counts as not there yet.
 const TRIES: usize = 64;
@@ -21,17 +21,20 @@ pub(crate) struct Tap {
     /// Slot of the last publication read: the next one is behind it as a rule.
     slot: usize,
     missed: u64,
+    /// Held for as long as the pin is used; dropped after it.
+    _place: Lock,
 }
 
 impl Tap {
-    /// Joins a topic; the first value is the newest one. `None` if all places for those who look on are taken.
-    pub(crate) fn join(memory: TopicMemory) -> Option<Self> {
-        let is_alive = |process: u32| Watch::new(process).is_ok_and(|watch| !watch.has_ended());
-        let pin = memory.take_side_pin(std::process::id(), is_alive)?;
+    /// Joins a topic; the first value is the newest one. `take` takes the lock on the place of this number, which the
+    /// system frees when this process ends, however it ends. `None` if all places for those who look on are taken.
+    pub(crate) fn join(memory: TopicMemory, take: impl Fn(usize) -> Option<Lock>) -> Option<Self> {
+        let (place, pin) =
+            memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)))?;
         unpin(&memory.pins()[pin]);
         let newest = memory.newest();
         let last = newest.number().saturating_sub(1);
-        Some(Self { memory, pin, last, slot: newest.slot(), missed: 0 })
+        Some(Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place })
     }
 
     /// Hands the next publication to `read`, stamp and bytes, where it lies; false if there is none yet.
@@ -87,8 +90,6 @@ impl Tap {
 
 impl Drop for Tap {
     fn drop(&mut self) {
-        let pin = &self.memory.pins()[self.pin];
-        unpin(pin);
-        pin.owner.store(0, Release);
+        unpin(&self.memory.pins()[self.pin]);
     }
 }

@@ -37,13 +37,13 @@ fn a_state_is_read_where_the_writer_left_it() {
     output.send(&wrench(1.0)).unwrap();
     let first = core::ptr::from_ref::<Wrench>(&input.latest().unwrap());
     assert_eq!(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()), first, "no copy is made");
-    // Three slots are enough for a writer and a reader that keeps up.
+    // One slot for the reader, one for each of four taps, two for the writer.
     let mut places = std::collections::HashSet::new();
     for x in 0..100 {
         output.send(&wrench(f64::from(x))).unwrap();
         places.insert(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()));
     }
-    assert!(places.len() <= 3, "{} places", places.len());
+    assert!(places.len() <= 7, "{} places", places.len());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use motorium::os::is_held;
-use motorium::run_folder::RunFolder;
+use motorium::run_folder::{RunFolder, RunFolderError};
 
 use super::finding::Finding;
 
@@ -61,7 +61,11 @@ impl Leftovers {
     }
 
     pub(super) fn findings(&self, removed: &[PathBuf]) -> Vec<Finding> {
-        vec![judge_own(&self.runs, &self.objects, removed), judge_foreign(&self.foreign)]
+        vec![
+            judge_place(RunFolder::place()),
+            judge_own(&self.runs, &self.objects, removed),
+            judge_foreign(&self.foreign),
+        ]
     }
 }
 
@@ -105,6 +109,17 @@ fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
         known.iter().any(|prefix| name.starts_with(prefix))
     };
     objects.into_iter().filter(|path| !is_known(path)).collect()
+}
+
+fn judge_place(place: Result<PathBuf, RunFolderError>) -> Finding {
+    let name = "runs";
+    match place {
+        Ok(place) => Finding::pass(name, format!("in {}, private to this user", place.display())),
+        Err(RunFolderError::NotPrivate { path, found, advice }) => {
+            Finding::fail(name, format!("{} is {found}: nothing can run", path.display()), advice)
+        }
+        Err(error) => Finding::fail(name, error.to_string(), "look who owns that folder"),
+    }
 }
 
 fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Finding {
@@ -178,13 +193,13 @@ mod tests {
         }
         let mut left =
             Leftovers { runs: Vec::new(), objects: vec![orphan.clone()], foreign: vec![foreign.clone()] };
-        assert_eq!(left.findings(&[])[0].verdict, Verdict::Warn);
+        assert_eq!(left.findings(&[])[1].verdict, Verdict::Warn);
         assert_eq!(left.clean(), std::slice::from_ref(&orphan));
         assert!(!orphan.exists() && foreign.exists());
         let after = left.findings(&[orphan]);
-        assert_eq!(after[0].verdict, Verdict::Pass);
-        assert!(after[0].found.contains("1 files and folders removed"), "{}", after[0].found);
-        assert!(after[1].found.contains("iox2_data"), "{}", after[1].found);
+        assert_eq!(after[1].verdict, Verdict::Pass);
+        assert!(after[1].found.contains("1 files and folders removed"), "{}", after[1].found);
+        assert!(after[2].found.contains("iox2_data"), "{}", after[2].found);
     }
 
     #[test]
@@ -197,6 +212,19 @@ mod tests {
         assert_eq!(held(&objects), ["mt_reach-1_"]);
         drop(held_by_us);
         assert!(held(&objects).is_empty());
+    }
+
+    #[test]
+    fn a_folder_of_runs_that_others_could_reach_into_makes_a_machine_unfit() {
+        let open = RunFolderError::NotPrivate {
+            path: "/dev/shm/motorium-7".into(),
+            found: "open to other users (mode 777)".into(),
+            advice: "chmod 700".into(),
+        };
+        let finding = judge_place(Err(open));
+        assert_eq!((finding.verdict, finding.fix.as_deref()), (Verdict::Fail, Some("chmod 700")));
+        assert!(finding.found.contains("/dev/shm/motorium-7 is open to other users"), "{}", finding.found);
+        assert_eq!(judge_place(Ok("/dev/shm/motorium-7".into())).verdict, Verdict::Pass);
     }
 
     #[test]

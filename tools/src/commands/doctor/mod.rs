@@ -146,6 +146,7 @@ mod tests {
             "shared memory",
             "swap",
             "huge pages",
+            "runs",
             "leftovers",
             "other iceoryx2",
             "iceoryx2",
