@@ -73,7 +73,8 @@ fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
     let _machine = machine();
     for away_ms in [500, 3_000] {
         let (_folder, graph) = watched_reach();
-        let run = Run::start(&graph, &["--for", "9 s"]);
+        // Long enough that the stopped controller does not count as hung.
+        let run = Run::start(&graph, &["--for", "9 s", "--set", "realtime.hang_after=10 s"]);
         std::thread::sleep(Duration::from_millis(1_000));
         let controller = run.pid_of("controller");
         signal(controller, Signal::STOP);
@@ -236,7 +237,10 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
 #[test]
 fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
     let _machine = machine();
-    let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "safety.resume=latch"]);
+    let run = Run::start(
+        &panda_reach(),
+        &["--for", "60 s", "--set", "safety.resume=latch", "--set", "realtime.hang_after=10 s"],
+    );
     await_gate(&run, "the start is no outage", |gate| gate.state == GateState::Following);
     let controller = run.pid_of("controller");
     signal(controller, Signal::STOP);
