@@ -3,12 +3,18 @@
 //! Plans are made by [`graph::load`](crate::graph::load), travel to the worker processes as JSON, and are never
 //! written by hand.
 
+mod faults;
+mod safety;
+
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
 use crate::state::TypeLayout;
+pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
+pub(crate) use safety::EMERGENCY_STOP_PORT;
+pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 
 /// The clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -91,78 +97,6 @@ impl Spin {
     }
 }
 
-/// The state that an actuator applies when commands fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SafeState {
-    /// Hold the position at which the command went stale, with the gains of the last command.
-    Hold,
-    /// No setpoint, only damping.
-    Damp,
-    /// No effort at all.
-    ZeroTorque,
-    /// Stop as fast as the effort limits allow, then hold.
-    Brake,
-}
-
-/// The treatment of a command beyond a limit of its joint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LimitPolicy {
-    /// Apply it as far as the limits allow.
-    Clamp,
-    /// Do not apply it: the safe state is.
-    Refuse,
-}
-
-/// The way out of the safe state once commands are fresh again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ResumeRule {
-    /// Follow them from the held pose at half of the velocity and acceleration limits until the setpoint is met, then
-    /// apply them; at once where the setpoint is within reach.
-    Near,
-    /// Stay in the safe state until `motorium resume`; then as `near`.
-    Latch,
-    /// Apply them at once, however far away they are.
-    AtOnce,
-}
-
-/// Name of the input by which an actuator's gate reads the emergency-stop topic.
-pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
-
-/// Limits and states that keep the robot safe.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SafetyPlan {
-    /// A command older than this is never applied.
-    pub stale_after_ns: u64,
-    /// A command computed from a measurement older than this is never applied.
-    pub source_stale_after_ns: u64,
-    /// The treatment of commands beyond a limit.
-    pub limits: LimitPolicy,
-    /// The way out of the safe state.
-    pub resume: ResumeRule,
-    /// The state applied instead.
-    pub safe_state: SafeState,
-    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
-    pub settle_ns: u64,
-}
-
-impl SafetyPlan {
-    /// The defaults of a graph, for plans that tests make by hand.
-    #[cfg(test)]
-    pub(crate) fn for_tests() -> Self {
-        Self {
-            stale_after_ns: 5_000_000,
-            source_stale_after_ns: 20_000_000,
-            limits: LimitPolicy::Clamp,
-            resume: ResumeRule::Near,
-            safe_state: SafeState::Hold,
-            settle_ns: 0,
-        }
-    }
-}
-
 /// The program of a component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -199,86 +133,6 @@ pub enum Activation {
         /// Period of the time-triggered component at the head of the chain, ns.
         period_ns: u64,
     },
-}
-
-/// The consequence of a step that ran past the next release.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OnOverrun {
-    /// Drop the releases that have passed; go on with the next future one of the grid.
-    Skip,
-    /// Run the releases that have passed at once, one after the other, until the grid is met again.
-    CatchUp,
-    /// Start the grid anew at the end of the late step.
-    Rephase,
-    /// As `skip`, and withhold the outputs of the late step: readers keep the older value.
-    Hold,
-    /// Bring the whole graph to its safe state.
-    SafeStop,
-}
-
-/// The consequence of a step that returned an error or made an invalid output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OnError {
-    /// The component fails; `restart` and `on_failure` take effect.
-    Fail,
-    /// Report and count the error; the component goes on, its readers keep the older value.
-    Hold,
-}
-
-/// The consequence of a component that failed and is not restarted, or not again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OnFailure {
-    /// Bring the whole graph to its safe state and end the run.
-    SafeStop,
-    /// Go on without the component.
-    Ignore,
-}
-
-/// The condition of a restart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RestartWhen {
-    /// Never.
-    Never,
-    /// After a crash, an error or a kill.
-    Failure,
-    /// After every end, also one in good order.
-    Always,
-}
-
-/// Restart policy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RestartPlan {
-    /// The condition.
-    pub when: RestartWhen,
-    /// At most this many restarts within `window_ns`.
-    pub at_most: u32,
-    /// The window over which restarts are counted, ns.
-    pub window_ns: u64,
-    /// Time within which a restarted component must step again, ns; otherwise it has failed again.
-    pub within_ns: u64,
-}
-
-/// Limits of one component on standing still, on computing, and on losing steps.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LivenessPlan {
-    /// Time without a step, although one was due, after which it has hung, ns.
-    pub hang_after_ns: u64,
-    /// Time for which it may compute without waiting before the kernel ends it, ns; `None` unless its class is
-    /// `SCHED_FIFO`.
-    pub cpu_limit_ns: Option<u64>,
-    /// Share of its steps, 0 to 1, above which losing them is a warning.
-    pub lost_steps: f64,
-}
-
-impl Default for LivenessPlan {
-    /// Limits that nothing reaches.
-    fn default() -> Self {
-        Self { hang_after_ns: u64::MAX, cpu_limit_ns: None, lost_steps: 1.0 }
-    }
 }
 
 /// Scheduling class of one component.

@@ -1,0 +1,75 @@
+//! The safety of a plan: safe state, ages, limits, and the way back.
+
+use serde::{Deserialize, Serialize};
+
+/// The state that an actuator applies when commands fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SafeState {
+    /// Hold the position at which the command went stale, with the gains of the last command.
+    Hold,
+    /// No setpoint, only damping.
+    Damp,
+    /// No effort at all.
+    ZeroTorque,
+    /// Stop as fast as the effort limits allow, then hold.
+    Brake,
+}
+
+/// The treatment of a command beyond a limit of its joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LimitPolicy {
+    /// Apply it as far as the limits allow.
+    Clamp,
+    /// Do not apply it: the safe state is.
+    Refuse,
+}
+
+/// The way out of the safe state once commands are fresh again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ResumeRule {
+    /// Follow them from the held pose at half of the velocity and acceleration limits until the setpoint is met, then
+    /// apply them; at once where the setpoint is within reach.
+    Near,
+    /// Stay in the safe state until `motorium resume`; then as `near`.
+    Latch,
+    /// Apply them at once, however far away they are.
+    AtOnce,
+}
+
+/// Name of the input by which an actuator's gate reads the emergency-stop topic.
+pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
+
+/// Limits and states that keep the robot safe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SafetyPlan {
+    /// A command older than this is never applied.
+    pub stale_after_ns: u64,
+    /// A command computed from a measurement older than this is never applied.
+    pub source_stale_after_ns: u64,
+    /// The treatment of commands beyond a limit.
+    pub limits: LimitPolicy,
+    /// The way out of the safe state.
+    pub resume: ResumeRule,
+    /// The state applied instead.
+    pub safe_state: SafeState,
+    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
+    pub settle_ns: u64,
+}
+
+impl SafetyPlan {
+    /// The defaults of a graph, for plans that tests make by hand.
+    #[cfg(test)]
+    pub(crate) fn for_tests() -> Self {
+        Self {
+            stale_after_ns: 5_000_000,
+            source_stale_after_ns: 20_000_000,
+            limits: LimitPolicy::Clamp,
+            resume: ResumeRule::Near,
+            safe_state: SafeState::Hold,
+            settle_ns: 0,
+        }
+    }
+}
