@@ -227,7 +227,7 @@ impl Gate {
             self.enter_safe(measured.position, measured.velocity, measured.gravity);
         } else if matches!(state, SafeState::Hold | SafeState::Brake) {
             for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
-                let joint = joint(measured.position, measured.velocity, 0.0, i, setpoint);
+                let joint = joint(measured.position, measured.velocity, self.gravity[i], i, setpoint);
                 *setpoint = stay(state, &joint, limits, setpoint, dt);
             }
         }
@@ -248,11 +248,18 @@ impl Gate {
 
     fn enter_safe(&mut self, position: &[f64], velocity: &[f64], gravity: &mut dyn FnMut(&mut [f64])) {
         gravity(&mut self.gravity);
+        let followed = self.state != GateState::Safe;
         for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
             let joint = joint(position, velocity, self.gravity[i], i, setpoint);
-            *setpoint = enter(self.settings.safe_state, &joint, limits, setpoint);
+            let last = *setpoint;
+            *setpoint = enter(self.settings.safe_state, &joint, limits, &last);
+            if followed && self.settings.safe_state == SafeState::Hold {
+                // Without a jump of the effort, which would be one of the acceleration.
+                let (q, v) = (joint.position, joint.velocity);
+                let jump = last.effort_at(q, v, limits.effort) - setpoint.effort_at(q, v, f64::INFINITY);
+                setpoint.effort = (setpoint.effort + jump).clamp(-limits.effort, limits.effort);
+            }
         }
-        let followed = self.state != GateState::Safe;
         (self.state, self.in_safe, self.lags) = (GateState::Safe, true, false);
         if followed {
             self.latch();

@@ -9,6 +9,9 @@ const BRAKE: f64 = 1e6;
 /// Share of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 
+/// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a third, s.
+const EFFORT_BLEND: f64 = 0.03;
+
 /// A joint slower than this counts as standing, rad/s or m/s.
 const STANDS: f64 = 1e-3;
 
@@ -57,8 +60,8 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
     }
 }
 
-/// The setpoint of a step in a safe state, `dt` s after `setpoint`: `hold` brings a moving joint to rest within its range,
-/// `brake` holds a joint once it stands.
+/// The setpoint of a step in a safe state, `dt` s after `setpoint`: `hold` brings a moving joint to rest within its range
+/// and its feed-forward to that against gravity; `brake` holds a joint once it stands.
 pub fn stay(
     state: SafeState,
     joint: &Joint,
@@ -66,6 +69,13 @@ pub fn stay(
     setpoint: &JointSetpoint,
     dt: f64,
 ) -> JointSetpoint {
+    let mut setpoint = setpoint;
+    let blended;
+    if state == SafeState::Hold && setpoint.effort != joint.gravity {
+        let effort = setpoint.effort + (joint.gravity - setpoint.effort) * (dt / EFFORT_BLEND).min(1.0);
+        blended = JointSetpoint { effort, ..*setpoint };
+        setpoint = &blended;
+    }
     match state {
         SafeState::Hold if setpoint.velocity != 0.0 => {
             let slower = (setpoint.velocity.abs() - STOPPING_SHARE * limits.acceleration * dt).max(0.0);
