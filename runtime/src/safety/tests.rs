@@ -239,6 +239,22 @@ fn hold_brings_a_moving_joint_to_rest_within_its_acceleration_and_its_range() {
 }
 
 #[test]
+fn hold_begins_with_the_effort_of_the_moment_before_and_goes_over_to_gravity() {
+    let mut arm = Arm::following();
+    // The joint lags behind its setpoint by 0.01 rad: its drive pulls with 6 N m more than gravity.
+    arm.position[0] = 0.49;
+    arm.silence();
+    let first = arm.gate.setpoints()[0];
+    assert_eq!(first.position, 0.49);
+    assert!((first.effort_at(0.49, 0.0, 87.0) - 27.0).abs() < 1e-9, "{first:?}");
+    for _ in 0..300 {
+        arm.silence();
+    }
+    let last = arm.gate.setpoints()[0];
+    assert!((last.effort - 21.0).abs() < 1e-3, "{last:?}");
+}
+
+#[test]
 fn each_safe_state_is_entered_by_its_law() {
     let joint = Joint { position: 0.3, velocity: 0.0, gravity: 21.0 };
     let limits = &limits()[0];
