@@ -50,8 +50,9 @@ impl Need {
             plan.components.iter().filter(|component| !component.parameters.is_empty()).count() as u64;
         let services = count + tables;
         let region = crate::region::Region::bytes(plan) as u64;
+        let others = region + services * SERVICE + components * COMPONENT + SPARE;
         Self {
-            bytes: topics.clone().sum::<u64>() + region + services * SERVICE + components * COMPONENT + SPARE,
+            bytes: topics.clone().fold(others, u64::saturating_add),
             files: FILES * (services + components) + 32,
             descriptors: OTHERS + PER_COMPONENT * components + PER_SERVICE * services,
             largest: topics.chain([region, SPARE, 1 << 20]).max().unwrap_or(SPARE),

@@ -70,15 +70,20 @@ struct Dimensions {
     size: usize,
 }
 
+/// The smallest multiple of `step` from `number` on; the largest number there is where a plan asks for more than that.
+fn up_to_multiple(number: usize, step: usize) -> usize {
+    number.checked_next_multiple_of(step).unwrap_or(usize::MAX)
+}
+
 impl Dimensions {
     fn of(topic: &TopicPlan) -> Self {
         let pins = topic.readers.len() + SIDE_PINS;
-        let value = SLOT_WORDS.next_multiple_of(topic.layout.alignment.max(1));
+        let value = up_to_multiple(SLOT_WORDS, topic.layout.alignment.max(1));
         let slots = match topic.pattern {
-            TopicPattern::State => pins + 2 + topic.history,
+            TopicPattern::State => topic.history.saturating_add(pins + 2),
             TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
         };
-        let stride = (value + topic.layout.size).next_multiple_of(LINE);
+        let stride = up_to_multiple(topic.layout.size.saturating_add(value), LINE);
         Self { pins, slots, value, stride, size: topic.layout.size }
     }
 
@@ -100,7 +105,7 @@ impl Dimensions {
     }
 
     fn bytes(self) -> usize {
-        self.slots_at() + self.slots * self.stride
+        self.slots.saturating_mul(self.stride).saturating_add(self.slots_at())
     }
 }
 
@@ -112,7 +117,8 @@ impl TopicPlan {
             TopicPattern::State => Dimensions::of(self).slots,
             // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
             TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
-                2 * (self.readers.len() + SIDE_PINS) * (capacity + 2) + 2
+                let queues = 2 * (self.readers.len() + SIDE_PINS);
+                queues.saturating_mul(capacity.saturating_add(2)).saturating_add(2)
             }
         }
     }
@@ -124,9 +130,10 @@ impl TopicPlan {
             TopicPattern::Stream { .. } => 1,
             TopicPattern::Slices { longest, .. } => longest,
         };
-        let sample = (values * self.layout.size + 2 * size_of::<Stamp>()).next_multiple_of(LINE);
-        let queues = if values > 0 { self.slots() * sample } else { 0 };
-        (Dimensions::of(self).bytes() + PAGE + queues).next_multiple_of(PAGE)
+        let stamps = 2 * size_of::<Stamp>();
+        let sample = up_to_multiple(values.saturating_mul(self.layout.size).saturating_add(stamps), LINE);
+        let queues = if values > 0 { self.slots().saturating_mul(sample) } else { 0 };
+        up_to_multiple(Dimensions::of(self).bytes().saturating_add(PAGE).saturating_add(queues), PAGE)
     }
 }
 
@@ -146,7 +153,7 @@ impl TopicMemory {
         let dimensions = Dimensions::of(topic);
         let storage = builder(node, topic, &refuse)?
             .has_ownership(true)
-            .size(dimensions.bytes() + PAGE)
+            .size(dimensions.bytes().saturating_add(PAGE))
             .create(&bump_allocator::Config::default())
             .map_err(|error| refuse(&error))?;
         let memory = Self::map(storage, dimensions).ok_or_else(|| refuse(&"it is too small"))?;
@@ -174,7 +181,7 @@ impl TopicMemory {
     fn map(storage: Storage, dimensions: Dimensions) -> Option<Self> {
         let address = storage.payload_start_address();
         let base = address.next_multiple_of(align_of::<Pin<Native>>());
-        let fits = storage.size() >= base - address + dimensions.bytes();
+        let fits = storage.size() >= (base - address).saturating_add(dimensions.bytes());
         let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
         Some(Self { base, dimensions, _storage: storage })
     }

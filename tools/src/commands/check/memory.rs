@@ -54,7 +54,7 @@ pub(super) fn describe(plan: &Plan) -> String {
             size(topic.bytes),
         ]);
     }
-    let total: usize = topics.iter().map(|topic| topic.bytes).sum();
+    let total = topics.iter().map(|topic| topic.bytes).fold(0, usize::saturating_add);
     format!("{}\nshared memory of all topics: {}\n", rows.trim_fmt(), size(total))
 }
 
