@@ -194,6 +194,7 @@ fn cleaning_up_in_another_process_namespace_leaves_a_living_run_alone() {
         assert!(killed.elapsed() < Duration::from_secs(10), "the controller is not restarted");
         std::thread::sleep(Duration::from_millis(5));
     }
+    run.await_running("controller");
     signal(run.launcher(), rustix::process::Signal::INT);
     let ended = run.finish();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

@@ -86,6 +86,20 @@ impl Run {
         region.components()[index].pid.load(std::sync::atomic::Ordering::Relaxed)
     }
 
+    /// Waits until a component steps and the launcher has had the time to see it.
+    pub(crate) fn await_running(&self, component: &str) {
+        let plan = self.folder.plan().expect("the run has a plan");
+        let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
+        let region = self.folder.region().expect("the run has a region");
+        let block = &region.components()[index];
+        let (started, before) = (Instant::now(), steps(block));
+        while block.phase() != motorium::region::Phase::Running || steps(block) < before + 20 {
+            assert!(started.elapsed() < Duration::from_secs(10), "`{component}` does not step");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+
     /// Waits for the end; exit code, report, standard error.
     pub(crate) fn finish(mut self) -> Ended {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
