@@ -298,7 +298,7 @@ fn wrong_names_are_refused(name: &str) {
     let text = complaint(&["top", "no-run-of-this-name", "--once"]);
     assert!(text.contains("no run is called `no-run-of-this-name`"), "{text}");
     let text = complaint(&["top", name, "--once", "--interval", "1ms"]);
-    assert!(text.contains("expected from 100 ms to 1 h"), "{text}");
+    assert!(text.contains("expected 100 ms to 1 h"), "{text}");
 }
 
 fn the_end_of_the_run_is_told(run: Serving, name: &str) {
