@@ -36,11 +36,13 @@ struct RogueConfig {
     /// Steps between which it is commanded, and the emergency stop is pressed.
     from: u64,
     until: u64,
+    /// First step whose accelerations are measured.
+    measure_from: u64,
 }
 
 impl Default for RogueConfig {
     fn default() -> Self {
-        Self { nonsense: Nonsense::None, joint: 0, from: u64::MAX, until: u64::MAX }
+        Self { nonsense: Nonsense::None, joint: 0, from: u64::MAX, until: u64::MAX, measure_from: 0 }
     }
 }
 
@@ -93,7 +95,11 @@ impl Component for Rogue {
         }
         let dt =
             self.last.as_ref().map_or(0.0, |(_, last_ns)| time_ns.saturating_sub(*last_ns) as f64 * 1e-9);
-        if let Some((last, _)) = self.last.as_ref().filter(|_| (0.0005..0.0015).contains(&dt)) {
+        if let Some((last, _)) = self
+            .last
+            .as_ref()
+            .filter(|_| tick.index >= self.config.measure_from && (0.0005..0.0015).contains(&dt))
+        {
             for ((hardest, v), last) in self.hardest.iter_mut().zip(state.velocity()).zip(last) {
                 *hardest = hardest.max((v - last).abs() / dt);
             }
