@@ -85,12 +85,12 @@ impl Fault {
         Self::ALL.into_iter().find(|fault| fault.name() == name)
     }
 
-    /// Whether the process goes on afterwards, if nobody ends it.
+    /// True for a fault after which the process goes on by itself.
     pub fn passes(self) -> bool {
         self == Self::Pause
     }
 
-    /// Whether the process ends by it.
+    /// True for a fault that ends the process.
     pub fn ends(self) -> bool {
         !matches!(self, Self::Hang | Self::Pause)
     }

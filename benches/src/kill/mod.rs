@@ -90,7 +90,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Whether every run ended in order and the robot was safe at all times.
+    /// True if every run ended in order and the robot was safe at all times.
     pub fn is_clean(&self) -> bool {
         let counts = [self.hangs, self.strays, self.leaks, self.failed_runs, self.unsafe_outages];
         counts.iter().all(|count| *count == 0) && self.steps_beyond_a_velocity_limit == 0

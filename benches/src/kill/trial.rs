@@ -249,7 +249,7 @@ impl Trial {
         last
     }
 
-    /// Whether an actuator that runs follows a command that is long stale.
+    /// True while a running actuator follows a command older than ten times `stale_after` and 100 ms.
     fn outage(&self, victim: Option<usize>, now_ns: u64) -> bool {
         // Ten times what is allowed: the looks of this process are late, too.
         let allowed_ns = 10 * self.plan.safety.stale_after_ns + 100_000_000;
@@ -276,7 +276,7 @@ impl Trial {
             && outputs.all(|topic| self.region.topics()[topic].last_publish_ns.load(Relaxed) > injected_ns)
     }
 
-    /// Whether all actuators follow commands.
+    /// True if no actuator is in its safe state.
     fn actuators_follow(&self) -> bool {
         let blocks = self.plan.components.iter().zip(self.region.components());
         blocks.filter(|(plan, _)| plan.actuator).all(|(_, block)| block.safe.load(Relaxed) == 0)
