@@ -236,9 +236,26 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
     signal(run.launcher(), Signal::CONT);
+    // the launcher tells what it can see
+    std::thread::sleep(Duration::from_millis(200));
+    for command in [&["stop", "--now"][..], &["resume"]] {
+        let (code, text) = motorium(&run, command);
+        assert_eq!(code, Some(0), "{text}");
+        std::thread::sleep(Duration::from_millis(200));
+    }
     let (code, text) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0), "{text}");
-    assert_eq!(run.finish().report().exit, Exit::Interrupted);
+    let ended = run.finish();
+    assert_eq!(ended.report().exit, Exit::Interrupted);
+    is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
+}
+
+/// The launcher told the stop by these words, and its end.
+fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
+    let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
+    let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
+    let in_order = stopped.zip(resumed).is_some_and(|(stopped, resumed)| stopped < resumed);
+    assert!(in_order, "{words}: {}", ended.stderr);
 }
 
 #[test]
@@ -260,7 +277,7 @@ fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
     await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
-    run.finish();
+    is_told_stopped_and_resumed(&run.finish(), "since `physics` entered its safe state");
 }
 
 #[test]
@@ -279,5 +296,6 @@ fn an_emergency_stop_of_a_component_latches_and_cannot_be_resumed_while_it_is_pr
     await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
-    run.finish();
+    let words = "by the emergency stop of `rogue` on `stop`; to go on: release the emergency stop, then";
+    is_told_stopped_and_resumed(&run.finish(), words);
 }

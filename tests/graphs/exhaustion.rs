@@ -5,6 +5,7 @@ use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use crate::faults::faulty;
 use crate::support::{MOTORIUM, is_root, machine, workspace};
 
 fn text(output: &Output) -> String {
@@ -175,4 +176,43 @@ fn a_restart_that_finds_no_memory_names_it() {
     // What is kept for restarts is taken, too: its object cut, the room filled.
     let text = killed_after("truncate -s 0 /dev/shm/mt_*_spare; cat /dev/zero > /dev/shm/fill 2>/dev/null");
     assert!(text.contains("/dev/shm is full"), "{text}");
+}
+
+#[test]
+fn too_little_memory_is_named_and_nothing_is_left_behind() {
+    let _machine = machine();
+    let words = ["memory", "failed to map segment", "Cannot allocate"];
+    let ran: Vec<bool> =
+        [8, 32, 64, 128, 4_096].map(|mib| limited(&format!("ulimit -v {}", mib * 1_024), &words)).into();
+    assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
+}
+
+#[test]
+fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_policy() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\" }";
+    let (_folder, graph) = faulty("{ fault = \"devour\", at = 200, once = true }", restart);
+    let before = shared_memory();
+    let line = format!("ulimit -v 2000000; exec \"$MOTORIUM\" run {} --force --for 3s", graph.display());
+    let output = shell(&line).output().expect("bash runs");
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    let told = ["`faulty` at tick 200", "memory allocation of", "SIGABRT", "`faulty` steps again after"];
+    assert!(told.iter().all(|words| text.contains(words)), "{text}");
+    assert_eq!(shared_memory(), before, "{text}");
+}
+
+#[test]
+fn a_full_disk_takes_the_report_and_the_events_but_neither_the_run_nor_its_end() {
+    let _machine = machine();
+    let before = shared_memory();
+    let run = "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 500ms";
+    let events = shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs");
+    assert_eq!(events.status.code(), Some(0), "{:?}", events.status);
+    assert!(text(&events).contains("\"exit\": \"finished\""), "{}", text(&events));
+    let report = shell(&format!("{run} --json >/dev/full")).output().expect("bash runs");
+    let told = text(&report);
+    assert_eq!(report.status.code(), Some(1), "{told}");
+    assert!(told.contains("No space left on device"), "{told}");
+    assert_eq!(shared_memory(), before, "{told}");
 }

@@ -15,6 +15,7 @@ mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod runs;
+mod supervisors;
 mod support;
 mod top;
 

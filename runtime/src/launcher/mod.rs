@@ -21,6 +21,7 @@ mod restart;
 mod shutdown;
 mod status;
 mod stop_reason;
+mod stops;
 mod supervise;
 mod watchdog;
 
@@ -120,7 +121,7 @@ pub enum LaunchError {
     },
 }
 
-/// Runs a plan to its end: its duration, a signal, or a failure that its policies do not forgive.
+/// Runs a plan to its end: its duration, a signal, or a failure that its policies do not tolerate.
 ///
 /// `observe` is called with every [`Event`] while the graph runs; with a [`Status`] about 20 times a second.
 ///
@@ -153,6 +154,7 @@ pub fn run(
         idle_states: IdleStates::default(),
         spare: Spare::none(),
         places: Places::default(),
+        stop: None,
     };
     let result = launch.live(&signals, observe);
     launch.clean_up();
@@ -177,6 +179,8 @@ struct Launch<'a> {
     idle_states: IdleStates,
     spare: Spare,
     places: Places,
+    /// The stop that was told last.
+    stop: Option<stops::Stop>,
 }
 
 /// Everything in shared memory that must outlive the components.

@@ -97,7 +97,7 @@ impl Launch<'_> {
             let now = monotonic_ns();
             self.region.header().launcher_alive_ns.store(now, Relaxed);
             let late = now.saturating_sub(due);
-            self.forgive_own_delay(&mut supervision, late, now);
+            self.disregard_own_delay(&mut supervision, late, now);
             if signals.is_raised() {
                 return self.ended(Exit::Interrupted, &supervision, observe);
             }
@@ -128,6 +128,7 @@ impl Launch<'_> {
             }
             self.monitor_guard(late, observe);
             self.look_at_places(observe);
+            self.tell_stops(observe);
             if now >= next_status {
                 next_status = now + STATUS_NS;
                 observe(Event::Status(&self.status()));
@@ -264,8 +265,8 @@ impl Launch<'_> {
             let _ = self.spare.take_back();
             supervision.down = None;
             supervision.stepping_since_ns = now;
-            supervision.watchdog.forgive(now);
-            supervision.lost_steps.forgive(now);
+            supervision.watchdog.watch_from(now);
+            supervision.lost_steps.count_from(now);
         } else if is_alive && now.saturating_sub(down.start_ns) > within && !supervision.was_ended {
             supervision.was_ended = true;
             let took = within / 1_000_000;

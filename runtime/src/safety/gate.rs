@@ -180,13 +180,13 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let position = measured.position;
-        let verdict = self.judge(offer, measured, dt, account);
+        let verdict = self.check_command(offer, measured, dt, account);
         self.bound_velocities(position);
         verdict
     }
 
     #[inline]
-    fn judge(
+    fn check_command(
         &mut self,
         offer: Offer<'_>,
         measured: Measured<'_>,
