@@ -122,7 +122,8 @@ impl Component for Faulty {
         value.publish()?;
         let mut output = self.output.loan()?;
         *output = *state;
-        let due = (self.config.at..self.config.until).contains(&tick.index) && !(self.config.once && self.restarted);
+        let due = (self.config.at..self.config.until).contains(&tick.index)
+            && !(self.config.once && self.restarted);
         if due {
             match self.config.fault {
                 Fault::Panic => panic!("ordered to panic"),

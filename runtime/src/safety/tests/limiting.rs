@@ -42,7 +42,7 @@ fn each_field_beyond_its_limit_is_clamped_and_counted_by_joint_and_reason() {
         (2, -1e9, LimitKind::Effort, -3.0 - 1e3 * DT),
         (2, 1e308, LimitKind::Effort, -3.0 + 1e3 * DT),
         (2, 10.0, LimitKind::EffortRate, -3.0 + 1e3 * DT),
-        (3, 1e12, LimitKind::Kp, 8.7e5),
+        (3, 1e12, LimitKind::Kp, 8.7e3),
         (4, 1e300, LimitKind::Kd, 4.35e4),
     ] {
         let mut arm = Arm::following();

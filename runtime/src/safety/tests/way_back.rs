@@ -58,6 +58,76 @@ fn a_setpoint_that_moves_on_is_met_while_it_moves() {
 }
 
 #[test]
+fn what_is_left_when_a_setpoint_is_met_fades_and_then_commands_pass_to_the_last_bit() {
+    let mut arm = Arm::following();
+    arm.silence();
+    let mut before = arm.gate.setpoints()[0];
+    let mut goal = command([0.5, -0.5], [0.0; 2]);
+    let mut fading = 0;
+    for step in 0..3_000 {
+        // a controller that answers to noise: its setpoint jumps by 1 mrad and 20 mrad/s from step to step
+        let jump = if step % 2 == 0 { 1.0 } else { -1.0 };
+        goal.position_mut()[0] = 0.6 + 0.5e-3 * jump;
+        goal.velocity_mut()[0] = 0.01 * jump;
+        goal.effort_mut()[0] = 22.0;
+        if step > 2_000 {
+            goal.position_mut()[0] = 0.6;
+            goal.velocity_mut()[0] = 0.0;
+        }
+        let verdict = arm.offer(&goal);
+        let now = arm.gate.setpoints()[0];
+        if verdict == Verdict::Applied {
+            fading += usize::from(now.position != goal.position()[0]);
+        } else {
+            assert_eq!(fading, 0);
+            assert!((now.velocity - before.velocity).abs() / DT <= 3.75 + 1e-9);
+        }
+        before = now;
+    }
+    assert!((50..=100).contains(&fading), "{fading} ms");
+    assert_eq!((before.position, before.velocity, before.effort), (0.6, 0.0, 22.0));
+    assert!(arm.book.limited.borrow().iter().all(|(_, kind)| *kind == LimitKind::Acceleration));
+}
+
+#[test]
+fn under_refuse_the_end_of_the_way_back_refuses_nothing() {
+    let mut arm = arm_with(SafeState::Hold, LimitPolicy::Refuse, ResumeRule::Near);
+    arm.silence();
+    // other feed-forward efforts and another pose than those it is held at
+    let mut goal = command([0.7, -0.6], [0.0; 2]);
+    goal.effort_mut().fill(0.0);
+    for _ in 0..3_000 {
+        let verdict = arm.offer(&goal);
+        assert!(!matches!(verdict, Verdict::Safe { .. }), "{:?}", arm.book.refused.borrow());
+    }
+    assert_eq!(arm.gate.state(), GateState::Following);
+    let setpoint = arm.gate.setpoints()[0];
+    assert_eq!((setpoint.position, setpoint.effort), (0.7, 0.0));
+    assert!(arm.book.refused.borrow().is_empty() && arm.book.limited.borrow().is_empty());
+}
+
+#[test]
+fn the_way_back_swings_at_no_period_of_the_actuator() {
+    for period_ms in [0.5, 1.0, 4.0, 10.0, 25.0, 50.0] {
+        let mut arm = Arm::following();
+        arm.silence();
+        let (goal, dt) = (command([-0.4, -0.2], [0.0; 2]), period_ms * 1e-3);
+        let steps = (8.0 / dt) as usize;
+        for _ in 0..steps {
+            let mut gravity = |effort: &mut [f64]| effort.copy_from_slice(&GRAVITY);
+            let measured =
+                Measured { position: &arm.position, velocity: &arm.velocity, gravity: &mut gravity };
+            arm.gate.offer(Offer { command: &goal, is_new: true, ahead: dt }, measured, dt, &arm.book);
+            arm.move_on();
+            let position = arm.gate.setpoints()[0].position;
+            assert!(position > -0.42, "{period_ms} ms: it overshoots to {position}");
+        }
+        assert_eq!(arm.gate.state(), GateState::Following, "{period_ms} ms");
+        assert_eq!(arm.gate.setpoints()[0].position, -0.4, "{period_ms} ms");
+    }
+}
+
+#[test]
 fn at_once_follows_the_first_fresh_command_however_far_it_is() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::AtOnce);
     arm.silence();
