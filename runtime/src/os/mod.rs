@@ -18,11 +18,12 @@ pub use idle::IdleLimit;
 pub use lock::{Lock, is_held};
 pub use prefetch::{prefetch_read, prefetch_write};
 pub use process::{
-    Watch, default_signals, discard_output, install_interrupt, interrupt_thread, process_state, thread_id,
+    Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id,
 };
+pub(crate) use process::is_default;
 pub use random::random_bytes;
 pub use realtime::{
-    Applied, Denied, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack, times_asleep,
+    Applied, Denied, Placement, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack, times_asleep,
     wake_soon,
 };
 pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};

@@ -127,6 +127,11 @@ impl TopicService {
         self.samples.abandon();
     }
 
+    /// The memory of the topic.
+    pub(crate) fn memory(&self) -> &TopicMemory {
+        &self.memory
+    }
+
     /// The topic, if components wait for it: to interrupt them, so that they look at the run's command.
     pub(crate) fn waited_for(&self) -> Option<Rc<TopicMemory>> {
         self.wakes.then(|| self.memory.clone())

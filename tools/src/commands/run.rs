@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::graph::Override;
-use motorium::launcher::{self, Event, Exit, Hosting, Options};
+use motorium::launcher::{Event, Exit, Hosting, Options};
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{self, RtLimit};
+use motorium::session;
 
 use super::check::problems;
 use super::loading::GraphArgs;
@@ -29,9 +30,15 @@ pub(crate) struct Run {
     /// The clock: as the graph says if not given
     #[arg(long, value_enum)]
     clock: Option<Clock>,
-    /// Host all components in this process instead of one each
-    #[arg(long)]
+    /// Where the components run
+    #[arg(long, value_enum, default_value_t)]
+    hosting: HostingChoice,
+    /// The same as `--hosting threads`
+    #[arg(long, conflicts_with = "hosting")]
     in_process: bool,
+    /// In lockstep: the core of everything in the run; as the graph says if not given
+    #[arg(long)]
+    core: Option<usize>,
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
@@ -49,6 +56,17 @@ enum Clock {
     Realtime,
     /// Simulated time, deterministic, as fast as the machine allows
     Lockstep,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum HostingChoice {
+    /// Each component in a process of its own
+    #[default]
+    Processes,
+    /// Each component in a thread of this process
+    Threads,
+    /// All components in one thread, one after the other; in lockstep
+    Inline,
 }
 
 impl Run {
@@ -95,22 +113,18 @@ impl Run {
                 errln!("{} metrics are not served: {error:#}", style::warning("warning:"));
             }
         };
-        let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
-        let program = std::env::current_exe().context("finding this program's own file")?;
-        let options = Options { hosting, program };
+        let options = self.options()?;
         let plan = checked.plan;
         let lockstep = plan.clock == ClockKind::Lockstep;
         let live =
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let mut printer = if live { Printer::screen(&plan)? } else { Printer::plain(self.json)? };
-        let ran = launcher::run(plan, &registry, &options, &mut |event| {
+        let ran = session::run(plan, &registry, &options, &mut |event| {
             serve(&event);
             printer.show(&event);
         });
         // What went wrong comes after the last lines.
         printer.finish();
-        // No run is left to be ended in good order: a report that nobody reads must not keep this process from ending.
-        motorium::os::default_signals();
         let report = ran?;
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&report)?);
@@ -125,6 +139,16 @@ impl Run {
                 exit::safe_stop()
             }
         })
+    }
+
+    fn options(&self) -> anyhow::Result<Options> {
+        let program = std::env::current_exe().context("finding this program's own file")?;
+        let hosting = match self.hosting {
+            HostingChoice::Processes if !self.in_process => Hosting::Processes,
+            HostingChoice::Processes | HostingChoice::Threads => Hosting::Threads,
+            HostingChoice::Inline => Hosting::Inline,
+        };
+        Ok(Options { hosting, core: self.core, ..Options::processes(program) })
     }
 
     /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to be started.
