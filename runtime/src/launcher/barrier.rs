@@ -9,15 +9,15 @@ use std::sync::atomic::Ordering::Relaxed;
 
 impl Launch {
     /// Waits until all components are configured, then until all are connected; false if a signal came first.
-    pub(super) fn pass_barrier(
-        &mut self,
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> Result<bool, LaunchError> {
+    pub(super) fn pass_barrier(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<bool, LaunchError> {
         if !self.await_phase(Phase::Ready, observe)? {
             return Ok(false);
         }
         self.region.header().order(Command::Connect);
-        self.children.iter_mut().zip(self.region.components()).for_each(|(child, block)| child.connect(block));
+        self.children
+            .iter_mut()
+            .zip(self.region.components())
+            .for_each(|(child, block)| child.connect(block));
         if !self.await_phase(Phase::Connected, observe)? {
             return Ok(false);
         }

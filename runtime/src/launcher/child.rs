@@ -30,7 +30,10 @@ pub(super) struct Child {
 }
 
 enum Body {
-    Process { process: process::Child, watch: Watch },
+    Process {
+        process: process::Child,
+        watch: Watch,
+    },
     Thread(Option<JoinHandle<Outcome>>),
     /// `None` once it has failed or ended.
     Inline(Option<Box<dyn Hosted>>),

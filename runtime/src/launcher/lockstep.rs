@@ -103,7 +103,12 @@ impl Launch {
 
     /// Resets all components for an episode, one after the other: a barrier, after which simulated time begins anew. The
     /// exit if one of them cannot go on.
-    pub(crate) fn reset(&mut self, index: u64, seed: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+    pub(crate) fn reset(
+        &mut self,
+        index: u64,
+        seed: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Exit> {
         self.region.header().begin_episode(index, seed);
         let mut supervision = core::mem::take(&mut self.supervision);
         let mut exit = None;
@@ -118,7 +123,7 @@ impl Launch {
         self.services.clear();
         self.region.topics().iter().for_each(|topic| topic.begin_episode());
         self.region.components().iter().for_each(|block| block.begin_episode());
-        self.reached_ns = 0;
+        self.before_ns += core::mem::take(&mut self.reached_ns);
         exit
     }
 

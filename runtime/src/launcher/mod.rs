@@ -79,6 +79,8 @@ pub(crate) struct Launch {
     /// The order of the ticks, and the simulated time from which on they are still to be made, ns.
     rounds: Rounds,
     reached_ns: u64,
+    /// Simulated time of the episodes before, ns.
+    before_ns: u64,
     /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
     next_status_ns: u64,
     due_ns: u64,
@@ -128,6 +130,7 @@ impl Launch {
             places: Places::default(),
             cores: None,
             reached_ns: 0,
+            before_ns: 0,
             next_status_ns: 0,
             due_ns: 0,
             _placement: Placement::remember(),
@@ -171,7 +174,8 @@ impl Launch {
     pub(crate) fn finish(&mut self, exit: Exit, observe: &mut dyn FnMut(Event<'_>)) -> Report {
         let start = self.region.header().start_ns.load(Relaxed);
         let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
-        let simulated = if self.plan.clock == ClockKind::Lockstep { self.reached_ns } else { wall };
+        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
         let cores = self.cores.take().map(|watch| watch.stop());
         let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
         if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
@@ -182,6 +186,11 @@ impl Launch {
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
         report
+    }
+
+    /// Whether the launching program takes the place of a component.
+    pub(crate) fn stands_in_for(&self, component: &str) -> bool {
+        self.options.stand_in.iter().any(|name| name == component)
     }
 
     /// The plan of the run.
@@ -203,9 +212,7 @@ impl Launch {
     pub(crate) fn time_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Lockstep => self.reached_ns,
-            ClockKind::Realtime => {
-                monotonic_ns().saturating_sub(self.region.header().start_ns.load(Relaxed))
-            }
+            ClockKind::Realtime => monotonic_ns().saturating_sub(self.region.header().start_ns.load(Relaxed)),
         }
     }
 

@@ -87,7 +87,8 @@ impl Options {
         let unsuitable = |what: &str, reason: String, advice| {
             Err(LaunchError::Unsuitable { what: what.to_string(), reason, advice })
         };
-        if let Some(name) = self.stand_in.iter().find(|name| plan.components.iter().all(|c| c.name != **name)) {
+        if let Some(name) = self.stand_in.iter().find(|name| plan.components.iter().all(|c| c.name != **name))
+        {
             let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
             let reason = format!("the graph has no component `{name}`, but {}", names.join(", "));
             return unsuitable("standing in for a component", reason, "name one of these");
@@ -96,7 +97,8 @@ impl Options {
             return Ok(());
         }
         if plan.clock != ClockKind::Lockstep {
-            let reason = format!("graph `{}` runs in real time, where each component waits for itself", plan.name);
+            let reason =
+                format!("graph `{}` runs in real time, where each component waits for itself", plan.name);
             return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
         }
         let is_program = |program: &Program| matches!(program, Program::Exec { .. });

@@ -200,7 +200,7 @@ impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
-        let end_ns = if lockstep { duration_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
+        let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         Report {
             version: REPORT_VERSION,
             graph: self.plan.name.clone(),

@@ -44,7 +44,8 @@ pub(crate) fn is_default(signal: libc::c_int) -> bool {
     // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
     unsafe {
         let mut action: libc::sigaction = core::mem::zeroed();
-        libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0 && action.sa_sigaction == libc::SIG_DFL
+        libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0
+            && action.sa_sigaction == libc::SIG_DFL
     }
 }
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::component::Component;
 use crate::graph::{self, Checked, GraphError, Machine, Override};
-use crate::launcher::{LaunchError, Options, Report};
-use crate::session;
+use crate::launcher::{Options, Report};
+use crate::session::{self, SessionError};
 use crate::worker::{Kind, Registry, RobotSource};
 
 /// A graph built in code, or read from the text of a graph file, with the kinds of components it may name.
@@ -39,7 +39,7 @@ pub enum RunError {
     Graph(#[from] GraphError),
     /// It did not start.
     #[error(transparent)]
-    Launch(#[from] LaunchError),
+    Launch(#[from] SessionError),
 }
 
 impl core::fmt::Debug for RunError {

@@ -158,7 +158,7 @@ fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifi
 type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
 
 /// Checks that the topic's layout is the one this program was built with.
-pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
+pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     fits(&T::layout(), topic, port)
 }
 

@@ -11,10 +11,7 @@ use crate::os::{futex_wait, futex_wake, monotonic_ns};
 use crate::transport::Connect;
 
 /// Steps whenever the launcher hands out a tick, until the run ends.
-pub(super) fn run<C: Component>(
-    stepper: &mut Stepper<C>,
-    ports: &[Rc<dyn Connect>],
-) -> Result<(), Failure> {
+pub(super) fn run<C: Component>(stepper: &mut Stepper<C>, ports: &[Rc<dyn Connect>]) -> Result<(), Failure> {
     stepper.open_accounts();
     let mut seen = stepper.context().block().tick_done.load(Acquire);
     loop {

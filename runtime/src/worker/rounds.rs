@@ -25,7 +25,10 @@ struct Turn {
 /// The times at which a component steps.
 #[derive(Debug, Clone, Copy)]
 enum Due {
-    At { phase_ns: u64, period_ns: u64 },
+    At {
+        phase_ns: u64,
+        period_ns: u64,
+    },
     /// When the topic of this index was published.
     After(usize),
 }

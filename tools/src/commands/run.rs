@@ -5,10 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::graph::Override;
-use motorium::launcher::{Event, Exit, Hosting, Options};
+use motorium::launcher::{Event, Exit, Hosting, Options, Report};
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{self, RtLimit};
-use motorium::session;
+use motorium::session::{Session, SessionError};
+use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
@@ -39,6 +40,18 @@ pub(crate) struct Run {
     /// In lockstep: the core of everything in the run; as the graph says if not given
     #[arg(long)]
     core: Option<usize>,
+    /// Divide the run into episodes of its duration, each begun by a reset of all components; in lockstep
+    #[arg(long, value_name = "N")]
+    episodes: Option<u64>,
+    /// Give each episode a seed of its own: that of the graph and the number of the episode added
+    #[arg(long, requires = "episodes")]
+    vary_seed: bool,
+    /// Let simulated time pass at this multiple of real time; as fast as the machine allows if not given
+    #[arg(long, value_name = "FACTOR")]
+    pace: Option<f64>,
+    /// Hold simulated time at the start, until `motorium step`
+    #[arg(long)]
+    paused: bool,
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
@@ -82,6 +95,10 @@ impl Run {
             Some(Clock::Lockstep) => set("clock", "\"lockstep\"".to_string()),
             None => {}
         }
+        if let Some(episodes) = self.episodes {
+            set("episodes.count", episodes.to_string());
+            set("episodes.vary_seed", self.vary_seed.to_string());
+        }
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
             Ok(checked) => checked,
@@ -119,7 +136,7 @@ impl Run {
         let live =
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let mut printer = if live { Printer::screen(&plan)? } else { Printer::plain(self.json)? };
-        let ran = session::run(plan, &registry, &options, &mut |event| {
+        let ran = self.drive(plan, &registry, &options, &mut |event| {
             serve(&event);
             printer.show(&event);
         });
@@ -139,6 +156,25 @@ impl Run {
                 exit::safe_stop()
             }
         })
+    }
+
+    /// Launches a plan and drives it to its end.
+    fn drive(
+        &self,
+        plan: Plan,
+        registry: &Registry,
+        options: &Options,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Report, SessionError> {
+        let mut session = Session::observed(plan, registry, options, observe)?;
+        if self.pace.is_some() {
+            session.pace(self.pace)?;
+        }
+        if self.paused {
+            session.pause(true)?;
+        }
+        session.run()?;
+        Ok(session.stop())
     }
 
     fn options(&self) -> anyhow::Result<Options> {

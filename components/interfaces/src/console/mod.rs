@@ -46,6 +46,9 @@ pub struct ConsoleLog {
 trait Source {
     /// Fills the line with the newest sample that was not logged yet.
     fn fill(&mut self, line: &mut Line) -> bool;
+
+    /// Logs the first sample of an episode, whatever its number.
+    fn reset(&mut self);
 }
 
 struct Typed<T: StateBuffer> {
@@ -66,6 +69,10 @@ impl<T: StateBuffer + Print> Source for Typed<T> {
         sample.print(&mut line.groups);
         self.last = (stamp.restart_count, stamp.sequence);
         true
+    }
+
+    fn reset(&mut self) {
+        self.last = (0, 0);
     }
 }
 
@@ -102,6 +109,7 @@ ports! {
 impl Component for ConsoleLog {
     const KIND: &'static str = "log.console";
     const SUMMARY: &'static str = "prints the newest samples of topics";
+    const RESETS: bool = true;
     type Config = ConsoleLogConfig;
 
     fn declare(config: &ConsoleLogConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -144,6 +152,11 @@ impl Component for ConsoleLog {
                 Err(_) => self.dropped += 1,
             }
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.inputs.iter_mut().for_each(|input| input.reset());
         Ok(())
     }
 

@@ -11,7 +11,9 @@ use crate::plan::ClockKind;
 pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) {
     let mut ending: Option<&str> = None;
     for draft in drafts {
-        let Some(at) = draft.table.ends_episode.as_ref().filter(|at| at.get() == Some(&true)) else { continue };
+        let Some(at) = draft.table.ends_episode.as_ref().filter(|at| at.get() == Some(&true)) else {
+            continue;
+        };
         if let Some(other) = ending {
             report
                 .error(format!("components `{other}` and `{}` both end episodes", draft.name))

@@ -51,6 +51,11 @@ impl StateReader {
         news
     }
 
+    /// Forgets what was read in the episode before.
+    pub(crate) fn begin_episode(&mut self) {
+        self.pinned = Newest::default();
+    }
+
     /// Pins the newest value; whether it is another one than before.
     #[inline]
     pub(crate) fn look(&mut self) -> bool {
