@@ -215,13 +215,18 @@ fn an_episode_ends_when_its_policy_has_finished() {
 
 #[test]
 fn check_refuses_episodes_of_a_component_that_cannot_be_reset_and_in_real_time() {
+    let told = |graph: &std::path::Path, arguments: &[&str]| {
+        let ended = run(graph, arguments);
+        assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+        format!("{}{}", ended.stdout, ended.stderr)
+    };
     let graph = workspace().join("graphs/panda-bridge.toml");
-    let refused = run(&graph, &["--clock", "lockstep", "--episodes", "2", "--for", "1 s"]);
-    assert!(refused.stderr.contains("cannot be reset for a new episode"), "{}", refused.stderr);
-    let realtime = run(&panda_reach(), &["--episodes", "2"]);
-    assert!(realtime.stderr.contains("episodes in real time"), "{}", realtime.stderr);
-    let ends = run(&panda_reach(), &["--set", "encoder.ends_episode=true", "--clock", "lockstep"]);
-    assert!(ends.stderr.contains("component `encoder` cannot end an episode"), "{}", ends.stderr);
+    let refused = told(&graph, &["--clock", "lockstep", "--episodes", "2", "--for", "1 s"]);
+    assert!(refused.contains("cannot be reset for a new episode"), "{refused}");
+    let realtime = told(&panda_reach(), &["--episodes", "2"]);
+    assert!(realtime.contains("episodes in real time"), "{realtime}");
+    let ends = told(&panda_reach(), &["--set", "encoder.ends_episode=true", "--clock", "lockstep"]);
+    assert!(ends.contains("component `encoder` cannot end an episode"), "{ends}");
 }
 
 #[test]
