@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::source::{Sources, Span};
 use crate::severity::Severity;
 
-/// A place in the graph file, or in a `--set` override, with its label.
+/// A place in a file of the graph, or in a `--set` override, with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Label {
     pub span: Span,
@@ -34,7 +34,7 @@ pub struct Diagnostic {
 /// A place as data.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct PlaceReport {
-    /// The graph file, or `--set` for an override of the command line.
+    /// The file, or `--set` for an override of the command line.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
@@ -51,7 +51,7 @@ pub struct DiagnosticReport {
     pub severity: Severity,
     /// The value found, and the values expected.
     pub message: String,
-    /// The graph file, or `--set` for an override of the command line.
+    /// The file, or `--set` for an override of the command line.
     pub file: String,
     /// Line, from 1; absent when the mistake is about the file as a whole.
     pub line: Option<usize>,
@@ -145,6 +145,11 @@ pub(super) struct Report {
 impl Report {
     pub(super) fn new(sources: Arc<Sources>) -> Self {
         Self { sources, diagnostics: Vec::new() }
+    }
+
+    /// The texts that the findings are about.
+    pub(super) fn sources(&self) -> &Arc<Sources> {
+        &self.sources
     }
 
     /// Adds an error; the rest of it is added to what this returns.

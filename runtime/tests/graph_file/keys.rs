@@ -78,8 +78,11 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.resume", &["safety.resume=latch"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec` and `emergency_stop`.
-const TABLES: [&str; 9] = [
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, and those by
+/// which files are laid over one another.
+const TABLES: [&str; 11] = [
+    "Graph.extends",
+    "Graph.remove",
     "Safety.emergency_stop",
     "Graph.cores",
     "Graph.realtime",
