@@ -147,11 +147,6 @@ impl Report {
         Self { sources, diagnostics: Vec::new() }
     }
 
-    /// The texts that the findings are about.
-    pub(super) fn sources(&self) -> &Arc<Sources> {
-        &self.sources
-    }
-
     /// Adds an error; the rest of it is added to what this returns.
     pub(super) fn error(&mut self, message: impl Into<String>) -> &mut Diagnostic {
         self.add(Severity::Error, message.into())

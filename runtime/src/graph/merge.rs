@@ -8,9 +8,6 @@ use super::read::{At, Read as _, Value};
 use super::source::Span;
 use crate::nearest::{list, nearest};
 
-/// The keys of a file that say how it is laid over others, and are no part of the graph.
-pub(super) const FILE_KEYS: [&str; 2] = ["extends", "remove"];
-
 /// Lays the tables of a file over those of the files below it: first what it removes is taken out, then its tables are
 /// merged key by key, and its other values put in the place of what was there.
 pub(super) fn lay<'i>(below: &mut DeTable<'i>, mut file: DeTable<'i>, report: &mut Report) {

@@ -11,7 +11,7 @@ use super::{Context, Draft, exec, paths};
 use crate::declare::{ConfigError, Declaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::{find, to_json};
-use crate::graph::model::{ComponentTable, GraphTable};
+use crate::graph::model::GraphTable;
 use crate::graph::read::{At, Value, good};
 use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
