@@ -5,7 +5,8 @@
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::{AttributeVerifier, ServiceName};
-use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
+use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 use motorium::state::TypeLayout;
 use motorium::transport::{Domain, Shared};
 
@@ -16,7 +17,7 @@ use super::service::detail;
 /// It never makes the service: where no bridge runs there is nothing to feed.
 #[derive(Debug)]
 pub struct Feed {
-    port: Publisher<Shared, [CustomPayloadMarker], ()>,
+    port: Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>,
     size: usize,
     // the node outlives its port
     _node: Node<Shared>,
@@ -42,10 +43,19 @@ impl Feed {
         let fail = |reason: String| FeedError { service: service.clone(), reason };
         let node = domain.node().map_err(|error| fail(error.to_string()))?;
         let name = ServiceName::new(&service).map_err(|error| fail(format!("{error:?}")))?;
-        let builder = node.service_builder(&name).publish_subscribe::<[CustomPayloadMarker]>();
+        let builder = node
+            .service_builder(&name)
+            .publish_subscribe::<[CustomPayloadMarker]>()
+            .user_header::<CustomHeaderMarker>();
         let detail = detail(layout).map_err(|error| fail(format!("{error:?}")))?;
-        // SAFETY: the detail describes a `repr(C)` type of fixed size; iceoryx2 compares it with the service's.
-        let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
+        let no_header = TypeDetail::new::<()>(TypeVariant::FixedSize);
+        // SAFETY: the details describe a `repr(C)` type of fixed size and no header; iceoryx2 compares them with the
+        // service's.
+        let builder = unsafe {
+            builder
+                .__internal_set_payload_type_details(&detail)
+                .__internal_set_user_header_type_details(&no_header)
+        };
         let key = "layout".try_into().map_err(|_| fail("attribute key".to_string()))?;
         let value = layout.hash().as_str().try_into().map_err(|_| fail("attribute value".to_string()))?;
         let layouts = AttributeVerifier::new().require(&key, &value);
