@@ -8,6 +8,7 @@ mod corruption;
 mod exhaustion;
 mod exposition;
 mod faults;
+mod feeding;
 mod gaits;
 mod hangs;
 mod looking_on;

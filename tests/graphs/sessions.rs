@@ -35,8 +35,7 @@ fn processes_threads_and_one_thread_publish_the_same_to_the_last_bit() {
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let hash = |hosting: &str| {
-            let ended =
-                run(&graph, &["--clock", "lockstep", "--for", "700 ms", "--hosting", hosting]);
+            let ended = run(&graph, &["--clock", "lockstep", "--for", "700 ms", "--hosting", hosting]);
             assert_eq!(ended.report().exit, Exit::Finished, "{hosting}: {}", ended.stderr);
             ended.report().state_hash.clone().expect("a hash")
         };
@@ -69,7 +68,11 @@ fn episodes_with_one_seed_are_equal_and_with_seeds_of_their_own_are_not() {
         assert!(first != second && second != third && first != third, "{file}: {of_seeds:?}");
         assert!(of_seeds.iter().all(|hashes| *hashes == of_seeds[0]), "{file}: {of_seeds:?}");
         let alone = run(&graph, &[&lockstep[..], &["--set", "seed=2"]].concat());
-        assert_eq!(alone.report().state_hash.as_ref(), Some(second), "{file}: the seed of the report repeats it");
+        assert_eq!(
+            alone.report().state_hash.as_ref(),
+            Some(second),
+            "{file}: the seed of the report repeats it"
+        );
     }
 }
 
@@ -147,7 +150,8 @@ fn two_sessions_in_two_threads_do_what_one_alone_does() {
 #[test]
 fn a_session_dropped_or_stopped_half_way_leaves_nothing_and_its_thread_where_it_was() {
     let cores = || std::fs::read_to_string("/proc/thread-self/status").expect("its status");
-    let allowed = |status: String| status.lines().find(|l| l.starts_with("Cpus_allowed:")).map(str::to_string);
+    let allowed =
+        |status: String| status.lines().find(|l| l.starts_with("Cpus_allowed:")).map(str::to_string);
     let before = allowed(cores());
     for stops in [true, false] {
         let mut session = launch(plan("panda-reach.toml", &[]), &Options::inline().on_core(0));

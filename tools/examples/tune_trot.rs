@@ -251,7 +251,9 @@ impl Work {
 
     fn take(&self, session: &mut Session<'_>, legs: &Legs, seconds: f64) -> anyhow::Result<()> {
         let (gaits, next, distances) = &*self.0;
-        while let Some((index, gait)) = Some(next.fetch_add(1, Relaxed)).and_then(|i| Some((i, gaits.get(i)?))) {
+        while let Some((index, gait)) =
+            Some(next.fetch_add(1, Relaxed)).and_then(|i| Some((i, gaits.get(i)?)))
+        {
             let reached = distance(session, legs, gait, seconds)?;
             distances.lock().unwrap_or_else(std::sync::PoisonError::into_inner)[index] = reached;
         }

@@ -52,7 +52,7 @@ pub struct ProMpPolicyConfig {
 #[serde(untagged)]
 pub enum ProMpSource {
     /// A file, relative to the graph file.
-    File(String),
+    File(#[schemars(extend("format" = "path"))] String),
     /// The primitive itself.
     Table(StoredProMp),
 }

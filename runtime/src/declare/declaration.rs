@@ -285,12 +285,21 @@ impl Declare {
     /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
     /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
+        self.any_input(name, true, doc);
+    }
+
+    /// As [`raw_input`](Self::raw_input), of an input that the graph may leave out.
+    pub fn optional_raw_input(&mut self, name: &str, doc: &str) {
+        self.any_input(name, false, doc);
+    }
+
+    fn any_input(&mut self, name: &str, required: bool, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Input,
             pattern: TopicPattern::State,
             layout: TypeLayout::any(),
-            required: true,
+            required,
             doc: doc.to_string(),
         });
     }

@@ -24,6 +24,12 @@ macro_rules! take_fields {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
+    /// A graph file over which this one is laid, relative to this one: tables are merged key by key, other values
+    /// replace those of that file.
+    pub extends: Option<At<String>>,
+    /// Dotted paths of what is taken out of the files below before this one is laid over them, such as
+    /// `component.encoder`.
+    pub remove: Option<At<Vec<At<String>>>>,
     /// Name of the graph.
     #[schemars(required)]
     pub name: Option<At<Name>>,
@@ -58,7 +64,9 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 12] = [
+pub(super) const TOP_KEYS: [&str; 14] = [
+    "extends",
+    "remove",
     "name",
     "clock",
     "duration",
@@ -77,9 +85,16 @@ impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
-            keys, name, clock, duration, seed, episodes, cores, realtime, robot, component, topic, latency, safety;
+            keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, robot, component, topic, latency, safety;
             meant: Vec::new()
         );
+        // those of files have been followed: these are of the command line
+        for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
+            keys.report()
+                .error("`extends` and `remove` cannot be set from the command line")
+                .at(at, "belongs into a file")
+                .advise("write a file of its own, and lay it over the graph by `--with FILE`");
+        }
         table.meant = keys.finish("the graph");
         Some(table)
     }

@@ -99,6 +99,16 @@ fn every_graph_of_the_book_can_run() {
     }
 }
 
+#[test]
+fn every_graph_of_the_book_that_is_laid_over_another_can_run() {
+    let overlays = blocks("toml overlay");
+    assert!(!overlays.is_empty(), "there are such graphs in the book");
+    let below = workspace().join("graphs/panda-reach.toml");
+    for (page, graph) in overlays {
+        assert_can_run(&page, &graph.replace("panda-reach.toml", below.to_str().expect("a plain path")));
+    }
+}
+
 /// The graph of the README with the tables of a fragment in place of its own.
 fn with_fragment(fragment: &str) -> String {
     let headers: Vec<&str> = fragment.lines().filter(|line| line.starts_with('[')).collect();
@@ -212,7 +222,8 @@ fn assert_documented(wanted: &BTreeSet<String>, pages: &[&str]) {
 fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
     let schema = json(&["schema", "graph"]);
     let mut graph = schema.clone();
-    let rules = graph.pointer_mut("/definitions/Component/allOf").map(Json::take).expect("rules for kinds");
+    let rules =
+        graph.pointer_mut("/definitions/WholeComponent/allOf").map(Json::take).expect("rules for kinds");
     let mut wanted = BTreeSet::new();
     keys(&graph["properties"], &graph, &mut wanted);
     let tables = graph["properties"].as_object().expect("keys at the top");

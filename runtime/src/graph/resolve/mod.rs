@@ -12,6 +12,7 @@ mod latency;
 mod liveness;
 mod order;
 mod parameters;
+mod paths;
 mod robots;
 mod safety;
 mod scheduling;
@@ -24,7 +25,7 @@ use std::path::Path;
 use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
-use super::source::Span;
+use super::source::{Sources, Span};
 use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
@@ -33,8 +34,8 @@ use crate::worker::Registry;
 pub(super) struct Context<'c> {
     /// The graph file.
     pub file: &'c Path,
-    /// Its folder, absolute: relative paths in the file start there.
-    pub folder: &'c Path,
+    /// All texts: relative paths start in the folder of the file in which they stand.
+    pub sources: &'c Sources,
     /// Kinds of components, and robots.
     pub registry: &'c Registry,
     /// The machine it will run on.
@@ -80,7 +81,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     if graph.name.is_none() && !graph.meant.contains(&"name") {
         report
             .error("the graph has no name")
-            .at(&(0..0), "`name` is missing")
+            .at(&context.sources.top(), "`name` is missing")
             .advise("begin the file with a line such as `name = \"panda-reach\"`");
     }
     let robots = robots::resolve(graph, context, report);
