@@ -4,7 +4,7 @@ use super::{Event, Launch};
 use crate::plan::{EMERGENCY_STOP_PORT, Plan};
 use crate::region::{Latch, Region};
 
-impl Launch<'_> {
+impl Launch {
     /// Tells of a stop that began or ended since the last call.
     pub(super) fn tell_stops(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let stop = current(&self.plan, &self.region);

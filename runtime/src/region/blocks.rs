@@ -76,6 +76,12 @@ pub struct ComponentBlock {
     pub tick_done: AtomicU32,
     /// Lockstep: simulated time of the given tick, ns. Written by the launcher.
     pub tick_time_ns: AtomicU64,
+    /// Lockstep: 1 if the given tick is a reset for the episode in the header, 0 if it is a step. Written by the launcher.
+    pub tick_resets: AtomicU32,
+    /// Steps done before the present episode.
+    pub episode_first: AtomicU64,
+    /// Lockstep: publications of its trigger when it was last looked at. Written by whoever hands out the ticks.
+    pub trigger_seen: AtomicU64,
     /// Steps begun, through restarts: one more than `steps` while it steps.
     pub begun: AtomicU64,
     /// Steps done, through restarts.
@@ -222,6 +228,15 @@ impl ComponentBlock {
         (length > 0).then(|| (self.failure_tick.load(Relaxed), String::from_utf8_lossy(&bytes).into_owned()))
     }
 
+    /// Sets what belongs to the present episode back to its start.
+    pub(crate) fn begin_episode(&self) {
+        self.episode_first.store(self.steps.load(Relaxed), Relaxed);
+        self.trigger_seen.store(0, Relaxed);
+        self.tick_time_ns.store(0, Relaxed);
+        self.last_step_ns.store(0, Relaxed);
+        self.checkpoint.forget();
+    }
+
     /// Clears the failure before a restart.
     pub fn forget_failure(&self) {
         self.failure_length.store(0, Release);
@@ -232,7 +247,7 @@ impl ComponentBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct TopicBlock {
-    /// Samples published, through restarts of the publisher.
+    /// Samples published in the present episode, through restarts of the publisher.
     pub published: AtomicU64,
     /// Time of the last publication, on the run's clock, ns.
     pub last_publish_ns: AtomicU64,
@@ -240,6 +255,15 @@ pub struct TopicBlock {
     pub digest: AtomicU64,
     /// Samples that readers of a stream lost.
     pub dropped: AtomicU64,
+}
+
+impl TopicBlock {
+    /// Sets what belongs to the present episode back to its start.
+    pub(crate) fn begin_episode(&self) {
+        for counter in [&self.published, &self.last_publish_ns, &self.digest] {
+            counter.store(0, Release);
+        }
+    }
 }
 
 /// Measurements of one edge of the graph: a topic and one of its readers. Written by the reader.

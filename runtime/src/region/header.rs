@@ -1,4 +1,4 @@
-//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run.
+//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run, its episode.
 
 use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -82,6 +82,20 @@ pub struct Header {
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
+    /// Lockstep: number of the episode.
+    pub episode: AtomicU64,
+    /// Lockstep: seed of the episode.
+    pub episode_seed: AtomicU64,
+    /// 1 once a component has ended the episode. Written by that component.
+    episode_over: AtomicU32,
+    /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
+    paused: AtomicU32,
+    /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
+    pub rounds_granted: AtomicU64,
+    /// Rounds that a held run has made, since its start.
+    pub rounds_taken: AtomicU64,
+    /// Lockstep: simulated time reached in the episode, ns.
+    pub reached_ns: AtomicU64,
 }
 
 impl Header {
@@ -100,6 +114,35 @@ impl Header {
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
+    }
+
+    /// Ends the episode when the round is over.
+    pub fn end_episode(&self) {
+        self.episode_over.store(1, Relaxed);
+    }
+
+    /// Whether a component has ended the episode.
+    #[inline]
+    pub fn is_episode_over(&self) -> bool {
+        self.episode_over.load(Relaxed) != 0
+    }
+
+    /// Begins an episode.
+    pub(crate) fn begin_episode(&self, index: u64, seed: u64) {
+        self.episode.store(index, Relaxed);
+        self.episode_seed.store(seed, Relaxed);
+        self.episode_over.store(0, Relaxed);
+        self.reached_ns.store(0, Relaxed);
+    }
+
+    /// Holds simulated time, or lets it go on.
+    pub fn pause(&self, paused: bool) {
+        self.paused.store(u32::from(paused), Release);
+    }
+
+    /// Whether simulated time is held.
+    pub fn is_paused(&self) -> bool {
+        self.paused.load(Acquire) != 0
     }
 
     /// Keeps every command gate of the run in its safe state until [`release`](Self::release).
@@ -152,6 +195,13 @@ mod tests {
             resumes: AtomicU32::new(0),
             launcher_alive_ns: AtomicU64::new(0),
             guard_alive_ns: AtomicU64::new(0),
+            episode: AtomicU64::new(0),
+            episode_seed: AtomicU64::new(0),
+            episode_over: AtomicU32::new(0),
+            paused: AtomicU32::new(0),
+            rounds_granted: AtomicU64::new(0),
+            rounds_taken: AtomicU64::new(0),
+            reached_ns: AtomicU64::new(0),
         };
         for (order, expected) in [
             (Command::Connect, Command::Connect),
