@@ -358,20 +358,17 @@ impl Gate {
         let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
         let resume = &self.resume;
         let near = |(i, ((next, safe), limits))| resume.is_near(i, next, limits, safe);
-        if self.settings.resume == ResumeRule::AtOnce {
-            self.state = GateState::Following;
-            core::mem::swap(&mut self.setpoints, &mut self.next);
-            return Verdict::Applied;
-        }
-        if pairs.into_iter().all(near) {
+        if self.settings.resume != ResumeRule::AtOnce {
+            if !pairs.into_iter().all(near) {
+                self.state = GateState::Resuming;
+                return self.approach(measured, dt);
+            }
             self.resume.begin_fading(&self.next, &self.setpoints);
             self.lags = self.resume.fade(&mut self.next, dt);
-            self.state = GateState::Following;
-            core::mem::swap(&mut self.setpoints, &mut self.next);
-            return Verdict::Applied;
         }
-        self.state = GateState::Resuming;
-        self.approach(measured, dt)
+        self.state = GateState::Following;
+        core::mem::swap(&mut self.setpoints, &mut self.next);
+        Verdict::Applied
     }
 
     /// One step of the way back to the command in `next`.
