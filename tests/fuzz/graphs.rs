@@ -1,6 +1,6 @@
 //! Graph files.
 
-use motorium::graph::{Machine, check};
+use motorium::graph::{Machine, check, load_with};
 use motorium::schedule::{Overheads, RtLimit, admit};
 
 use crate::target::{files, target, workspace};
@@ -32,4 +32,29 @@ fn graphs() {
 
 fn starts_a_program(bytes: &[u8]) -> bool {
     bytes.windows(4).any(|word| word == b"exec")
+}
+
+/// What damage makes of a file that is laid over a graph, or that extends one.
+#[test]
+fn overlays() {
+    let corpus = files(&["graphs/overlays", "runtime/tests/graph_file/overlays", "graphs"], &[".toml"]);
+    let corpus: Vec<_> = corpus.into_iter().filter(|bytes| !starts_a_program(bytes)).collect();
+    let (registry, machine) = (motorium_tools::registry(), Machine::detect());
+    let graph = workspace().join("graphs/panda-reach.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let overlay = folder.path().join("overlay.toml");
+    target("overlays", &corpus, |bytes| {
+        if starts_a_program(bytes) {
+            return;
+        }
+        std::fs::write(&overlay, bytes).expect("a file");
+        if let Err(error) = load_with(&graph, std::slice::from_ref(&overlay), &[], &registry, &machine) {
+            assert!(!error.diagnostics().is_empty() && error.render(false).contains("error"));
+            for report in error.reports() {
+                let (graph, overlay) = (graph.display().to_string(), overlay.display().to_string());
+                let known = [graph, overlay].contains(&report.file) || report.file.ends_with(".toml");
+                assert!(known && report.line.is_none_or(|line| line > 0), "{report:?}");
+            }
+        }
+    });
 }

@@ -8,6 +8,7 @@ mod corruption;
 mod exhaustion;
 mod exposition;
 mod faults;
+mod feeding;
 mod gaits;
 mod hangs;
 mod looking_on;
@@ -15,6 +16,7 @@ mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod runs;
+mod sessions;
 mod support;
 mod top;
 

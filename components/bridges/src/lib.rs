@@ -5,4 +5,4 @@
 
 mod iceoryx2;
 
-pub use iceoryx2::{Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig};
+pub use iceoryx2::{Feed, FeedError, Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig};

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::source::{Sources, Span};
 use crate::severity::Severity;
 
-/// A place in the graph file, or in a `--set` override, with its label.
+/// A place in a file of the graph, or in a `--set` override, with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Label {
     pub span: Span,
@@ -34,7 +34,7 @@ pub struct Diagnostic {
 /// A place as data.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct PlaceReport {
-    /// The graph file, or `--set` for an override of the command line.
+    /// The file, or `--set` for an override of the command line.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
@@ -51,7 +51,7 @@ pub struct DiagnosticReport {
     pub severity: Severity,
     /// The value found, and the values expected.
     pub message: String,
-    /// The graph file, or `--set` for an override of the command line.
+    /// The file, or `--set` for an override of the command line.
     pub file: String,
     /// Line, from 1; absent when the mistake is about the file as a whole.
     pub line: Option<usize>,

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{Error, Read as _};
 use std::path::Path;
 
-/// Longest graph file, bytes.
-const LONGEST: u64 = 16 * 1024 * 1024;
+/// Longest graph file, and most bytes of all files of a graph.
+pub(super) const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// The content of a regular file of at most [`LONGEST`] bytes.
 ///
@@ -25,6 +25,18 @@ pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
         return Err(Error::other(format!("it has {found} bytes, expected at most {LONGEST} (16 MiB)")));
     }
     Ok(bytes)
+}
+
+/// The name of a graph file in the folder of `path` that was probably meant.
+pub(super) fn near(path: &Path) -> Option<String> {
+    let graphs: Vec<String> = std::fs::read_dir(super::folder_of(path))
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".toml"))
+        .collect();
+    let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    crate::nearest::nearest(wanted, graphs.iter().map(String::as_str)).map(str::to_owned)
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 //!
 //! [`load`] turns a graph file into a [`Plan`], or into all that is wrong with it. On the way:
 //!
-//! * `source`, `overrides`: the texts, and `--set` in place of values of the file;
+//! * `layers`, `merge`: the files, those that they extend and overlays, laid over one another;
+//! * `source`, `overrides`: the texts, and `--set` in place of values of the files;
 //! * `read`, `values`, `units`, `model`: from TOML to typed tables, key by key;
 //! * `resolve`: names looked up, wires and times checked, defaults filled in;
 //! * `diagnostic`, `render`: what is wrong, where, and what to do about it;
@@ -13,7 +14,9 @@ mod diagnostic;
 mod error;
 mod file;
 mod json;
+mod layers;
 mod machine;
+mod merge;
 mod model;
 mod overrides;
 mod parse;
@@ -36,6 +39,7 @@ pub use schema::schema;
 use crate::plan::Plan;
 use crate::worker::Registry;
 use diagnostic::Report;
+use layers::Layers;
 use source::Sources;
 
 /// A graph that can run.
@@ -66,13 +70,30 @@ pub fn load_for(
     registry: &Registry,
     machine: &Machine,
 ) -> Result<Checked, GraphError> {
-    match file::read(path) {
-        Ok(bytes) => match String::from_utf8(bytes) {
-            Ok(text) => check(path, text, overrides, registry, machine),
-            Err(error) => Err(not_text(path, &error)),
-        },
-        Err(error) => Err(unreadable(path, &error)),
+    load_with(path, &[], overrides, registry, machine)
+}
+
+/// As [`load_for`], with files laid over the graph file, one after the other, before the `overrides`: an overlay is a
+/// graph file of which nothing but its differences need be there.
+///
+/// # Errors
+/// All mistakes that were found, each with its place and with advice.
+pub fn load_with(
+    path: &Path,
+    overlays: &[PathBuf],
+    overrides: &[Override],
+    registry: &Registry,
+    machine: &Machine,
+) -> Result<Checked, GraphError> {
+    let mut layers = Layers::of_graph(path, read(path)?);
+    for overlay in overlays {
+        layers.add(overlay, read(overlay)?);
+        let ((files, bytes), (most, longest)) = (layers.size(), Layers::LIMITS);
+        if files > most || bytes > longest {
+            return Err(too_large(overlay, files, bytes));
+        }
     }
+    check_layers(path, layers, overrides, registry, machine)
 }
 
 /// As [`load_for`], for a text that stands for the content of the file at `path`.
@@ -86,20 +107,40 @@ pub fn check(
     registry: &Registry,
     machine: &Machine,
 ) -> Result<Checked, GraphError> {
-    let mut sources = Sources::new(path.display().to_string(), text);
+    check_layers(path, Layers::of_graph(path, text), overrides, registry, machine)
+}
+
+fn check_layers(
+    path: &Path,
+    layers: Layers,
+    overrides: &[Override],
+    registry: &Registry,
+    machine: &Machine,
+) -> Result<Checked, GraphError> {
+    let (mut sources, problems) = layers.into_sources();
     for setting in overrides {
-        sources.add("--set".to_string(), setting.to_string());
+        sources.add_override(setting.to_string());
     }
     let sources = Arc::new(sources);
     let mut report = Report::new(Arc::clone(&sources));
-    let folder = folder_of(path);
-    let context = resolve::Context { file: path, folder: &folder, registry, machine };
+    problems.report(&mut report);
+    if report.has_errors() {
+        // without the file below, what is above it would give false errors
+        return Err(GraphError::new(report.into_diagnostics()));
+    }
+    let context = resolve::Context { file: path, sources: &sources, registry, machine };
     let texts = parse::Texts::new(&sources, overrides);
     let plan = texts.parse(&mut report).and_then(|graph| resolve::resolve(&graph, &context, &mut report));
     match plan {
         Some(plan) => Ok(Checked { plan, warnings: report.into_diagnostics() }),
         None => Err(GraphError::new(report.into_diagnostics())),
     }
+}
+
+/// The text of a file that the user named.
+fn read(path: &Path) -> Result<String, GraphError> {
+    let bytes = file::read(path).map_err(|error| unreadable(path, &error))?;
+    String::from_utf8(bytes).map_err(|error| not_text(path, &error))
 }
 
 /// The folder of a file, absolute where that can be found out.
@@ -113,27 +154,30 @@ fn folder_of(path: &Path) -> PathBuf {
 
 fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {
     let name = path.display().to_string();
-    let mut report = Report::new(Arc::new(Sources::new(name.clone(), String::new())));
-    let graphs: Vec<String> = std::fs::read_dir(folder_of(path))
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| name.ends_with(".toml"))
-        .collect();
-    let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let near = crate::nearest::nearest(wanted, graphs.iter().map(String::as_str));
+    let mut report = Report::new(Arc::new(Sources::of_file(name.clone(), String::new())));
     let diagnostic = report.error(format!("the graph file `{name}` cannot be read: {error}"));
-    match near {
+    match file::near(path) {
         Some(near) => diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display())),
         None => diagnostic.advise("name a graph file, such as `graphs/panda-reach.toml`"),
     };
     GraphError::new(report.into_diagnostics())
 }
 
+fn too_large(path: &Path, files: usize, bytes: usize) -> GraphError {
+    let mut report = Report::new(Arc::new(Sources::of_file(path.display().to_string(), String::new())));
+    let (most, longest) = Layers::LIMITS;
+    report
+        .error(format!(
+            "the graph has {files} files of {bytes} bytes, expected at most {most} files of {longest} bytes (16 MiB)"
+        ))
+        .advise("put some of the overlays together");
+    GraphError::new(report.into_diagnostics())
+}
+
 fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> GraphError {
     let valid = error.utf8_error().valid_up_to();
     let text = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
-    let mut report = Report::new(Arc::new(Sources::new(path.display().to_string(), text)));
+    let mut report = Report::new(Arc::new(Sources::of_file(path.display().to_string(), text)));
     report
         .error("the graph file is not text")
         .at(&(valid..valid), "the first byte that is not UTF-8 follows here")

@@ -3,12 +3,13 @@
 use toml::de::{DeTable, DeValue};
 
 use super::diagnostic::Report;
+use super::merge;
 use super::model::GraphTable;
 use super::overrides::{self, Override};
 use super::read::Value;
-use super::source::Sources;
+use super::source::{Source, Sources};
 
-/// The texts of a graph, ready to be parsed: the file, and the overrides with blanks before them.
+/// The texts of a graph, ready to be parsed: the files, and the overrides with blanks before them.
 pub(super) struct Texts<'s> {
     sources: &'s Sources,
     overrides: &'s [Override],
@@ -16,7 +17,7 @@ pub(super) struct Texts<'s> {
 }
 
 impl<'s> Texts<'s> {
-    /// `sources` holds the file and then one text for each of `overrides`.
+    /// `sources` holds the files and then one text for each of `overrides`.
     pub(super) fn new(sources: &'s Sources, overrides: &'s [Override]) -> Self {
         let padded = sources
             .overrides()
@@ -27,43 +28,48 @@ impl<'s> Texts<'s> {
         Self { sources, overrides, padded }
     }
 
-    /// The tables of the graph, overrides in place; `None` if the file is not TOML.
+    /// The tables of the graph: each file laid over those before it, then the overrides. `None` if a file is not TOML.
     pub(super) fn parse(&self, report: &mut Report) -> Option<GraphTable<'_>> {
-        let (graph, errors) = DeTable::parse_recoverable(&self.sources.file().text);
-        let mut duplicates = 0;
-        for error in &errors {
-            let text = &self.sources.file().text;
-            let span = error.span().unwrap_or(text.len()..text.len());
-            if error.message() != "duplicate key" {
-                report
-                    .error(format!("the file is not TOML: {}", error.message()))
-                    .at(&span, "")
-                    .advise("graph files are TOML, see https://toml.io: `key = value`, text in quotes");
-                continue;
-            }
-            duplicates += 1;
-            // every key of a table that stands there twice is found again
-            if duplicates == 1 {
-                report
-                    .error(format!(
-                        "`{}` stands here for the second time",
-                        text.get(span.clone()).unwrap_or_default()
-                    ))
-                    .at(&span, "already defined above")
-                    .advise("put both together, or rename one of them");
-            }
+        let files: Vec<_> = self.sources.files().iter().map(|file| parse_file(file, report)).collect();
+        let mut graph = DeTable::new();
+        for table in files.into_iter().collect::<Option<Vec<_>>>()? {
+            merge::lay(&mut graph, table, report);
         }
-        if !errors.is_empty() {
-            // the rest was not parsed reliably and would give false errors
-            return None;
-        }
-        let span = graph.span();
-        let mut graph = graph.into_inner();
         for ((setting, source), padded) in
             self.overrides.iter().zip(self.sources.overrides()).zip(&self.padded)
         {
             overrides::apply(&mut graph, setting, source, padded, report);
         }
-        GraphTable::read(&Value::new(span, DeValue::Table(graph)), report)
+        GraphTable::read(&Value::new(self.sources.top(), DeValue::Table(graph)), report)
     }
+}
+
+/// The tables of one file, with places in the shared range of offsets.
+fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> {
+    let (table, errors) = DeTable::parse_recoverable(&file.text);
+    let mut duplicates = 0;
+    for error in &errors {
+        let local = error.span().unwrap_or(file.text.len()..file.text.len());
+        let span = file.start + local.start..file.start + local.end;
+        if error.message() != "duplicate key" {
+            report
+                .error(format!("the file is not TOML: {}", error.message()))
+                .at(&span, "")
+                .advise("graph files are TOML, see https://toml.io: `key = value`, text in quotes");
+            continue;
+        }
+        duplicates += 1;
+        // every key of a table that stands there twice is found again
+        if duplicates == 1 {
+            report
+                .error(format!(
+                    "`{}` stands here for the second time",
+                    file.text.get(local).unwrap_or_default()
+                ))
+                .at(&span, "already defined above")
+                .advise("put both together, or rename one of them");
+        }
+    }
+    // with errors the rest was not parsed reliably and would give false ones
+    errors.is_empty().then(|| merge::shifted(table.into_inner(), file.start))
 }

@@ -90,6 +90,11 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Some(At { value: read, span: value.span(), key: key.span() })
     }
 
+    /// The findings so far.
+    pub(super) fn report(&mut self) -> &mut Report {
+        self.report
+    }
+
     /// Reports the keys that were not taken. `context` says whose keys they are. Gives the keys that were probably
     /// meant: that they are missing need not be reported as well.
     pub(super) fn finish(self, context: &str) -> Vec<&'static str> {

@@ -37,9 +37,32 @@ pub fn schema(registry: &Registry) -> Schema {
                 "then": { "properties": { "config": config }, "required": required },
             })
         }));
-        component.insert("allOf".into(), Json::Array(rules));
+        whole_graph(&mut schema, rules);
     }
     schema
+}
+
+/// A file that extends or removes may leave out what the files below it say: rules about what must be there hold for
+/// all others.
+fn whole_graph(schema: &mut Schema, rules: Vec<Json>) {
+    let of_robot = schema.pointer_mut("/definitions/Robot").and_then(Json::as_object_mut);
+    let robot = of_robot.and_then(|robot| robot.remove("required")).unwrap_or(json!([]));
+    let required = schema.remove("required").unwrap_or(json!([]));
+    let rules = json!({ "allOf": rules });
+    if let Some(definitions) = schema.pointer_mut("/definitions").and_then(Json::as_object_mut) {
+        definitions.insert("WholeComponent".into(), rules);
+    }
+    let condition = json!({ "anyOf": [{ "required": ["extends"] }, { "required": ["remove"] }] });
+    let whole = json!({
+        "required": required,
+        "properties": {
+            "component": { "additionalProperties": { "$ref": "#/definitions/WholeComponent" } },
+            "robot": { "additionalProperties": { "required": robot } },
+        },
+    });
+    schema.insert("if".into(), condition);
+    schema.insert("then".into(), json!({}));
+    schema.insert("else".into(), whole);
 }
 
 fn exactly_one(one: &str, other: &str) -> Json {

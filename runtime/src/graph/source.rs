@@ -1,9 +1,10 @@
-//! The texts a graph comes from: its file, and the `--set` overrides of the command line.
+//! The texts a graph comes from: its files, and the `--set` overrides of the command line.
 //!
 //! All texts share one range of byte offsets, one text after the other, so that a plain `Range<usize>` names a place
 //! in any of them. TOML values keep such a range through parsing and through serde.
 
 use core::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// A place in one of the texts: bytes in the shared range of offsets.
 pub(super) type Span = Range<usize>;
@@ -17,6 +18,8 @@ pub(super) struct Source {
     pub text: String,
     /// Offset of its first byte in the shared range.
     pub start: usize,
+    /// Its folder: relative paths in it start there.
+    pub folder: PathBuf,
 }
 
 impl core::fmt::Debug for Source {
@@ -57,36 +60,75 @@ impl Source {
     }
 }
 
-/// All texts of one graph; the file is the first.
+/// All texts of one graph: its files, each laid over those before it, then the overrides.
 // `Eq`, so that two `Arc`s of the same texts are compared by their addresses.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Sources(Vec<Source>);
+pub(super) struct Sources {
+    texts: Vec<Source>,
+    /// Number of files, which come first.
+    files: usize,
+    /// The file that was named.
+    named: usize,
+}
 
 impl Sources {
-    /// Starts with the graph file.
-    pub(super) fn new(name: String, text: String) -> Self {
-        Self(vec![Source { name, text, start: 0 }])
+    /// Starts without a text; of the files to come, the one at `named` is the graph file.
+    pub(super) fn new(named: usize) -> Self {
+        Self { texts: Vec::new(), files: 0, named }
     }
 
-    /// Adds a text.
-    pub(super) fn add(&mut self, name: String, text: String) {
-        let start = self.0.last().map_or(0, |last| last.start + last.text.len() + 1);
-        self.0.push(Source { name, text, start });
+    /// A graph of one file.
+    pub(super) fn of_file(name: String, text: String) -> Self {
+        let mut sources = Self::new(0);
+        sources.add_file(name, text, PathBuf::new());
+        sources
+    }
+
+    /// Adds a file; all files come before all overrides.
+    pub(super) fn add_file(&mut self, name: String, text: String, folder: PathBuf) {
+        self.add(name, text, folder);
+        self.files += 1;
+    }
+
+    /// Adds an override; paths in it are relative to the graph file.
+    pub(super) fn add_override(&mut self, text: String) {
+        let folder = self.file().folder.clone();
+        self.add("--set".to_string(), text, folder);
+    }
+
+    fn add(&mut self, name: String, text: String, folder: PathBuf) {
+        let start = self.texts.last().map_or(0, |last| last.start + last.text.len() + 1);
+        self.texts.push(Source { name, text, start, folder });
     }
 
     /// The graph file.
     pub(super) fn file(&self) -> &Source {
-        &self.0[0]
+        &self.texts[self.named]
     }
 
-    /// All texts after the file.
+    /// The beginning of the graph file.
+    pub(super) fn top(&self) -> Span {
+        self.file().start..self.file().start
+    }
+
+    /// All files, the lowest first.
+    pub(super) fn files(&self) -> &[Source] {
+        &self.texts[..self.files]
+    }
+
+    /// All texts after the files.
     pub(super) fn overrides(&self) -> &[Source] {
-        &self.0[1..]
+        &self.texts[self.files..]
     }
 
     /// The text in which a span lies.
     pub(super) fn of(&self, span: &Span) -> &Source {
-        let after = self.0.partition_point(|source| source.start <= span.start);
-        &self.0[after.saturating_sub(1)]
+        let after = self.texts.partition_point(|source| source.start <= span.start);
+        &self.texts[after.saturating_sub(1)]
+    }
+
+    /// The folder of the file in which a span lies.
+    pub(super) fn folder(&self, span: &Span) -> &Path {
+        &self.of(span).folder
     }
 }

@@ -7,7 +7,9 @@
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
 
 mod content;
+mod decode;
 mod emergency;
+mod encode;
 mod field;
 mod joint;
 mod layout;
@@ -15,7 +17,9 @@ mod motion;
 mod stamp;
 
 pub use content::{ContentCheck, ContentDefect, UnknownKind};
+pub use decode::{DecodeError, Decoded, Decoder, FieldValue, Number};
 pub use emergency::EmergencyStop;
+pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};

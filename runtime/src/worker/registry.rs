@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{Outcome, Worker};
+use super::hosted::{Host, Hosted};
+use super::{Failure, Outcome, Worker};
 use crate::component::Component;
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
@@ -25,6 +26,7 @@ pub struct Kind {
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
     pub(crate) run: fn(Worker) -> Outcome,
+    pub(crate) open: fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>,
 }
 
 type DeclareFunction = fn(ConfigSource<'_>, Option<RobotReference>) -> Result<Declaration, ConfigProblem>;
@@ -47,6 +49,7 @@ impl Kind {
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
             run: super::run::<C>,
+            open: super::hosted::open::<C>,
         }
     }
 
@@ -84,7 +87,7 @@ fn declare<C: Component>(
     };
     let mut declare = Declare::new(robot);
     C::declare(&config, &mut declare).map_err(|error| ConfigProblem { span: None, error })?;
-    Ok(declare.into_declaration())
+    Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
 }
 
 /// A check that the model of a robot exists and can be loaded. Arguments: `urdf` as the graph file has it, and the

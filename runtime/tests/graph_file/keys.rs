@@ -78,8 +78,15 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.resume", &["safety.resume=latch"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec` and `emergency_stop`.
-const TABLES: [&str; 9] = [
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, those of episodes
+/// (the kinds of this test cannot be reset), and those by which files are laid over one another.
+const TABLES: [&str; 15] = [
+    "Graph.episodes",
+    "Episodes.count",
+    "Episodes.vary_seed",
+    "Component.ends_episode",
+    "Graph.extends",
+    "Graph.remove",
     "Safety.emergency_stop",
     "Graph.cores",
     "Graph.realtime",
@@ -110,7 +117,9 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in ["Cores", "Realtime", "Robot", "Component", "Topic", "Restart", "Latency", "Safety"] {
+    for table in
+        ["Episodes", "Cores", "Realtime", "Robot", "Component", "Topic", "Restart", "Latency", "Safety"]
+    {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

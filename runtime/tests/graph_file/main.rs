@@ -5,6 +5,7 @@ mod keys;
 mod kinds;
 mod limits;
 mod mutations;
+mod overlays;
 mod overrides;
 mod programs;
 mod schema;

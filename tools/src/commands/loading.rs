@@ -4,7 +4,7 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium::graph::{self, Checked, Override};
+use motorium::graph::{self, Checked, Machine, Override};
 use motorium::worker::Registry;
 
 use crate::exit;
@@ -19,6 +19,9 @@ pub(crate) struct GraphArgs {
     /// The graph file
     #[arg(default_value = DEFAULT_GRAPH)]
     pub(crate) graph: PathBuf,
+    /// Lay a file over the graph: tables merge key by key, other values replace; before `--set`; may be repeated
+    #[arg(long = "with", value_name = "OVERLAY.toml")]
+    pub(crate) with: Vec<PathBuf>,
     /// Set a value of the graph file, such as `controller.config.damping=1e-4`; may be repeated
     #[arg(long = "set", value_name = "COMPONENT.KEY=VALUE")]
     pub(crate) set: Vec<Override>,
@@ -26,7 +29,7 @@ pub(crate) struct GraphArgs {
 
 impl Default for GraphArgs {
     fn default() -> Self {
-        Self { graph: PathBuf::from(DEFAULT_GRAPH), set: Vec::new() }
+        Self { graph: PathBuf::from(DEFAULT_GRAPH), with: Vec::new(), set: Vec::new() }
     }
 }
 
@@ -35,7 +38,7 @@ impl GraphArgs {
     /// exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
-        match graph::load(&self.graph, &self.set, registry) {
+        match graph::load_with(&self.graph, &self.with, &self.set, registry, &Machine::detect()) {
             Ok(checked) => {
                 if !json {
                     for warning in &checked.warnings {

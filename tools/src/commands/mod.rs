@@ -16,6 +16,7 @@ mod reproduce;
 mod robot;
 mod run;
 mod schema;
+mod step;
 mod stop;
 mod top;
 mod topic;
@@ -46,6 +47,7 @@ enum Command {
     Param(param::Param),
     Stop(stop::Stop),
     Resume(stop::Resume),
+    Step(step::Step),
     Bench(bench::Bench),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
@@ -71,6 +73,7 @@ impl Cli {
             Some(Command::Param(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),
+            Some(Command::Step(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use motorium::declare::ConfigError;
-use motorium::launcher::{self, Hosting, Options};
+use motorium::launcher::Options;
+use motorium::session;
 use motorium::worker::{Kind, Registry, RobotSource};
 use serde_json::Value as Json;
 
@@ -98,6 +99,16 @@ fn every_graph_of_the_book_can_run() {
     }
 }
 
+#[test]
+fn every_graph_of_the_book_that_is_laid_over_another_can_run() {
+    let overlays = blocks("toml overlay");
+    assert!(!overlays.is_empty(), "there are such graphs in the book");
+    let below = workspace().join("graphs/panda-reach.toml");
+    for (page, graph) in overlays {
+        assert_can_run(&page, &graph.replace("panda-reach.toml", below.to_str().expect("a plain path")));
+    }
+}
+
 /// The graph of the README with the tables of a fragment in place of its own.
 fn with_fragment(fragment: &str) -> String {
     let headers: Vec<&str> = fragment.lines().filter(|line| line.starts_with('[')).collect();
@@ -168,9 +179,7 @@ fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
     let machine = motorium::graph::Machine::detect();
     let checked = motorium::graph::check(&page, graph, &set, &registry, &machine);
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    let program = std::env::current_exe().expect("this program has a file");
-    let options = Options { hosting: Hosting::OneProcess, program };
-    let report = launcher::run(plan, &registry, &options, &mut |_| ()).expect("it runs");
+    let report = session::run(plan, &registry, &Options::threads(), &mut |_| ()).expect("it runs");
     let error = report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"].as_f64();
     assert!(error.is_some_and(|error| error < 5e-3), "{}", report.results["controller"]);
 }
@@ -213,7 +222,8 @@ fn assert_documented(wanted: &BTreeSet<String>, pages: &[&str]) {
 fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
     let schema = json(&["schema", "graph"]);
     let mut graph = schema.clone();
-    let rules = graph.pointer_mut("/definitions/Component/allOf").map(Json::take).expect("rules for kinds");
+    let rules =
+        graph.pointer_mut("/definitions/WholeComponent/allOf").map(Json::take).expect("rules for kinds");
     let mut wanted = BTreeSet::new();
     keys(&graph["properties"], &graph, &mut wanted);
     let tables = graph["properties"].as_object().expect("keys at the top");

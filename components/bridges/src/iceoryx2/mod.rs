@@ -1,11 +1,13 @@
 //! `bridge.iceoryx2`: topics for programs that use stock iceoryx2, in any language.
 
 mod config;
+mod feed;
 mod inbound;
 mod outbound;
 mod service;
 
 pub use config::{Iceoryx2BridgeConfig, InboundConfig};
+pub use feed::{Feed, FeedError};
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

@@ -115,7 +115,7 @@ fn name(service: &str) -> Result<ServiceName, ConfigureError> {
     ServiceName::new(service).map_err(|error| failed(service, &error))
 }
 
-fn detail(layout: &TypeLayout) -> Result<TypeDetail, impl core::fmt::Debug + use<>> {
+pub(super) fn detail(layout: &TypeLayout) -> Result<TypeDetail, impl core::fmt::Debug + use<>> {
     TypeDetail::__internal_new_from_parts(
         TypeVariant::FixedSize,
         &layout.type_name,

@@ -1,10 +1,11 @@
-//! `log.console`: prints the newest samples of topics as lines, on standard error.
+//! `log.console`: prints the newest values of topics of any type as lines, on standard error.
 //!
-//! The step only copies numbers into a bounded queue; a thread beside it formats and prints them. A slow terminal or a full pipe
-//! never holds up the graph: lines are dropped and counted instead.
+//! The step only copies bytes into a bounded queue; a thread beside it reads them by the layout of their topic and prints them.
+//! A slow terminal or a full pipe never holds up the graph: lines are dropped and counted instead.
 
-mod line;
+mod queue;
 
+use std::fmt::{self, Write as _};
 use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -12,14 +13,26 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use motorium::prelude::*;
-use rtrb::{Consumer, Producer, RingBuffer};
+use motorium::state::{Decoded, Decoder, FieldValue, Number};
+use motorium::transport::RawInput;
 
-use line::{Line, Print};
+use queue::{Receiver, Sender, queue};
+
+/// Inputs that are there without being named: those of the states that most graphs have.
+const USUAL: [&str; 8] =
+    ["joint_state", "joint_command", "base_state", "target", "wrench", "imu", "phase", "emergency_stop"];
 
 /// Configuration of `log.console`.
+///
+/// ```toml
+/// inputs = ["weights", "left_state"]
+/// digits = 2
+/// ```
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConsoleLogConfig {
+    /// Names of further inputs, each for a topic of any type but slices. Default none.
+    pub inputs: Vec<String>,
     /// Digits after the decimal point, 0 to 12. Default 3.
     pub digits: u8,
     /// Lines that may wait to be printed, at least 1; further lines are dropped. Default 256.
@@ -28,80 +41,24 @@ pub struct ConsoleLogConfig {
 
 impl Default for ConsoleLogConfig {
     fn default() -> Self {
-        Self { digits: 3, backlog: 256 }
+        Self { inputs: Vec::new(), digits: 3, backlog: 256 }
     }
 }
 
-/// A component that prints the newest sample of every wired input, once per step.
+/// A component that prints the newest value of every wired input, once per step.
 pub struct ConsoleLog {
-    inputs: Vec<Box<dyn Source>>,
-    queue: Producer<Line>,
+    inputs: Vec<RawInput>,
+    queue: Sender,
     printed: u64,
     dropped: u64,
     printer: Option<JoinHandle<()>>,
     finished: Arc<AtomicBool>,
 }
 
-/// An input of any type that can be printed.
-trait Source {
-    /// Fills the line with the newest sample that was not logged yet.
-    fn fill(&mut self, line: &mut Line) -> bool;
-}
-
-struct Typed<T: StateBuffer> {
-    name: &'static str,
-    input: Input<T>,
-    last: (u32, u64),
-}
-
-impl<T: StateBuffer + Print> Source for Typed<T> {
-    fn fill(&mut self, line: &mut Line) -> bool {
-        let Some(sample) = self.input.latest() else { return false };
-        let stamp = sample.stamp();
-        if (stamp.restart_count, stamp.sequence) == self.last {
-            return false;
-        }
-        line.port = self.name;
-        line.groups.clear();
-        sample.print(&mut line.groups);
-        self.last = (stamp.restart_count, stamp.sequence);
-        true
-    }
-}
-
-macro_rules! ports {
-    ($( $name:literal : $type:ty, $doc:literal; )*) => {
-        fn declare_ports(declare: &mut Declare) {
-            $( declare.optional_input::<$type>($name, $doc); )*
-        }
-
-        fn open_ports(setup: &mut Setup) -> Result<Vec<Box<dyn Source>>, ConfigureError> {
-            let mut inputs: Vec<Box<dyn Source>> = Vec::new();
-            $(
-                let input = setup.input::<$type>($name)?;
-                if input.is_wired() {
-                    inputs.push(Box::new(Typed { name: $name, input, last: (0, 0) }));
-                }
-            )*
-            Ok(inputs)
-        }
-    };
-}
-
-ports! {
-    "joint_state": JointState, "joint state to print";
-    "joint_command": JointCommand, "joint command to print";
-    "base_state": BaseState, "base state to print";
-    "target": PoseTarget, "pose and twist target to print";
-    "wrench": Wrench, "wrench to print";
-    "imu": ImuSample, "inertial measurement to print";
-    "phase": Phase, "phase to print";
-    "emergency_stop": EmergencyStop, "emergency stop to print";
-}
-
 impl Component for ConsoleLog {
     const KIND: &'static str = "log.console";
     const SUMMARY: &'static str = "prints the newest samples of topics";
+    const RESETS: bool = true;
     type Config = ConsoleLogConfig;
 
     fn declare(config: &ConsoleLogConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -111,39 +68,60 @@ impl Component for ConsoleLog {
         if config.backlog == 0 {
             return Err(ConfigError::key("backlog", "0 lines, expected at least 1"));
         }
-        declare_ports(declare);
+        for (index, name) in config.inputs.iter().enumerate() {
+            if USUAL.contains(&name.as_str()) || config.inputs[..index].contains(name) {
+                return Err(ConfigError::key("inputs", format!("there are two inputs named `{name}`")));
+            }
+        }
+        for name in USUAL {
+            declare.optional_raw_input(name, "state to print, of any type");
+        }
+        for name in &config.inputs {
+            declare.raw_input(name, "state to print, of any type");
+        }
         Ok(())
     }
 
     fn configure(config: ConsoleLogConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let inputs = open_ports(setup)?;
+        let (mut inputs, mut formats) = (Vec::new(), Vec::new());
+        for name in USUAL.into_iter().chain(config.inputs.iter().map(String::as_str)) {
+            let input = setup.raw_input(name)?;
+            let Some(layout) = input.layout() else { continue };
+            let decoder = Decoder::new(layout).map_err(ConfigureError::failed)?;
+            formats.push(Format { name: name.to_string(), decoder, digits: usize::from(config.digits) });
+            inputs.push(input);
+        }
         if inputs.is_empty() {
-            let advice = "subscribe = { joint_state = \"TOPIC\" }, or another of its inputs";
+            let advice = "subscribe = { joint_state = \"TOPIC\" }, or name inputs of your own in `inputs`";
             return Err(ConfigureError::failed(format!(
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));
         }
-        let (queue, lines) = RingBuffer::new(config.backlog);
+        let largest = inputs.iter().filter_map(RawInput::layout).map(|layout| layout.size).max().unwrap_or(0);
+        let (queue, lines) = queue(config.backlog, largest);
         let finished = Arc::new(AtomicBool::new(false));
         let printer = std::thread::Builder::new().name("printer".to_string()).spawn({
             let finished = finished.clone();
-            move || print_all(lines, usize::from(config.digits), &finished)
+            move || print_all(lines, &formats, &finished)
         });
         let printer = Some(printer.map_err(ConfigureError::failed)?);
         Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let mut line = Line::at_time(tick.time());
-        for input in &mut self.inputs {
-            if !input.fill(&mut line) {
-                continue;
-            }
-            match self.queue.push(line) {
-                Ok(()) => self.printed += 1,
-                Err(_) => self.dropped += 1,
+        for (index, input) in self.inputs.iter_mut().enumerate() {
+            let Some(value) = input.next_unread() else { continue };
+            if self.queue.send(tick.time(), index, value.bytes) {
+                self.printed += 1;
+            } else {
+                self.dropped += 1;
             }
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        // It remembers nothing but what was printed, and the lines are those of the whole run.
         Ok(())
     }
 
@@ -160,14 +138,53 @@ impl Component for ConsoleLog {
     }
 }
 
+/// The form of the lines of one input.
+struct Format {
+    name: String,
+    decoder: Decoder,
+    digits: usize,
+}
+
+impl Format {
+    fn line(&self, time: f64, bytes: &[u8]) -> String {
+        let mut line = format!("{time:9.3} s  {}:", self.name);
+        match self.decoder.decode(bytes) {
+            // writing to a text does not fail
+            Ok(Decoded(fields)) => fields.iter().for_each(|(name, value)| {
+                let _ = self.field(&mut line, name, value);
+            }),
+            Err(error) => {
+                let _ = write!(line, "  {error}");
+            }
+        }
+        line
+    }
+
+    fn field(&self, line: &mut String, name: &str, value: &FieldValue) -> fmt::Result {
+        write!(line, "  {name} ")?;
+        let many = matches!(value, FieldValue::Many(_));
+        line.push_str(if many { "[" } else { "" });
+        for (i, number) in value.numbers().iter().enumerate() {
+            line.push_str(if i == 0 { "" } else { " " });
+            match number {
+                Number::Double(number) => write!(line, "{number:.*}", self.digits)?,
+                Number::Single(number) => write!(line, "{number:.*}", self.digits)?,
+                whole => write!(line, "{whole}")?,
+            }
+        }
+        line.push_str(if many { "]" } else { "" });
+        Ok(())
+    }
+}
+
 /// Prints lines until the component is finished and nothing is left.
-fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
+fn print_all(mut lines: Receiver, formats: &[Format], finished: &AtomicBool) {
     loop {
         let last_round = finished.load(Relaxed);
         let mut out = std::io::stderr().lock();
-        while let Ok(line) = lines.pop() {
+        while let Some(entry) = lines.receive() {
             // Standard error may be closed: that must not stop the graph.
-            let _ = writeln!(out, "{}", line.display(digits));
+            let _ = writeln!(out, "{}", formats[entry.input].line(entry.time, &entry.bytes));
         }
         let _ = out.flush();
         drop(out);
@@ -181,18 +198,56 @@ fn print_all(mut lines: Consumer<Line>, digits: usize, finished: &AtomicBool) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
+    use motorium::testing::{Graph, Instance, Source};
 
     use super::*;
 
+    motorium::state_buffer! {
+        /// A type of a user, which no crate of ours knows.
+        struct Grip as "test.Grip" {
+            closed: u64,
+            width: f64,
+            fingers: [f64; 2],
+        }
+    }
+
     #[test]
-    fn every_built_in_state_buffer_has_an_input() {
-        let mut declare = Declare::new(None);
-        ConsoleLog::declare(&ConsoleLogConfig::default(), &mut declare).expect("the default configuration");
-        let ports = declare.into_declaration().ports;
-        let printed: BTreeSet<_> = ports.into_iter().map(|port| port.layout.type_name).collect();
-        let built_in: BTreeSet<_> =
-            motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();
-        assert_eq!(printed, built_in);
+    fn a_line_shows_every_field_and_of_joints_those_that_are_counted() {
+        let format =
+            |layout| Format { name: "x".to_string(), decoder: Decoder::new(&layout).unwrap(), digits: 2 };
+        let bytes = motorium::state::encode(&JointState::layout(), "position=[0.5, -1.25]").unwrap();
+        assert_eq!(
+            format(JointState::layout()).line(1.5, &bytes),
+            "    1.500 s  x:  count 2  position [0.50 -1.25]  velocity [0.00 0.00]  effort [0.00 0.00]"
+        );
+        let bytes = motorium::state::encode(&Grip::layout(), "closed=1 width=0.08 fingers=[1, 2]").unwrap();
+        assert_eq!(
+            format(Grip::layout()).line(0.0, &bytes),
+            "    0.000 s  x:  closed 1  width 0.08  fingers [1.00 2.00]"
+        );
+    }
+
+    #[test]
+    fn topics_of_any_type_are_printed_once_a_value() {
+        let source =
+            Source::new("gripper", "grip", |tick| Some(Grip { closed: tick.index, ..Grip::default() }));
+        let state = Source::new("arm", "state", |_| Some(JointState::default()));
+        let console = Instance::of::<ConsoleLog>("console")
+            .rate("100 Hz")
+            .config("inputs", vec!["grip"])
+            .subscribe("grip", "grip")
+            .subscribe("joint_state", "state");
+        let report = Graph::new("printed").with(source).with(state).with(console).run("100 ms").unwrap();
+        let result = &report.results["console"];
+        assert_eq!((result["lines"].as_u64(), result["dropped"].as_u64()), (Some(20), Some(0)));
+    }
+
+    #[test]
+    fn two_inputs_of_one_name_are_refused() {
+        for inputs in [vec!["a".to_string(), "a".to_string()], vec!["target".to_string()]] {
+            let config = ConsoleLogConfig { inputs, ..ConsoleLogConfig::default() };
+            let error = ConsoleLog::declare(&config, &mut Declare::new(None)).unwrap_err();
+            assert!(error.message.contains("two inputs named"), "{}", error.message);
+        }
     }
 }

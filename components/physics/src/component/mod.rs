@@ -4,7 +4,7 @@ mod build;
 mod config;
 mod limits;
 
-use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
@@ -42,6 +42,9 @@ pub struct PhysicsComponent<E> {
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
+    /// Initial configuration (nq) and velocity (nv), for every episode.
+    start_q: Vec<f64>,
+    start_v: Vec<f64>,
     /// Initial position of the base \[m\].
     start: [f64; 3],
     totals: Totals,
@@ -67,6 +70,7 @@ const CATCH_UP: u64 = 4;
 impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     const KIND: &'static str = E::KIND;
     const SUMMARY: &'static str = E::SUMMARY;
+    const RESETS: bool = true;
     type Config = PhysicsConfig;
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -89,6 +93,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let robot = setup.robot()?.clone();
         let (mut simulation, robot) = build::<E>(&config, &robot)?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
+        let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
+        let start = simulation.base_pose().translation.vector.into();
         let mut checkpoint = setup.checkpoint(nq + nv)?;
         if let Some(state) = checkpoint.resume() {
             let (q, v) = state.split_at(nq);
@@ -103,7 +109,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             gate: setup.command_gate(limits)?,
             dynamics: Dynamics::new(simulation.model()),
             gravity: vec![0.0; nv],
-            start: simulation.base_pose().translation.vector.into(),
+            start,
+            start_q,
+            start_v,
             simulation,
             checkpoint,
             last_ns: None,
@@ -136,6 +144,14 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         state.velocity_mut().copy_from_slice(self.simulation.velocities());
         state.effort_mut().copy_from_slice(self.simulation.efforts());
         state.publish()?;
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        let reset = self.simulation.reset(&self.start_q, &self.start_v);
+        reset.map_err(|error| StepError::failed(error.to_string()))?;
+        self.gate.reset();
+        (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
     }
 

@@ -35,6 +35,7 @@ pub struct DmpPolicyConfig {
     /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected": files that
     /// `motorium primitive fit` wrote, relative to the graph file.
     #[serde(default)]
+    #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,
 }
 
@@ -91,7 +92,7 @@ pub enum ShapeConfig {
     /// A primitive of three dimensions, as it was fitted to a demonstration.
     Primitive(StoredModel),
     /// A primitive from a file that `motorium primitive fit` wrote, relative to the graph file.
-    File(String),
+    File(#[schemars(extend("format" = "path"))] String),
     /// A primitive fitted to a recording when the component is configured.
     Demonstration(DemonstrationConfig),
     /// The one of `primitives` that the parameter `primitive` chooses, from the next start for this goal.

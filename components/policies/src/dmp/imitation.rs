@@ -22,6 +22,7 @@ pub struct DemonstrationConfig {
     /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
     /// Three channels are positions of the end effector in the world frame, m; as many as the robot has joints are
     /// joint positions.
+    #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.
     #[serde(default = "forty")]

@@ -19,6 +19,7 @@ use motorium_primitives::reach::Repeat;
 pub struct LibraryPolicyConfig {
     /// A library file; recordings (.jsonl, .json, .csv) to learn one from; or "letters", those of our own. Relative to
     /// the graph file.
+    #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
     /// Samples per second of recordings that do not say.
     #[serde(default = "rate")]

@@ -1,15 +1,17 @@
 //! The declaration of each component, from its kind or program, its robot and its configuration.
 
+use std::path::Path;
+
 use serde_json::Value as Json;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::robots::Robot;
-use super::{Context, Draft, exec};
+use super::{Context, Draft, exec, paths};
 use crate::declare::{ConfigError, Declaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::{find, to_json};
-use crate::graph::model::{ComponentTable, GraphTable};
+use crate::graph::model::GraphTable;
 use crate::graph::read::{At, Value, good};
 use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
@@ -30,7 +32,7 @@ pub(super) fn resolve<'g, 'i>(
     let components = good(&graph.component).map(|components| components.0.as_slice()).unwrap_or_default();
     let empty = graph.component.as_ref().is_none_or(|at| at.get().is_some_and(|table| table.0.is_empty()));
     if empty && !graph.meant.contains(&"component") {
-        let place = graph.component.as_ref().map_or(0..0, |at| at.key.clone());
+        let place = graph.component.as_ref().map_or_else(|| context.sources.top(), |at| at.key.clone());
         report
             .error("the graph has no components")
             .at(&place, "nothing would run")
@@ -66,12 +68,14 @@ pub(super) fn resolve<'g, 'i>(
             config: Json::Object(serde_json::Map::new()),
             declaration: None,
         };
-        let config = config(table, report);
+        let written = config_value(&draft, context);
+        let config = to_json(&written, report);
         if let Some(config) = &config {
             draft.config = config.clone();
         }
-        let config_is_good = config.is_some();
-        let declaration = identify(&mut draft, config_is_good && robot_is_known, context, report);
+        let table_is_good = table.config.as_ref().is_none_or(|at| at.get().is_some());
+        let ask = config.is_some() && table_is_good && robot_is_known;
+        let declaration = identify(&mut draft, written, ask, context, report);
         draft.declaration = declaration.filter(|declaration| is_sane(declaration, &draft, report));
         drafts.push(draft);
     }
@@ -101,17 +105,10 @@ fn find_robot(wanted: &At<String>, robots: &[Robot], report: &mut Report) -> Opt
     found
 }
 
-/// The `config` table as JSON.
-fn config(table: &ComponentTable<'_>, report: &mut Report) -> Option<Json> {
-    match &table.config {
-        None => Some(Json::Object(serde_json::Map::new())),
-        Some(at) => to_json(&at.get()?.0, report),
-    }
-}
-
 /// Finds the kind or program of a component and, if `ask`, asks it what it declares.
 fn identify(
     draft: &mut Draft<'_, '_>,
+    config: Value<'_>,
     ask: bool,
     context: &Context<'_>,
     report: &mut Report,
@@ -152,13 +149,13 @@ fn identify(
             if !ask {
                 return None;
             }
-            let source = ConfigSource::Toml(config_value(draft));
+            let source = ConfigSource::Toml(config);
             kind.declare(source, draft.robot.clone())
                 .map_err(|problem| config_problem(draft, &problem, report))
                 .ok()
         }
         (None, Some(at)) => {
-            let path = exec::find(at.get()?, context.folder)
+            let path = exec::find(at.get()?, context.sources.folder(&at.span))
                 .map_err(|problem| problem.report(draft, &at.span, report))
                 .ok()?;
             draft.program = Some(Program::Exec { path: path.clone() });
@@ -180,12 +177,20 @@ fn identify(
     }
 }
 
-/// The `config` table with its places; an empty one at the component's name if there is none.
-fn config_value<'i>(draft: &Draft<'_, 'i>) -> Value<'i> {
-    match good(&draft.table.config) {
-        Some(AnyTable(value)) => value.clone(),
-        None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
+/// The `config` table with its places, and its paths as the component can find them; an empty one at the component's
+/// name if there is none.
+fn config_value<'i>(draft: &Draft<'_, 'i>, context: &Context<'_>) -> Value<'i> {
+    let Some(AnyTable(value)) = good(&draft.table.config) else {
+        return Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new()));
+    };
+    let mut value = value.clone();
+    let kind = good(&draft.table.kind).and_then(|kind| context.registry.find(kind));
+    if let Some(kind) = kind {
+        // a component without a robot knows no folder: all its paths are made absolute
+        let folder = draft.robot.as_ref().map_or(Path::new(""), |robot| &robot.base);
+        paths::rebase(&mut value, kind, folder, context.sources);
     }
+    value
 }
 
 /// Reports a configuration that a component refused.

@@ -5,12 +5,14 @@
 
 mod assemble;
 mod declare;
+mod episodes;
 mod exec;
 mod history;
 mod latency;
 mod liveness;
 mod order;
 mod parameters;
+mod paths;
 mod robots;
 mod safety;
 mod scheduling;
@@ -23,7 +25,7 @@ use std::path::Path;
 use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
-use super::source::Span;
+use super::source::{Sources, Span};
 use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
@@ -32,8 +34,8 @@ use crate::worker::Registry;
 pub(super) struct Context<'c> {
     /// The graph file.
     pub file: &'c Path,
-    /// Its folder, absolute: relative paths in the file start there.
-    pub folder: &'c Path,
+    /// All texts: relative paths start in the folder of the file in which they stand.
+    pub sources: &'c Sources,
     /// Kinds of components, and robots.
     pub registry: &'c Registry,
     /// The machine it will run on.
@@ -79,7 +81,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     if graph.name.is_none() && !graph.meant.contains(&"name") {
         report
             .error("the graph has no name")
-            .at(&(0..0), "`name` is missing")
+            .at(&context.sources.top(), "`name` is missing")
             .advise("begin the file with a line such as `name = \"panda-reach\"`");
     }
     let robots = robots::resolve(graph, context, report);
@@ -94,6 +96,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
+    episodes::check(graph, &drafts, report);
     if report.has_errors() {
         return None;
     }

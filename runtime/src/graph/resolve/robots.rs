@@ -33,7 +33,8 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         });
         let reference = urdf.and_then(|urdf| {
             let model = urdf.get()?;
-            let checked = (context.registry.robots().check)(model, context.folder);
+            let folder = context.sources.folder(&urdf.span);
+            let checked = (context.registry.robots().check)(model, folder);
             for doubt in checked.iter().flatten() {
                 report.warning(format!("robot `{name}`: {doubt}")).at(&urdf.span, "this model");
             }
@@ -50,7 +51,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
             named.then(|| RobotReference {
                 name: name.clone(),
                 urdf: model.clone(),
-                base: context.folder.to_path_buf(),
+                base: folder.to_path_buf(),
             })
         });
         robots.push(Robot { name: name.clone(), place: at.key.clone(), reference });

@@ -184,6 +184,16 @@ read_unit!(
 );
 read_unit!(Rate, "a rate with its unit", "give it its unit: \"{number} Hz\" or \"{number} kHz\"");
 
+impl<'i> Read<'i> for bool {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let DeValue::Boolean(boolean) = value.get_ref() else {
+            mismatch(key, value, "true or false", report);
+            return None;
+        };
+        Some(*boolean)
+    }
+}
+
 macro_rules! read_whole {
     ($($type:ident),*) => { $(
         impl<'i> Read<'i> for $type {

@@ -5,10 +5,10 @@ use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use motorium::state::{Decoded, Decoder};
 use motorium::transport::Sample;
 use serde::Serialize;
 
-use super::decode::{Decoded, Decoder};
 use super::pace::Pace;
 use super::watch::{End, Watch, poll_for};
 use super::{find, readable};

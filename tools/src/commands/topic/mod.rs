@@ -1,11 +1,11 @@
-//! `motorium topic`: the topics of a running graph, seen from outside.
+//! `motorium topic`: the topics of a running graph, seen and fed from outside.
 
-mod decode;
 mod echo;
 mod hz;
 mod info;
 mod list;
 mod pace;
+mod publish;
 mod watch;
 
 use std::process::ExitCode;
@@ -14,7 +14,7 @@ use motorium::declare::TopicPattern;
 use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};
 
-/// Show the topics of a running graph.
+/// Show the topics of a running graph, and feed those that take values from outside.
 ///
 /// No component ever waits for an observer.
 ///
@@ -32,6 +32,7 @@ enum Command {
     Echo(echo::Echo),
     Hz(hz::Hz),
     Info(info::Info),
+    Pub(publish::Pub),
 }
 
 impl Topic {
@@ -41,6 +42,7 @@ impl Topic {
             Command::Echo(command) => command.run(),
             Command::Hz(command) => command.run(),
             Command::Info(command) => command.run(),
+            Command::Pub(command) => command.run(),
         }
     }
 }

@@ -1,43 +1,77 @@
-//! Samples made readable by their layout alone: the program need not know their types.
+//! Values made readable by their layout alone: the program need not know their types.
 
 mod number;
 
-use motorium::state::{FieldLayout, TypeLayout};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
-use number::{Number, Scalar};
+use super::{FieldLayout, TypeLayout};
+pub use number::Number;
+pub(super) use number::Scalar;
 
 /// Name of padding that a type declares.
-const PADDING: &str = "reserved";
+pub(super) const PADDING: &str = "reserved";
 
 /// A layout or a sample that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum DecodeError {
+pub enum DecodeError {
     /// A field has a type that this program does not know.
     #[error(
         "field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read"
     )]
-    Kind { type_name: String, field: String, kind: String },
+    Kind {
+        /// The type.
+        type_name: String,
+        /// The field.
+        field: String,
+        /// Its type as the layout gives it.
+        kind: String,
+    },
     /// A field lies outside of its sample.
     #[error("field `{field}` of `{type_name}` ends at byte {end}, but a sample has only {size}")]
-    Outside { type_name: String, field: String, end: usize, size: usize },
+    Outside {
+        /// The type.
+        type_name: String,
+        /// The field.
+        field: String,
+        /// Its end, bytes from the start.
+        end: usize,
+        /// Bytes of a sample.
+        size: usize,
+    },
     /// A sample is cut short.
     #[error("a sample of {found} bytes, expected {expected}")]
-    Short { found: usize, expected: usize },
+    Short {
+        /// Bytes found.
+        found: usize,
+        /// Bytes of the type.
+        expected: usize,
+    },
     /// A sample counts more entries than an array holds.
     #[error("`{count}` is {found}, but `{field}` holds at most {capacity} entries")]
-    Count { count: String, found: u64, field: String, capacity: usize },
+    Count {
+        /// The field that counts.
+        count: String,
+        /// The count found.
+        found: u64,
+        /// The array.
+        field: String,
+        /// Its entries.
+        capacity: usize,
+    },
 }
 
 /// A field's value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Value {
+pub enum FieldValue {
+    /// A single number.
     One(Number),
+    /// The entries in use of an array.
     Many(Vec<Number>),
 }
 
-impl Value {
-    pub(super) fn numbers(&self) -> &[Number] {
+impl FieldValue {
+    /// Its numbers: one, or the entries in use of an array.
+    pub fn numbers(&self) -> &[Number] {
         match self {
             Self::One(number) => core::slice::from_ref(number),
             Self::Many(numbers) => numbers,
@@ -47,15 +81,15 @@ impl Value {
 
 /// A sample as names and values, in the order of its layout. As JSON it is an object.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Decoded<'a>(pub(super) Vec<(&'a str, Value)>);
+pub struct Decoded<'a>(pub Vec<(&'a str, FieldValue)>);
 
 impl Serialize for Decoded<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for (name, value) in &self.0 {
             match value {
-                Value::One(number) => map.serialize_entry(name, number)?,
-                Value::Many(numbers) => map.serialize_entry(name, numbers)?,
+                FieldValue::One(number) => map.serialize_entry(name, number)?,
+                FieldValue::Many(numbers) => map.serialize_entry(name, numbers)?,
             }
         }
         map.end()
@@ -63,8 +97,17 @@ impl Serialize for Decoded<'_> {
 }
 
 /// Reads the samples of one layout.
+///
+/// ```
+/// use motorium::state::{Decoder, StateBuffer, Wrench};
+///
+/// let decoder = Decoder::new(&Wrench::layout())?;
+/// let value = decoder.decode(&[0; size_of::<Wrench>()])?;
+/// assert_eq!(serde_json::to_string(&value).unwrap(), r#"{"force":[0.0,0.0,0.0],"torque":[0.0,0.0,0.0]}"#);
+/// # Ok::<(), motorium::state::DecodeError>(())
+/// ```
 #[derive(Debug)]
-pub(super) struct Decoder {
+pub struct Decoder {
     size: usize,
     fields: Vec<Field>,
 }
@@ -85,7 +128,7 @@ impl Decoder {
     ///
     /// # Errors
     /// It has a field of an unknown type, or one outside of the sample.
-    pub(super) fn new(layout: &TypeLayout) -> Result<Self, DecodeError> {
+    pub fn new(layout: &TypeLayout) -> Result<Self, DecodeError> {
         let mut fields = Vec::new();
         let shown: Vec<_> = layout.fields.iter().filter(|field| field.name != PADDING).collect();
         for field in &shown {
@@ -114,7 +157,7 @@ impl Decoder {
     ///
     /// # Errors
     /// It is cut short, or counts more entries than it holds; no number is read then.
-    pub(super) fn decode(&self, bytes: &[u8]) -> Result<Decoded<'_>, DecodeError> {
+    pub fn decode(&self, bytes: &[u8]) -> Result<Decoded<'_>, DecodeError> {
         if bytes.len() < self.size {
             return Err(DecodeError::Short { found: bytes.len(), expected: self.size });
         }
@@ -123,8 +166,8 @@ impl Decoder {
         let value = |field: &Field, used| {
             let entry = |i: usize| field.scalar.read(&bytes[field.offset + i * field.scalar.size()..]);
             match used {
-                None => Value::One(entry(0)),
-                Some(used) => Value::Many((0..used).map(entry).collect()),
+                None => FieldValue::One(entry(0)),
+                Some(used) => FieldValue::Many((0..used).map(entry).collect()),
             }
         };
         let fields = self.fields.iter().zip(used);
@@ -149,7 +192,7 @@ impl Decoder {
 }
 
 /// Reads a kind such as `f64` or `[f64; 64]`.
-fn parse(kind: &str) -> Option<(Scalar, Option<usize>)> {
+pub(super) fn parse(kind: &str) -> Option<(Scalar, Option<usize>)> {
     match kind.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
         None => Some((Scalar::parse(kind)?, None)),
         Some(array) => {

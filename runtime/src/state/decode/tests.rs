@@ -1,8 +1,8 @@
-use motorium::state::{FieldLayout, JointCommand, JointState, PoseTarget, StateBuffer};
+use crate::state::{FieldLayout, JointCommand, JointState, PoseTarget, StateBuffer};
 
 use super::*;
 
-motorium::state_buffer! {
+crate::state_buffer! {
     /// Every primitive once, with padding between.
     struct Everything as "test.Everything" {
         small: u8,
@@ -17,7 +17,7 @@ motorium::state_buffer! {
     }
 }
 
-motorium::state_buffer! {
+crate::state_buffer! {
     /// A part of another buffer.
     struct Target as "test.Target" {
         place: [f64; 2],
@@ -140,7 +140,7 @@ fn numbers_keep_their_width_and_extremes_get_an_exponent() {
 
 #[test]
 fn every_built_in_type_can_be_read_and_its_counted_arrays_are_cut_to_their_count() {
-    for layout in motorium::state::built_in() {
+    for layout in crate::state::built_in() {
         let decoder = Decoder::new(&layout).unwrap_or_else(|error| panic!("{error}"));
         let zeros = vec![0; layout.size];
         for (name, value) in decoder.decode(&zeros).unwrap().0 {

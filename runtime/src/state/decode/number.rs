@@ -6,25 +6,38 @@ macro_rules! scalars {
     ($($variant:ident $type:ident $as:ty),*) => {
         /// A primitive number in a sample.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub(super) enum Scalar { $( $variant ),* }
+        pub(in crate::state) enum Scalar { $( $variant ),* }
 
         impl Scalar {
-            pub(super) fn parse(kind: &str) -> Option<Self> {
+            pub(in crate::state) fn parse(kind: &str) -> Option<Self> {
                 match kind { $( stringify!($type) => Some(Self::$variant), )* _ => None }
             }
 
-            pub(super) fn size(self) -> usize {
+            pub(in crate::state) fn size(self) -> usize {
                 match self { $( Self::$variant => size_of::<$type>() ),* }
             }
 
             /// Reads the number at the start of `bytes`, which the caller has checked to be long enough.
-            pub(super) fn read(self, bytes: &[u8]) -> Number {
+            pub(in crate::state) fn read(self, bytes: &[u8]) -> Number {
                 match self {
                     $( Self::$variant => {
                         let mut raw = [0; size_of::<$type>()];
                         let length = raw.len();
                         raw.copy_from_slice(&bytes[..length]);
                         Number::from($type::from_ne_bytes(raw) as $as)
+                    } )*
+                }
+            }
+
+            /// Writes a number given as text to the start of `bytes`; false if it is no number of this type, or not finite.
+            pub(in crate::state) fn write(self, text: &str, bytes: &mut [u8]) -> bool {
+                match self {
+                    $( Self::$variant => match text.parse::<$type>() {
+                        Ok(number) if (number as f64).is_finite() => {
+                            bytes[..size_of::<$type>()].copy_from_slice(&number.to_ne_bytes());
+                            true
+                        }
+                        _ => false,
                     } )*
                 }
             }
@@ -39,10 +52,14 @@ scalars!(
 
 /// A number of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in super::super) enum Number {
+pub enum Number {
+    /// Of an `f64`.
     Double(f64),
+    /// Of an `f32`.
     Single(f32),
+    /// Of an unsigned integer.
     Natural(u64),
+    /// Of a signed integer.
     Integer(i64),
 }
 

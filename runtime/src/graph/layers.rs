@@ -1,0 +1,171 @@
+//! The files of a graph: the one that was named, those it extends, and the overlays of the command line.
+//!
+//! Files are found by their `extends` keys alone; what stands in them is laid together in `merge`.
+
+use std::path::{Path, PathBuf};
+
+use toml::de::DeTable;
+
+use super::diagnostic::Report;
+use super::file::{self, LONGEST};
+use super::source::{Source, Sources, Span};
+
+/// Most files of one graph.
+const MOST: usize = 32;
+/// Most files in a row that extend one another.
+const DEEPEST: usize = 8;
+
+/// A file of a graph.
+struct Layer {
+    /// Its path as it was written.
+    path: PathBuf,
+    /// Its path by which it is recognised.
+    identity: PathBuf,
+    text: String,
+    problem: Option<Problem>,
+}
+
+/// A file that another extends and that cannot be used.
+struct Problem {
+    /// Place of its name, in the text of the file that names it.
+    span: Span,
+    message: String,
+    advice: String,
+}
+
+/// All files of a graph, each laid over those before it.
+#[derive(Default)]
+pub(super) struct Layers {
+    files: Vec<Layer>,
+    named: usize,
+}
+
+impl Layers {
+    /// The graph file with those that it extends.
+    pub(super) fn of_graph(path: &Path, text: String) -> Self {
+        let mut layers = Self::default();
+        layers.add(path, text);
+        layers.named = layers.files.len() - 1;
+        layers
+    }
+
+    /// Lays a file, with those that it extends, over all others. One that is part of the graph already stays where it is.
+    pub(super) fn add(&mut self, path: &Path, text: String) {
+        let mut chain: Vec<Layer> = Vec::new();
+        let mut next = Some((path.to_path_buf(), text));
+        while let Some((path, text)) = next.take() {
+            let identity = identity(&path);
+            let mut layer = Layer { path, identity, text, problem: None };
+            if let Some((span, base)) = layer.extends() {
+                chain.push(layer);
+                match self.base(&chain, &base) {
+                    Ok(base) => next = base,
+                    Err((message, advice)) => {
+                        layer = chain.pop().expect("it was pushed above");
+                        layer.problem = Some(Problem { span, message, advice });
+                        chain.push(layer);
+                    }
+                }
+            } else {
+                chain.push(layer);
+            }
+        }
+        self.files.extend(chain.into_iter().rev());
+    }
+
+    /// The file that the last one of a chain extends; `None` if it is part of the graph already.
+    fn base(&self, chain: &[Layer], base: &str) -> Result<Option<(PathBuf, String)>, (String, String)> {
+        let last = chain.last().expect("a chain has a file");
+        let path = last.path.parent().unwrap_or(Path::new("")).join(base);
+        let (name, identity) = (path.display(), identity(&path));
+        let refuse = |message: String, advice: &str| Err((message, advice.to_string()));
+        if chain.iter().any(|layer| layer.identity == identity) {
+            return refuse(format!("`{name}` extends itself"), "a file extends one that does not extend it");
+        }
+        if self.files.iter().any(|layer| layer.identity == identity) {
+            return Ok(None);
+        }
+        if chain.len() == DEEPEST {
+            let message = format!("more than {DEEPEST} files extend one another");
+            return refuse(message, "put some of them together");
+        }
+        if self.files.len() + chain.len() >= MOST {
+            return refuse(format!("the graph has more than {MOST} files"), "put some of them together");
+        }
+        let bytes = match file::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                let advice = file::near(&path).map_or_else(
+                    || "the path is relative to the file that extends it".to_string(),
+                    |near| format!("did you mean `{}`?", Path::new(base).with_file_name(near).display()),
+                );
+                return Err((format!("the file `{name}` cannot be read: {error}"), advice));
+            }
+        };
+        let total =
+            bytes.len() + chain.iter().chain(&self.files).map(|layer| layer.text.len()).sum::<usize>();
+        if total as u64 > LONGEST {
+            let message = format!(
+                "the files of the graph have {total} bytes, expected at most {LONGEST} (16 MiB) together"
+            );
+            return refuse(message, "a graph is written by hand: is this one?");
+        }
+        match String::from_utf8(bytes) {
+            Ok(text) => Ok(Some((path, text))),
+            Err(_) => refuse(format!("the file `{name}` is not text"), "save the file as UTF-8"),
+        }
+    }
+
+    /// Number of files and of bytes.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.files.len(), self.files.iter().map(|layer| layer.text.len()).sum())
+    }
+
+    /// Most files, and most bytes of all of them.
+    pub(super) const LIMITS: (usize, usize) = (MOST, LONGEST as usize);
+
+    /// The texts; a function that reports what is wrong with the files follows once there is a report.
+    pub(super) fn into_sources(self) -> (Sources, Problems) {
+        let mut sources = Sources::new(self.named);
+        let mut problems = Vec::new();
+        for layer in self.files {
+            let folder = super::folder_of(&layer.path);
+            sources.add_file(layer.path.display().to_string(), layer.text, folder);
+            let start = sources.files().last().map_or(0, |source: &Source| source.start);
+            problems.extend(layer.problem.map(|problem| Problem {
+                span: start + problem.span.start..start + problem.span.end,
+                ..problem
+            }));
+        }
+        (sources, Problems(problems))
+    }
+}
+
+/// What is wrong with the files of a graph.
+pub(super) struct Problems(Vec<Problem>);
+
+impl Problems {
+    pub(super) fn report(self, report: &mut Report) {
+        for Problem { span, message, advice } in self.0 {
+            report.error(message).at(&span, "the file extended here").advise(advice);
+        }
+    }
+}
+
+impl Layer {
+    /// The file that it extends, with the place of its name.
+    fn extends(&self) -> Option<(Span, String)> {
+        // most files are parsed once
+        if !self.text.contains("extends") {
+            return None;
+        }
+        let (table, _) = DeTable::parse_recoverable(&self.text);
+        let value = table.get_ref().get("extends")?;
+        Some((value.span(), value.get_ref().as_str()?.to_string()))
+    }
+}
+
+/// The path by which a file is recognised.
+fn identity(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}

@@ -1,0 +1,51 @@
+//! `motorium topic pub`: values from outside reach a topic that the bridge publishes, and no other.
+
+use std::path::Path;
+
+use crate::program::{complaint, json, printed};
+use crate::support::{Run, machine};
+
+#[test]
+fn a_value_from_outside_reaches_the_topic_of_the_bridge_and_no_other() {
+    let _machine = machine();
+    let run = Run::start(Path::new("graphs/panda-bridge.toml"), &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    let newest = || {
+        let text = printed(&["topic", "echo", "panda/target", "--run", &id, "--count", "1", "--json"]);
+        serde_json::from_str::<serde_json::Value>(text.trim()).expect("JSON")
+    };
+    let pose = "position=[0.35, 0.0, 0.55] orientation=[1, 0, 0, 0] goal=7";
+    printed(&["topic", "pub", "panda/target", pose, "--run", &id]);
+    let once = newest();
+    assert_eq!(once["value"]["position"], serde_json::json!([0.35, 0.0, 0.55]));
+    assert_eq!((&once["value"]["goal"], &once["publisher"]), (&7.into(), &"bridge".into()));
+    // fields may be given one by one, and the value again and again
+    let fields = ["position=[0.36, 0, 0.55]", "orientation=[1, 0, 0, 0]", "goal=8"];
+    let repeated =
+        [&["topic", "pub", "panda/target"], &fields[..], &["--run", &id, "--rate", "50", "--for", "1s"]];
+    printed(&repeated.concat());
+    let repeated = newest();
+    assert_eq!(repeated["value"]["goal"], 8);
+    let (before, after) = (once["sequence"].as_u64().unwrap(), repeated["sequence"].as_u64().unwrap());
+    assert!((before + 5..=before + 60).contains(&after), "{before} and {after}");
+
+    let refused = |topic: &str, value: &str| complaint(&["topic", "pub", topic, value, "--run", &id]);
+    let text = refused("panda/joint_command", "effort=[1]");
+    assert!(text.contains("published by component `controller`, whose place no program"), "{text}");
+    assert!(text.contains("from outside one can feed `panda/target`"), "{text}");
+    let text = refused("panda/target", "positon=[0, 0, 0]");
+    assert!(text.contains("no field `positon`; did you mean `position`?"), "{text}");
+    let text = refused("panda/target", "position=[0, 0]");
+    assert!(text.contains("`position` has 2 entries, expected 3"), "{text}");
+    let text = refused("panda/target", "position=[0, 0, inf]");
+    assert!(text.contains("`position` is inf, expected f64, finite"), "{text}");
+    let rows = json(&["topic", "list", "--run", &id, "--json"]);
+    let writer = |name: &str| {
+        let row = rows.as_array().unwrap().iter().find(|row| row["name"] == name).unwrap();
+        row["writer"].as_str().unwrap().to_string()
+    };
+    assert_eq!(
+        (writer("panda/target"), writer("panda/joint_command")),
+        ("bridge".into(), "controller".into())
+    );
+}

@@ -1,0 +1,121 @@
+//! `motorium topic pub`: feeds a topic of a running graph from outside.
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use motorium::plan::{Plan, Program, TopicPlan};
+use motorium::state::encode;
+use motorium::transport::Sample;
+use motorium::units::TimeSpan;
+use motorium_bridges::{Feed, Iceoryx2Bridge};
+
+use super::find;
+use super::watch::{End, Watch};
+use crate::out::errln;
+use crate::runs::RunArg;
+
+/// Time within which a value that was sent once must be published by the bridge.
+const ARRIVAL: Duration = Duration::from_secs(3);
+/// Interval between two looks whether it was.
+const POLL: Duration = Duration::from_millis(2);
+
+/// Publish values on a topic that a bridge of the graph feeds from outside.
+///
+/// The topic must be one that `bridge.iceoryx2` publishes: no program from outside takes the place of a component. Fields
+/// that are left out are zero; counts follow from the entries of arrays.
+///
+/// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100 --for 2s
+#[derive(Debug, clap::Args)]
+pub(super) struct Pub {
+    /// The topic
+    topic: String,
+    /// Fields of the value: 'name=number', 'name=[number, ...]', 'name="text"' for bytes
+    #[arg(required = true, value_name = "FIELD=VALUE")]
+    fields: Vec<String>,
+    #[command(flatten)]
+    run: RunArg,
+    /// Publish this often, in Hz, until Ctrl-C or the end of `--for`; once if not given
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
+    /// Time for which to publish
+    #[arg(long = "for", value_name = "TIME", requires = "rate")]
+    time: Option<TimeSpan>,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rate) if (1e-3..=1e3).contains(&rate) => Ok(rate),
+        _ => Err("expected a number of values a second, from 0.001 to 1000".to_string()),
+    }
+}
+
+impl Pub {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let (_, topic) = find(&run.plan, &self.topic)?;
+        // what is wrong with the value is said first: it can be mended at once
+        let bytes = encode(&topic.layout, &self.fields.join(" "))?;
+        fed_from_outside(&run.plan, topic)?;
+        let mut watch = Watch::open(&run, topic)?;
+        let feed = Feed::open(&run.folder.domain()?, &topic.name, &topic.layout)
+            .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
+        let begin = Instant::now();
+        let Some(rate) = self.rate else {
+            // what was published before this began is not the answer
+            watch.follow(POLL, Some(Duration::ZERO), |_| Ok(true))?;
+            feed.send(&bytes)?;
+            let end = watch.follow(POLL, Some(ARRIVAL), |samples: Vec<Sample>| {
+                Ok(!samples.iter().any(|sample| sample.bytes == bytes))
+            })?;
+            return match end {
+                End::Enough => Ok(ExitCode::SUCCESS),
+                End::Interrupted => bail!("interrupted before the value was published"),
+                End::RunOver => bail!("run {} ended before the value was published", run.folder.id()),
+                End::Time => bail!(
+                    "the bridge did not publish the value within {} s: does another program feed `{}`?",
+                    ARRIVAL.as_secs(),
+                    topic.name
+                ),
+            };
+        };
+        let (interval, mut sent) = (Duration::from_secs_f64(1.0 / rate), 0u32);
+        let poll = interval.min(Duration::from_millis(20));
+        let end = watch.follow(poll, self.time.map(|time| Duration::from_nanos(time.ns)), |_| {
+            if begin.elapsed() >= interval * sent {
+                feed.send(&bytes)?;
+                sent += 1;
+            }
+            Ok(true)
+        })?;
+        if end == End::RunOver {
+            errln!("run {} is over", run.folder.id());
+        }
+        errln!("{sent} values in {:.1} s", begin.elapsed().as_secs_f64());
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Only what a bridge publishes may be fed: every other topic has a component that publishes it.
+fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
+    let is_bridge = |program: &Program| matches!(program, Program::Builtin { kind } if kind == <Iceoryx2Bridge as motorium::component::Component>::KIND);
+    let writer = &plan.components[topic.writer];
+    if is_bridge(&writer.program) {
+        return Ok(());
+    }
+    let fed: Vec<String> = plan
+        .topics
+        .iter()
+        .filter(|topic| is_bridge(&plan.components[topic.writer].program))
+        .map(|topic| format!("`{}`", topic.name))
+        .collect();
+    let advice = match fed.as_slice() {
+        [] => "the graph has no `bridge.iceoryx2`, through which values come from outside".to_string(),
+        fed => format!("from outside one can feed {}", fed.join(", ")),
+    };
+    bail!(
+        "`{}` is published by component `{}`, whose place no program from outside takes; {advice}",
+        topic.name,
+        writer.name
+    )
+}
