@@ -45,7 +45,7 @@ impl Signals {
             registered.push(signal_hook_registry_count(signal, raised)?);
             registered.push(signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?);
         }
-        // Ctrl-Z must not stop what looks after a robot.
+        // Ctrl-Z must not stop what supervises a robot.
         registered.push(signal_hook::flag::register(SIGTSTP, Arc::default())?);
         Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered })
     }

@@ -1,34 +1,12 @@
-//! The parts of a control block.
+//! The accounts of a control block: components, topics, edges and latency budgets.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
 
 use serde::{Deserialize, Serialize};
 
-use super::header::from_word;
-use super::{CheckpointBlock, GateBlock};
+use super::{CheckpointBlock, GateBlock, Phase};
 use crate::telemetry::Histogram;
-
-/// The phase of a component's life.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[repr(u32)]
-pub enum Phase {
-    /// The process is starting.
-    Created = 0,
-    /// Configured; all ports are open.
-    Ready = 1,
-    /// All ports are connected; it waits for the start.
-    Connected = 2,
-    /// Stepping.
-    Running = 3,
-    /// Failed.
-    Faulted = 4,
-    /// Ended in good order.
-    Stopped = 5,
-}
-
-from_word!(Phase, Faulted, Created, Ready, Connected, Running, Faulted, Stopped);
 
 /// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

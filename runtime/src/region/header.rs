@@ -1,7 +1,9 @@
-//! The head of a control block: what the launcher says to all.
+//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run, its episode.
 
 use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
+
+use serde::{Deserialize, Serialize};
 
 use super::Latch;
 
@@ -21,6 +23,25 @@ pub enum Command {
     Stop = 4,
 }
 
+/// The phase of a component's life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum Phase {
+    /// The process is starting.
+    Created = 0,
+    /// Configured; all ports are open.
+    Ready = 1,
+    /// All ports are connected; it waits for the start.
+    Connected = 2,
+    /// Stepping.
+    Running = 3,
+    /// Failed.
+    Faulted = 4,
+    /// Ended in good order.
+    Stopped = 5,
+}
+
 macro_rules! from_word {
     ($type:ident, $fallback:ident, $($variant:ident),*) => {
         impl $type {
@@ -32,9 +53,8 @@ macro_rules! from_word {
         }
     };
 }
-pub(super) use from_word;
-
 from_word!(Command, Stop, Configure, Connect, Run, SafeStop, Stop);
+from_word!(Phase, Faulted, Created, Ready, Connected, Running, Faulted, Stopped);
 
 /// The head of a control block. Written by the launcher, and by the guard once the launcher is dead.
 #[derive(Debug)]
@@ -60,7 +80,7 @@ pub struct Header {
     resumes: AtomicU32,
     /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
     pub launcher_alive_ns: AtomicU64,
-    /// Time at which the guard last looked after the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
+    /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
     /// Lockstep: number of the episode.
     pub episode: AtomicU64,

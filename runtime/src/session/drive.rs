@@ -106,7 +106,7 @@ impl Session<'_> {
     }
 }
 
-/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do not forgive.
+/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do not tolerate.
 ///
 /// `observe` is called with every [`Event`] while the graph runs; with a status about 20 times a second.
 ///
