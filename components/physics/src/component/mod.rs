@@ -59,6 +59,7 @@ struct Totals {
     overspeed: u64,
     near_contact: u64,
     safe: u64,
+    resuming: u64,
     /// Height of the base \[m\].
     lowest: f64,
     highest: f64,
@@ -160,6 +161,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let mut result = json!({
             "steps": totals.steps,
             "steps_in_safe_state": totals.safe,
+            "steps_resuming": totals.resuming,
             "steps_with_saturated_drives": totals.saturated,
             "steps_at_a_joint_limit": totals.at_limit,
             "steps_beyond_a_velocity_limit": totals.overspeed,
@@ -203,6 +205,7 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
         };
         let verdict = self.gate.check(&mut self.command, measured);
         self.totals.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
+        self.totals.resuming += u64::from(verdict == Verdict::Resuming);
         for (command, setpoint) in self.simulation.commands_mut().iter_mut().zip(self.gate.setpoints()) {
             let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
             *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
@@ -227,6 +230,7 @@ impl Totals {
         overspeed: 0,
         near_contact: 0,
         safe: 0,
+        resuming: 0,
         lowest: f64::INFINITY,
         highest: f64::NEG_INFINITY,
     };
