@@ -250,7 +250,7 @@ mod tests {
                 "position=[1, 2",
                 "`position=[1, 2` is not of the form field=value, such as position=[0.4, 0.0, 0.3]",
             ),
-            ("posit=[1]", "motorium.PoseTarget has no field `posit`; did you mean `position`?"),
+            ("positon=[1]", "motorium.PoseTarget has no field `positon`; did you mean `position`?"),
             ("position=[1, 2]", "`position` has 2 entries, expected 3"),
             ("position=[1, x, 3]", "`position` is x, expected f64, finite"),
             ("position=[1, nan, 3]", "`position` is nan, expected f64, finite"),
