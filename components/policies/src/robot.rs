@@ -1,11 +1,16 @@
 //! Loading the robot of a component.
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::{EndEffectorError, FrameId, Loaded, RobotSource};
+use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
 
 /// The robot of a component.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
-    RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base }
+    RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+    }
         .load()
         .map_err(|error| ConfigError::new(error.to_string()))
 }

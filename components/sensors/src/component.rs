@@ -92,7 +92,7 @@ impl Component for JointEncoder {
 }
 
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
-    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base }
+    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose: None }
         .load()
         .map_err(|error| ConfigError::new(error.to_string()))?;
     // a joint state holds no pose of a floating base, but the rotors that fly it

@@ -1,5 +1,6 @@
 //! The declaration of a component: its ports, its parameters, its needs.
 
+use core::cell::Cell;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -165,8 +166,20 @@ impl ParameterDeclaration {
     }
 }
 
-/// The robot of a component, as the runtime knows it: its name and the place of its model.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// The pose of a robot's base in the world, as the graph file has it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BasePose {
+    /// Position of its origin, m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// Roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
+    #[serde(default)]
+    pub rpy: [f64; 3],
+}
+
+/// The robot of a component, as the runtime knows it: its name, the place of its model, and where it stands.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RobotReference {
     /// Its name in the graph file.
     pub name: String,
@@ -174,6 +187,9 @@ pub struct RobotReference {
     pub urdf: String,
     /// Folder against which a relative path is resolved: that of the graph file.
     pub base: PathBuf,
+    /// Pose of its base in the world; `None` where the graph file does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<BasePose>,
 }
 
 /// Everything a component declares.
@@ -205,12 +221,25 @@ pub struct Declaration {
 pub struct Declare {
     pub(crate) declaration: Declaration,
     robot: Option<RobotReference>,
+    robots: Vec<RobotReference>,
+    /// The component asked for them: it can work on several.
+    takes_several: Cell<bool>,
 }
 
 impl Declare {
     /// An empty declaration for a component that works on `robot`.
     pub fn new(robot: Option<RobotReference>) -> Self {
-        Self { declaration: Declaration::default(), robot }
+        Self {
+            declaration: Declaration::default(),
+            robot,
+            robots: Vec::new(),
+            takes_several: Cell::new(false),
+        }
+    }
+
+    /// An empty declaration for a component that works on several robots.
+    pub fn of_robots(robots: Vec<RobotReference>) -> Self {
+        Self { robots, ..Self::new(None) }
     }
 
     /// The collected declaration.
@@ -221,6 +250,18 @@ impl Declare {
     /// The robot the graph file gives this component, if any.
     pub fn robot(&self) -> Option<&RobotReference> {
         self.robot.as_ref()
+    }
+
+    /// The robots the graph file gives this component by `robots`; empty where it gives it one by `robot`, or none. A
+    /// component that never asks works on one robot at most, and `robots` is refused.
+    pub fn robots(&self) -> &[RobotReference] {
+        self.takes_several.set(true);
+        &self.robots
+    }
+
+    /// True unless the graph file gives several robots to a component that works on one at most.
+    pub(crate) fn robots_fit(&self) -> bool {
+        self.robots.is_empty() || self.takes_several.get()
     }
 
     /// An input that the graph must wire: the newest value of a topic.

@@ -4,7 +4,7 @@ mod declaration;
 mod error;
 
 pub use declaration::{
-    Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
-    RobotReference, TopicPattern,
+    BasePose, Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue,
+    PortDeclaration, RobotReference, TopicPattern,
 };
 pub use error::{ConfigError, StepError};

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 
 use super::defaults;
 use super::diagnostic::Report;
-use super::read::{At, Keys, Read, Value};
-use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
-use crate::declare::ParameterValue;
+use super::read::{At, Keys, Read, Value, good};
+use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName, Triple};
+use crate::declare::{BasePose, ParameterValue};
 use crate::plan::{
     ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
     SafeState,
@@ -45,6 +45,9 @@ pub(super) struct GraphTable<'i> {
     pub cores: Option<At<CoresTable>>,
     /// Settings of real time.
     pub realtime: Option<At<RealtimeTable>>,
+    /// The world around the robots, which all components that simulate or see it share: gravity, ground, objects. Poses
+    /// are in the world, z up.
+    pub world: Option<At<AnyTable<'i>>>,
     /// Robots, by name.
     pub robot: Option<At<Named<RobotTable>>>,
     /// Components, by name: each runs as a process of its own.
@@ -62,7 +65,7 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 13] = [
+pub(super) const TOP_KEYS: [&str; 14] = [
     "extends",
     "remove",
     "name",
@@ -71,6 +74,7 @@ pub(super) const TOP_KEYS: [&str; 13] = [
     "seed",
     "cores",
     "realtime",
+    "world",
     "robot",
     "component",
     "topic",
@@ -82,8 +86,8 @@ impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
-            keys, extends, remove, name, clock, duration, seed, cores, realtime, robot, component, topic, latency, safety;
-            meant: Vec::new()
+            keys, extends, remove, name, clock, duration, seed, cores, realtime, world, robot, component, topic, latency,
+            safety; meant: Vec::new()
         );
         // those of files have been followed: these are of the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
@@ -178,6 +182,8 @@ pub(super) struct RobotTable {
     /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
     #[schemars(required)]
     pub urdf: Option<At<String>>,
+    /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
+    pub base: Option<At<BaseTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -186,8 +192,35 @@ pub(super) struct RobotTable {
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = take_fields!(keys, urdf; meant: Vec::new());
+        let mut table = take_fields!(keys, urdf, base; meant: Vec::new());
         table.meant = keys.finish(&format!("robot `{key}`"));
+        Some(table)
+    }
+}
+
+/// The pose of a robot's base in the world.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Base")]
+pub(super) struct BaseTable {
+    /// Position of its origin (m).
+    pub position: Option<At<Triple>>,
+    /// Its roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    pub rpy: Option<At<Triple>>,
+}
+
+impl BaseTable {
+    /// The same without places.
+    pub(super) fn pose(&self) -> BasePose {
+        let of = |key: &Option<At<Triple>>| good(key).map_or([0.0; 3], |triple| triple.0);
+        BasePose { position: of(&self.position), rpy: of(&self.rpy) }
+    }
+}
+
+impl<'i> Read<'i> for BaseTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(keys, position, rpy);
+        keys.finish("`base`");
         Some(table)
     }
 }
@@ -202,6 +235,9 @@ pub(super) struct ComponentTable<'i> {
     pub exec: Option<At<String>>,
     /// The robot it works on: a name from `[robot]`.
     pub robot: Option<At<String>>,
+    /// Several robots in place of one, for kinds that take them: names from `[robot]`, each once. A port `PORT` of robot
+    /// `NAME` is then called `NAME.PORT`.
+    pub robots: Option<At<Vec<At<String>>>>,
     /// Steps at fixed times.
     pub rate: Option<At<Rate>>,
     /// Steps whenever this topic is published; the component must subscribe to it.
@@ -259,7 +295,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
-            keys, kind, exec, robot, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
+            keys, kind, exec, robot, robots, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
             params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
@@ -349,6 +385,10 @@ pub(super) struct SafetyTable {
     /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
     /// `motorium resume`.
     pub emergency_stop: Option<At<TopicName>>,
+    /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
+    /// each one stops by itself.
+    #[schemars(extend("default" = false))]
+    pub stop_together: Option<At<bool>>,
 }
 
 impl<'i> Read<'i> for SafetyTable {
@@ -362,7 +402,8 @@ impl<'i> Read<'i> for SafetyTable {
             source_stale_after,
             limits,
             resume,
-            emergency_stop
+            emergency_stop,
+            stop_together
         );
         keys.finish("`[safety]`");
         Some(table)

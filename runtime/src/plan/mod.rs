@@ -208,6 +208,9 @@ pub struct ComponentPlan {
     pub config: serde_json::Value,
     /// The robot it works on.
     pub robot: Option<RobotReference>,
+    /// The robots it works on, where the graph gives it several by `robots`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub robots: Vec<RobotReference>,
     /// True if it applies commands to a robot.
     pub actuator: bool,
     /// Seed of its random numbers, derived from the run's seed and its name.

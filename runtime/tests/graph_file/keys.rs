@@ -22,6 +22,9 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Realtime.lost_steps", &["realtime.lost_steps=0.2"]),
     ("Realtime.on_denied", &["realtime.on_denied=warn"]),
     ("Robot.urdf", &["robot.panda.urdf=ur5"]),
+    ("Robot.base", &["robot.panda.base={ position = [1.0, 0.0, 0.0] }"]),
+    ("Base.position", &["robot.panda.base.position=[0.0, 0.0, 0.5]"]),
+    ("Base.rpy", &["robot.panda.base.rpy=[0.0, 0.0, 1.5]"]),
     ("Topic.history", &["topic.target.history=9"]),
     ("Component.kind", &["phases.kind=log.recorder", "phases.subscribe={ episodes = \"episodes\" }"]),
     ("Component.robot", &["robot.second.urdf=panda", "controller.robot=second"]),
@@ -76,11 +79,14 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.source_stale_after", &["safety.source_stale_after=90 ms"]),
     ("Safety.limits", &["safety.limits=refuse"]),
     ("Safety.resume", &["safety.resume=latch"]),
+    ("Safety.stop_together", &["safety.stop_together=true"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, and those by
-/// which files are laid over one another.
-const TABLES: [&str; 11] = [
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
+/// `robots`, and those by which files are laid over one another.
+const TABLES: [&str; 13] = [
+    "Graph.world",
+    "Component.robots",
     "Graph.extends",
     "Graph.remove",
     "Safety.emergency_stop",
@@ -113,7 +119,7 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in ["Cores", "Realtime", "Robot", "Component", "Topic", "Restart", "Latency", "Safety"] {
+    for table in ["Cores", "Realtime", "Robot", "Base", "Component", "Topic", "Restart", "Latency", "Safety"] {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

@@ -78,6 +78,7 @@ impl Parts<'_, '_> {
             parameters: self.parameters[index].clone(),
             config: draft.config.clone(),
             robot: draft.robot.clone(),
+            robots: draft.robots.clone(),
             actuator: declaration.actuator,
             seed: derive_seed(seed, draft.name),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),

@@ -60,6 +60,7 @@ pub(super) fn resolve(
         safe_state: table
             .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
         settle_ns: settle.ns,
+        stop_together: table.is_some_and(|table| good_or(&table.stop_together, false)),
     }
 }
 
