@@ -11,8 +11,8 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
         base: &robot.base,
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
     }
-        .load()
-        .map_err(|error| ConfigError::new(error.to_string()))
+    .load()
+    .map_err(|error| ConfigError::new(error.to_string()))
 }
 
 /// The controlled frame: the one configured under `key`, else that of the robot's only end effector.

@@ -286,6 +286,9 @@ pub(super) struct ComponentTable<'i> {
     pub on_failure: Option<At<OnFailure>>,
     /// Restart policy.
     pub restart: Option<At<RestartTable>>,
+    /// Time that it may take to stop, at the end of a run, before it is killed.
+    #[schemars(extend("default" = defaults::STOP_WITHIN))]
+    pub stop_within: Option<At<TimeSpan>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -296,7 +299,8 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
             keys, kind, exec, robot, robots, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
-            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart; meant: Vec::new()
+            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within;
+            meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)

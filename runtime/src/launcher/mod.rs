@@ -317,5 +317,3 @@ impl Launch<'_> {
 
 /// Time within which components must be configured.
 const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
-/// Time within which components must end after the command to stop.
-const STOP_WITHIN: Duration = Duration::from_secs(2);

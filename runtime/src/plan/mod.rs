@@ -227,9 +227,15 @@ pub struct ComponentPlan {
     pub on_failure: OnFailure,
     /// Its restart policy.
     pub restart: RestartPlan,
+    /// Time that it may take to stop before it is killed; without it [`STOP_WITHIN_NS`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_within_ns: Option<u64>,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
     pub order: usize,
 }
+
+/// Time that a component may take to stop where the graph does not say, ns.
+pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
     /// The component that can keep its core from another for longest by computing without end, and the limit at which the

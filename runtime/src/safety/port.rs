@@ -83,7 +83,10 @@ impl Setup {
     ///
     /// # Errors
     /// As [`command_gate`](Self::command_gate); and all gates have more joints than a command holds.
-    pub fn command_gates(&mut self, robots: Vec<Vec<JointLimits>>) -> Result<Vec<CommandGate>, ConfigureError> {
+    pub fn command_gates(
+        &mut self,
+        robots: Vec<Vec<JointLimits>>,
+    ) -> Result<Vec<CommandGate>, ConfigureError> {
         let total: usize = robots.iter().map(Vec::len).sum();
         if robots.is_empty() || robots.iter().any(Vec::is_empty) || total > MAX_JOINTS {
             let message = format!("command gates for {total} joints, expected 1 to {MAX_JOINTS}");

@@ -65,6 +65,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Component.on_error", &["physics.on_error=fail"]),
     ("Component.on_failure", &["policy.on_failure=safe_stop"]),
     ("Component.restart", &["physics.restart={}"]),
+    ("Component.stop_within", &["physics.stop_within=5 s"]),
     ("Restart.when", &["physics.restart.when=failure"]),
     ("Restart.at_most", &["physics.restart.at_most=4"]),
     ("Restart.window", &["physics.restart.window=2 s"]),
@@ -119,7 +120,8 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in ["Cores", "Realtime", "Robot", "Base", "Component", "Topic", "Restart", "Latency", "Safety"] {
+    for table in ["Cores", "Realtime", "Robot", "Base", "Component", "Topic", "Restart", "Latency", "Safety"]
+    {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

@@ -48,6 +48,7 @@ fn component(
         config: serde_json::Value::Null,
         robot: None,
         robots: Vec::new(),
+        stop_within_ns: None,
         actuator,
         seed: 0,
         on_overrun: OnOverrun::Skip,

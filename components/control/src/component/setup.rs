@@ -25,11 +25,11 @@ impl ControllerSetup {
     /// Loads the robot and checks everything but the tasks' own tables.
     pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
         let source = RobotSource {
-        name: &robot.name,
-        text: &robot.urdf,
-        base: &robot.base,
-        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
-    };
+            name: &robot.name,
+            text: &robot.urdf,
+            base: &robot.base,
+            pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+        };
         let Loaded { model, profile, .. } =
             source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
         if model.base().floating {

@@ -87,7 +87,10 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
 }
 
 /// Several robots with fixed bases, as one model: their trees stand side by side in the world.
-fn several<E: PhysicsEngine>(config: &PhysicsConfig, robots: &[RobotReference]) -> Result<Built<E>, ConfigError> {
+fn several<E: PhysicsEngine>(
+    config: &PhysicsConfig,
+    robots: &[RobotReference],
+) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
         return Err(ConfigError::new("`position` and `base` are those of one robot, and there are several")
             .advise("write `start.NAME.position`, and `base` in `[robot.NAME]`"));
@@ -105,7 +108,11 @@ fn several<E: PhysicsEngine>(config: &PhysicsConfig, robots: &[RobotReference]) 
                 .advise("fix it by `floating = false`, or give it a component of its own"));
         }
         let start = config.start.get(&robot.name).cloned().unwrap_or_default();
-        let own = PhysicsConfig { pose: start.pose.or(config.pose.clone()), position: start.position, ..config.clone() };
+        let own = PhysicsConfig {
+            pose: start.pose.or(config.pose.clone()),
+            position: start.position,
+            ..config.clone()
+        };
         q.extend(own.start(&loaded).map_err(|error| inside(error, &robot.name))?);
         rules.extend(setup.collision_rules.prefixed(&BuiltRobot::prefix(&robot.name)));
         let count = loaded.model.joint_count();
@@ -122,9 +129,14 @@ fn several<E: PhysicsEngine>(config: &PhysicsConfig, robots: &[RobotReference]) 
         .iter()
         .zip(&prefixes)
         // each model stands where the graph has it already
-        .map(|(robot, prefix)| Placed { model: &robot.loaded.model, prefix, placement: Isometry3::identity() })
+        .map(|(robot, prefix)| Placed {
+            model: &robot.loaded.model,
+            prefix,
+            placement: Isometry3::identity(),
+        })
         .collect();
-    let model = Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
+    let model =
+        Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
     let setup = RobotSetup { model, rotors: Vec::new(), collision_rules: rules };
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;

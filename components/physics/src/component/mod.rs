@@ -108,7 +108,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         let floating = simulation.model().base().floating;
         let names = simulation.joint_names();
-        let limits = robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
+        let limits =
+            robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
         let limits: Result<Vec<_>, ConfigError> = limits.collect();
         let gates = setup.command_gates(limits.map_err(ConfigureError::Config)?)?;
         let mut actuated = Vec::new();
@@ -224,7 +225,8 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
             robot.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
             let commands = &mut simulation.commands_mut()[drives];
             for (command, setpoint) in commands.iter_mut().zip(robot.gate.setpoints()) {
-                let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
+                let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } =
+                    *setpoint;
                 *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
             }
         }

@@ -21,23 +21,25 @@ fn bases(apart: f64) -> [Isometry3<f64>; 2] {
 fn two(apart: f64) -> ArticulatedSimulator {
     let panda = panda::loaded().model;
     let placements = bases(apart);
-    let placed = ["left/", "right/"]
-        .into_iter()
-        .zip(placements)
-        .map(|(prefix, placement)| Placed { model: &panda, prefix, placement });
+    let placed = ["left/", "right/"].into_iter().zip(placements).map(|(prefix, placement)| Placed {
+        model: &panda,
+        prefix,
+        placement,
+    });
     let model = Model::world("two", &placed.collect::<Vec<_>>()).unwrap();
     let q = [panda::home(), panda::home()].concat();
     ArticulatedSimulator::new(RobotSetup::from(model), World::default(), &q, Options::default()).unwrap()
 }
 
-/// Commands that lead both arms along different ways, at `time` \[s\]; forward as far as `reach` \[rad\].
-fn commands(time: f64, reach: f64) -> [Vec<JointCommand>; 2] {
+/// Commands that lead both arms along different ways, at `time` \[s\]; forward as far as `reach`, to the side as far as
+/// `sway` \[rad\].
+fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointCommand>; 2] {
     [1.0, 0.7].map(|share| {
         let mut q = panda::home();
         let lean = reach * share * (1.0 - (2.0 * time).cos()) / 2.0;
         q[1] += lean;
         q[3] += lean;
-        q[0] += 0.2 * share * (3.0 * time).sin();
+        q[0] += sway * share * (3.0 * time).sin();
         panda::hold(&q)
     })
 }
@@ -52,7 +54,7 @@ fn two_arms_that_do_not_touch_move_as_each_moves_alone() {
     });
     let drives = panda.joint_count();
     for step in 0..2000 {
-        let commands = commands(f64::from(step) * 1e-3, 0.3);
+        let commands = commands(f64::from(step) * 1e-3, 0.3, 0.2);
         both.commands_mut().copy_from_slice(&commands.concat());
         both.step(1e-3).unwrap();
         for (arm, (single, commands)) in alone.iter_mut().zip(&commands).enumerate() {
@@ -70,10 +72,10 @@ fn two_arms_that_do_not_touch_move_as_each_moves_alone() {
 
 #[test]
 fn two_arms_that_meet_push_one_another() {
-    let mut both = two(1.25);
+    let mut both = two(0.9);
     let (mut touched, mut deepest): (bool, f64) = (false, 0.0);
     for step in 0..2000 {
-        both.commands_mut().copy_from_slice(&commands(f64::from(step) * 1e-3, 0.9).concat());
+        both.commands_mut().copy_from_slice(&commands(f64::from(step) * 1e-3, 0.9, 0.0).concat());
         both.step(1e-3).unwrap();
         both.visit_contacts(&mut |contact| {
             let between = contact.first.starts_with("left/") && contact.second.starts_with("right/")
@@ -137,7 +139,8 @@ fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
 }
 
 fn run_for_a_second(safety: &str) -> Report {
-    let mut plan = check(graph_text(safety, 300)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let mut plan =
+        check(graph_text(safety, 300)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     plan.duration_ns = Some(1_000_000_000);
     let options = RunOptions { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
     run(plan, &registry(), &options, &mut |_| ()).unwrap()
@@ -173,9 +176,17 @@ fn mistakes_about_several_robots_are_found_before_anything_runs() {
         ("robots = [\"left\", \"right\"]", "robots = [\"left\", \"up\"]", "no robot named `up`"),
         ("robots = [\"left\", \"right\"]", "robots = []", "`robots` is empty"),
         ("robots = [", "robot = \"left\"\nrobots = [", "both `robot` and `robots`"),
-        ("[component.left-driver]", "[component.left-driver]\nrobots = [\"left\"]", "works on one robot at most"),
+        (
+            "[component.left-driver]",
+            "[component.left-driver]\nrobots = [\"left\"]",
+            "works on one robot at most",
+        ),
         ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { position = [0.0] }", "start.NAME.position"),
-        ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { start = { up = {} } }", "`up` is not one of the robots"),
+        (
+            "rate = \"1 kHz\"",
+            "rate = \"1 kHz\"\nconfig = { start = { up = {} } }",
+            "`up` is not one of the robots",
+        ),
         ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { world = {} }", "another one of its own"),
         ("ground = {", "grund = {", "unknown field `grund`"),
         ("height = -0.5", "friction = -0.5", "`friction` is -0.5"),

@@ -87,6 +87,7 @@ impl Parts<'_, '_> {
             on_error: good_or(&draft.table.on_error, defaults::ON_ERROR),
             on_failure: good_or(&draft.table.on_failure, defaults::ON_FAILURE),
             restart: restart(good(&draft.table.restart)),
+            stop_within_ns: good(&draft.table.stop_within).map(|time| time.ns),
             order: self.order[index],
         })
     }
