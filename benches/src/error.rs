@@ -1,6 +1,6 @@
 //! Errors of a measurement.
 
-use motorium::launcher::LaunchError;
+use motorium::session::SessionError;
 use motorium::testing::TopicSetError;
 
 /// A measurement that could not be made.
@@ -22,7 +22,7 @@ pub enum MeasureError {
     Topics(#[from] TopicSetError),
     /// The graph of a measurement did not start.
     #[error(transparent)]
-    Launch(#[from] LaunchError),
+    Launch(#[from] SessionError),
     /// A process of the measurement failed.
     #[error("the process `{process}` of the measurement failed: {reason}")]
     Process {

@@ -18,7 +18,8 @@
 //! | [`safety`] | the check of every command before it is applied |
 //! | [`worker`] | the loop of a component |
 //! | [`schedule`], [`graph`] | the analysis of a plan's times; from a graph file to a plan |
-//! | [`launcher`], [`program`] | starting, watching and ending a run; the main function of a component's program |
+//! | [`launcher`], [`session`] | starting, watching and ending a run; a run that a program drives |
+//! | [`program`] | the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 
 mod atomics;
@@ -37,6 +38,7 @@ pub mod region;
 pub mod run_folder;
 pub mod safety;
 pub mod schedule;
+pub mod session;
 pub mod severity;
 pub mod state;
 pub mod telemetry;

@@ -1,6 +1,6 @@
 //! The names that an author of a component needs: `use motorium::prelude::*;`.
 
-pub use crate::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+pub use crate::component::{Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 pub use crate::declare::{ConfigError, Declare, RobotReference, StepError};
 pub use crate::state::{
     BaseState, EmergencyStop, ImuSample, JointCommand, JointState, MAX_JOINTS, Phase, PoseTarget, Stamp,

@@ -16,6 +16,7 @@ mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod runs;
+mod sessions;
 mod support;
 mod top;
 

@@ -56,6 +56,15 @@ pub(crate) fn summary(report: &Report) -> String {
         let _ = write!(text, ", state hash {hash}");
     }
     text.push_str("\n\n");
+    for episode in &report.episodes {
+        let (index, seed, hash) = (episode.index, episode.seed, &episode.state_hash);
+        let (steps, time) = (episode.steps, episode.duration_s);
+        let _ =
+            writeln!(text, " episode {index}: seed {seed}, {time:.3} s, {steps} steps, state hash {hash}");
+    }
+    if !report.episodes.is_empty() {
+        text.push('\n');
+    }
     let realtime = report.clock == ClockKind::Realtime;
     let mut components = if realtime {
         table([

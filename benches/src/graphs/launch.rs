@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use motorium::graph::{self, Machine};
-use motorium::launcher::{self, Event, Exit, Hosting, Options, Report};
+use motorium::launcher::{Event, Exit, Options, Report};
 use motorium::region::Region;
 use motorium::run_folder::RunFolder;
+use motorium::session;
 use motorium::worker::Registry;
 
 use crate::host::Causes;
@@ -46,11 +47,11 @@ impl Ran {
 pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Result<Ran, MeasureError> {
     let checked = graph::check(Path::new(name), text, &[], registry, &Machine::detect())
         .map_err(|error| MeasureError::Graph(error.render(false)))?;
-    let options = Options { hosting: Hosting::Processes, program: PathBuf::from(program) };
+    let options = Options::processes(PathBuf::from(program));
     // Mapped while the run lives: the memory stays when its name is gone.
     let mut region: Option<Region> = None;
     let mut trouble = None;
-    let report = launcher::run(checked.plan, registry, &options, &mut |event| match event {
+    let report = session::run(checked.plan, registry, &options, &mut |event| match event {
         Event::Created { run, .. } => region = RunFolder::find(run).and_then(|folder| folder.region().ok()),
         Event::Failed { component, reason, .. } => trouble = Some(format!("`{component}`: {reason}")),
         _ => {}

@@ -174,6 +174,11 @@ impl JointCommandWriter {
         })
     }
 
+    /// Begins anew with the next joint state.
+    pub(crate) fn reset(&mut self) {
+        (self.elapsed, self.is_found) = (0.0, false);
+    }
+
     /// Takes over the newest joint state. False before the first one.
     pub(crate) fn read(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.state.latest() else { return Ok(self.is_found) };

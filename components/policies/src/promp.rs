@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::transport::Parameter;
 use motorium::units::TimeSpan;
@@ -100,6 +100,7 @@ pub struct ProMpPolicy {
 impl Component for ProMpPolicy {
     const KIND: &'static str = "policy.promp";
     const SUMMARY: &'static str = "moves joints by a probabilistic movement primitive";
+    const RESETS: bool = true;
     type Config = ProMpPolicyConfig;
 
     fn declare(config: &ProMpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -180,6 +181,13 @@ impl Component for ProMpPolicy {
             self.samples += 1;
         }
         self.writer.command(dt, &self.setpoint, &self.rate)
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.writer.reset();
+        (self.running, self.rested, self.movements, self.exchanges) = (None, 0.0, 0, 0);
+        (self.squares, self.samples) = (0.0, 0);
+        Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {

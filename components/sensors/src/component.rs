@@ -17,6 +17,9 @@ use crate::encoder::{EncoderModel, EncoderSettings};
 pub struct JointEncoder {
     state: Input<JointState>,
     measured: Output<JointState>,
+    settings: EncoderSettings,
+    joints: usize,
+    period: Duration,
     model: EncoderModel,
     last_state: (u32, u32, u64),
     last_reading: Option<u64>,
@@ -26,6 +29,7 @@ pub struct JointEncoder {
 impl Component for JointEncoder {
     const KIND: &'static str = "sensor.joint_encoder";
     const SUMMARY: &'static str = "joint sensors: resolution, noise, latency";
+    const RESETS: bool = true;
     type Config = EncoderSettings;
 
     fn declare(config: &EncoderSettings, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -49,6 +53,9 @@ impl Component for JointEncoder {
             last_state: (0, 0, 0),
             last_reading: None,
             published: 0,
+            joints,
+            period: setup.period(),
+            settings: config,
         })
     }
 
@@ -83,6 +90,13 @@ impl Component for JointEncoder {
         measured.effort_mut().copy_from_slice(reading.effort);
         measured.publish()?;
         self.published += 1;
+        Ok(())
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        self.model = EncoderModel::new(self.joints, &self.settings, episode.seed, self.period)
+            .map_err(|error| StepError::failed(error.to_string()))?;
+        (self.last_state, self.last_reading, self.published) = ((0, 0, 0), None, 0);
         Ok(())
     }
 

@@ -15,7 +15,7 @@ mod setup;
 pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::transport::Parameter;
 pub use error::ConfigureError;
-pub use setup::{Checkpoint, Setup};
+pub use setup::{Checkpoint, EpisodeEnd, Setup};
 
 use std::time::Duration;
 
@@ -25,19 +25,38 @@ use std::time::Duration;
 /// use motorium::component::Tick;
 /// use std::time::Duration;
 ///
-/// let tick = Tick { index: 3, time_ns: 3_000_000, period: Duration::from_millis(1) };
+/// let tick = Tick { index: 3, time_ns: 3_000_000, period: Duration::from_millis(1), episode: 0 };
 /// assert_eq!((tick.dt(), tick.time()), (0.001, 0.003));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Number of the step, from 0; it goes on through restarts of the component.
+    /// Number of the step in its episode, from 0; it goes on through restarts of the component.
     pub index: u64,
-    /// Nanoseconds since the run began for which the step computes: the scheduled release of a time-triggered
+    /// Nanoseconds since the run, or its present episode, began for which the step computes: the scheduled release of a time-triggered
     /// component, the publish time of the sample that woke a triggered one.
     pub time_ns: u64,
     /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
     /// time-triggered component at the head of its chain.
     pub period: Duration,
+    /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
+    pub episode: u64,
+}
+
+/// An episode of a run: a stretch of simulated time from a reset of all components to the next.
+///
+/// ```
+/// use motorium::component::Episode;
+///
+/// let second = Episode { index: 1, seed: 7 };
+/// assert_ne!(second, Episode { seed: 8, ..second });
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Episode {
+    /// Its number in the run, from 0: the first begins with the start of the run, without a reset.
+    pub index: u64,
+    /// The component's own seed for it, as [`Setup::seed`] gives that of the first: derived from the seed of the episode
+    /// and the component's name.
+    pub seed: u64,
 }
 
 impl Tick {
@@ -123,6 +142,51 @@ pub trait Component: Sized + 'static {
     /// # Errors
     /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
+
+    /// True if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs in a single
+    /// episode.
+    const RESETS: bool = false;
+
+    /// Goes back to the state after [`configure`](Self::configure), for a new episode, and takes the seed of the episode
+    /// for its random numbers. Between two steps; publishes nothing.
+    ///
+    /// Afterwards the steps must depend on nothing from before: an episode is equal to the last bit to another with the same
+    /// seed. Ports have then nothing to read, as at the start, and parameters keep their values; a
+    /// [`CommandGate`](crate::safety::CommandGate) has a `reset` of its own.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// struct Integrator { input: Input<Wrench>, sum: f64 }
+    ///
+    /// impl Component for Integrator {
+    ///     const RESETS: bool = true;
+    ///
+    ///     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+    ///         self.sum = 0.0;
+    ///         Ok(())
+    ///     }
+    /// #   const KIND: &'static str = "example.integrator";
+    /// #   const SUMMARY: &'static str = "adds up forces";
+    /// #   type Config = ();
+    /// #   fn declare(_: &(), declare: &mut Declare) -> Result<(), ConfigError> {
+    /// #       declare.input::<Wrench>("wrench", "wrench to add up");
+    /// #       Ok(())
+    /// #   }
+    /// #   fn configure(_: (), setup: &mut Setup) -> Result<Self, ConfigureError> {
+    /// #       Ok(Self { input: setup.input("wrench")?, sum: 0.0 })
+    /// #   }
+    /// #   fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+    /// #       self.sum += self.input.latest().map_or(0.0, |wrench| wrench.force[2] * tick.dt());
+    /// #       Ok(())
+    /// #   }
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The component cannot go on: the run ends.
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        Err(StepError::failed("it cannot be reset"))
+    }
 
     /// Runs once when the run ends in an orderly way. Not called when the process is killed.
     fn stop(&mut self) {}

@@ -272,6 +272,13 @@ impl Setup {
         Ok(Parameter::new(value.clone()))
     }
 
+    /// The right to end episodes, for a component that declared
+    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph says
+    /// `ends_episode = true`.
+    pub fn episode_end(&self) -> Option<EpisodeEnd> {
+        self.component().ends_episode.then(|| EpisodeEnd { context: self.context.clone() })
+    }
+
     /// Memory for numbers that outlives a crash of this component.
     ///
     /// # Errors
@@ -284,6 +291,30 @@ impl Setup {
             )));
         }
         Ok(Checkpoint { context: self.context.clone(), words: vec![0; numbers] })
+    }
+}
+
+/// The right of one component to end the episodes of its graph: a task is solved, or failed.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// /// Ends the episode of a robot that fell.
+/// fn watch(end: &Option<EpisodeEnd>, base: &BaseState) {
+///     if let Some(end) = end && base.position[2] < 0.1 {
+///         end.end();
+///     }
+/// }
+/// ```
+#[derive(Debug)]
+pub struct EpisodeEnd {
+    context: Rc<Context>,
+}
+
+impl EpisodeEnd {
+    /// Ends the present episode when the round of this step is over.
+    pub fn end(&self) {
+        self.context.region().header().end_episode();
     }
 }
 

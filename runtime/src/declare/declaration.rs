@@ -99,6 +99,24 @@ impl ParameterValue {
     }
 }
 
+impl From<f64> for ParameterValue {
+    fn from(value: f64) -> Self {
+        Self::Float(value)
+    }
+}
+
+impl From<i64> for ParameterValue {
+    fn from(value: i64) -> Self {
+        Self::Integer(value)
+    }
+}
+
+impl From<bool> for ParameterValue {
+    fn from(value: bool) -> Self {
+        Self::Boolean(value)
+    }
+}
+
 impl core::fmt::Display for ParameterValue {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
@@ -201,6 +219,12 @@ pub struct Declaration {
     pub parameters: Vec<ParameterDeclaration>,
     /// True for the side that applies commands (physics, drives): it must reach the safe state by itself.
     pub actuator: bool,
+    /// True if it can be reset for a new episode.
+    #[serde(default)]
+    pub resets: bool,
+    /// True if it can end an episode.
+    #[serde(default)]
+    pub may_end_episodes: bool,
 }
 
 /// The receiver of a component's declarations.
@@ -336,6 +360,12 @@ impl Declare {
     /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
+    }
+
+    /// This component can end an episode ([`Setup::episode_end`](crate::component::Setup::episode_end)), in a graph that
+    /// says `ends_episode = true`.
+    pub fn may_end_episodes(&mut self) {
+        self.declaration.may_end_episodes = true;
     }
 
     /// A number that may change while the component runs, within `range`, in `unit`.

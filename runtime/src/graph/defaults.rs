@@ -12,6 +12,7 @@ const SECOND: u64 = 1_000_000_000;
 
 pub(super) const CLOCK: ClockKind = ClockKind::Realtime;
 pub(super) const SEED: u64 = 0;
+pub(super) const EPISODES: u64 = 1;
 pub(super) const SPIN: SpinChoice = SpinChoice::Auto;
 pub(super) const SPIN_SHARE: Share = Share(0.1);
 pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;

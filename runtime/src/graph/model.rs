@@ -41,6 +41,8 @@ pub(super) struct GraphTable<'i> {
     /// Seed of all random numbers: every component derives its own from this and its name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
+    /// Division of the run into episodes, in lockstep: each begins with a reset of all components.
+    pub episodes: Option<At<EpisodesTable>>,
     /// Use of the cores.
     pub cores: Option<At<CoresTable>>,
     /// Settings of real time.
@@ -65,13 +67,14 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 14] = [
+pub(super) const TOP_KEYS: [&str; 15] = [
     "extends",
     "remove",
     "name",
     "clock",
     "duration",
     "seed",
+    "episodes",
     "cores",
     "realtime",
     "world",
@@ -86,8 +89,8 @@ impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
-            keys, extends, remove, name, clock, duration, seed, cores, realtime, world, robot, component, topic, latency,
-            safety; meant: Vec::new()
+            keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, world, robot, component,
+            topic, latency, safety; meant: Vec::new()
         );
         // those of files have been followed: these are of the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
@@ -97,6 +100,27 @@ impl<'i> GraphTable<'i> {
                 .advise("write a file of its own, and lay it over the graph by `--with FILE`");
         }
         table.meant = keys.finish("the graph");
+        Some(table)
+    }
+}
+
+/// The episodes of a run.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Episodes")]
+pub(super) struct EpisodesTable {
+    /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
+    #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
+    pub count: Option<At<u64>>,
+    /// True: each episode has a seed of its own, the graph's with the number of the episode added.
+    #[schemars(extend("default" = false))]
+    pub vary_seed: Option<At<bool>>,
+}
+
+impl<'i> Read<'i> for EpisodesTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(keys, count, vary_seed);
+        keys.finish("`[episodes]`");
         Some(table)
     }
 }
@@ -289,6 +313,9 @@ pub(super) struct ComponentTable<'i> {
     /// Time that it may take to stop, at the end of a run, before it is killed.
     #[schemars(extend("default" = defaults::STOP_WITHIN))]
     pub stop_within: Option<At<TimeSpan>>,
+    /// True: the component may end an episode before its time. One component of a graph, of a kind that can.
+    #[schemars(extend("default" = false))]
+    pub ends_episode: Option<At<bool>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -299,8 +326,8 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
             keys, kind, exec, robot, robots, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
-            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within;
-            meant: Vec::new()
+            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
+            ends_episode; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)

@@ -2,23 +2,23 @@
 
 use std::time::{Duration, Instant};
 
-use super::{CONFIGURE_WITHIN, Event, Launch, LaunchError, shutdown::Signals};
+use super::{CONFIGURE_WITHIN, Event, Hosting, Launch, LaunchError};
 use crate::plan::{ClockKind, SchedulingClass};
 use crate::region::{Command, Phase};
 use std::sync::atomic::Ordering::Relaxed;
 
-impl Launch<'_> {
+impl Launch {
     /// Waits until all components are configured, then until all are connected; false if a signal came first.
-    pub(super) fn pass_barrier(
-        &mut self,
-        signals: &Signals,
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> Result<bool, LaunchError> {
-        if !self.await_phase(Phase::Ready, signals, observe)? {
+    pub(super) fn pass_barrier(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<bool, LaunchError> {
+        if !self.await_phase(Phase::Ready, observe)? {
             return Ok(false);
         }
         self.region.header().order(Command::Connect);
-        if !self.await_phase(Phase::Connected, signals, observe)? {
+        self.children
+            .iter_mut()
+            .zip(self.region.components())
+            .for_each(|(child, block)| child.connect(block));
+        if !self.await_phase(Phase::Connected, observe)? {
             return Ok(false);
         }
         self.lost = self.losses();
@@ -36,14 +36,13 @@ impl Launch<'_> {
     fn await_phase(
         &mut self,
         wanted: Phase,
-        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<bool, LaunchError> {
         let until = Instant::now() + CONFIGURE_WITHIN;
         for index in 0..self.children.len() {
             loop {
                 self.relay_output(observe);
-                if signals.is_raised() {
+                if self.signals.is_raised() {
                     return Ok(false);
                 }
                 let block = &self.region.components()[index];
@@ -76,7 +75,7 @@ impl Launch<'_> {
 
     /// The requests that were not granted, from the settings that the workers read back.
     fn losses(&self) -> Vec<String> {
-        if self.plan.clock == ClockKind::Lockstep || self.options.hosting == super::Hosting::OneProcess {
+        if self.plan.clock == ClockKind::Lockstep || self.options.hosting != Hosting::Processes {
             return Vec::new();
         }
         let mut priority = Vec::new();

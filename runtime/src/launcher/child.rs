@@ -1,4 +1,4 @@
-//! One component under the launcher: a process, or a thread of this one.
+//! One component under the launcher: a process, a thread of this one, or a component that the launching thread steps.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -14,10 +14,11 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use super::LaunchError;
+use super::{LaunchError, STOP_WITHIN};
 use crate::os::{Watch, interrupt_thread, with_shortage};
+use crate::region::{ComponentBlock, Phase};
 use crate::run_folder::RunFolder;
-use crate::worker::{GUARD, Kind, Outcome, WORKER, Worker};
+use crate::worker::{Failure, GUARD, Host, Hosted, Kind, Outcome, WORKER, Worker};
 
 /// A running component, or the guard.
 pub(super) struct Child {
@@ -29,8 +30,15 @@ pub(super) struct Child {
 }
 
 enum Body {
-    Process { process: process::Child, watch: Watch },
+    Process {
+        process: process::Child,
+        watch: Watch,
+    },
     Thread(Option<JoinHandle<Outcome>>),
+    /// `None` once it has failed or ended.
+    Inline(Option<Box<dyn Hosted>>),
+    /// The program that launched the run takes its place.
+    Played,
 }
 
 impl Child {
@@ -106,9 +114,116 @@ impl Child {
             .name(name.to_string())
             .spawn(move || (kind.run)(worker))
             .map_err(|error| failed(error.to_string()))?;
+        Ok(Self::of_this_process(name, Body::Thread(Some(thread))))
+    }
+
+    /// Opens a component in this thread. One that cannot be configured has failed, as its block says.
+    pub(super) fn inline(kind: Option<&Kind>, host: &Host<'_>, index: usize) -> Result<Self, LaunchError> {
+        let name = &host.plan.components[index].name;
+        let failed = |reason: String| LaunchError::Component { name: name.clone(), reason };
+        let kind = kind.ok_or_else(|| failed("this program does not host its kind".to_string()))?;
+        let block = &host.region.components()[index];
+        let mut child = Self::of_this_process(name, Body::Inline(None));
+        match (kind.open)(host, index) {
+            Ok(hosted) => {
+                child.body = Body::Inline(Some(hosted));
+                block.enter(Phase::Ready);
+            }
+            Err(failure) => child.fail(block, &failure),
+        }
+        Ok(child)
+    }
+
+    /// A component whose place the launching program takes.
+    pub(super) fn played(name: &str, block: &ComponentBlock) -> Self {
+        block.enter(Phase::Ready);
+        Self::of_this_process(name, Body::Played)
+    }
+
+    pub(super) fn is_played(&self) -> bool {
+        matches!(self.body, Body::Played)
+    }
+
+    fn of_this_process(name: &str, body: Body) -> Self {
         let (_, lines) = sync_channel(0);
-        let dropped = Arc::default();
-        Ok(Self { name: name.to_string(), body: Body::Thread(Some(thread)), lines, dropped, ended: None })
+        Self { name: name.to_string(), body, lines, dropped: Arc::default(), ended: None }
+    }
+
+    fn fail(&mut self, block: &ComponentBlock, failure: &Failure) {
+        block.set_failure(failure.tick, &failure.message);
+        block.enter(Phase::Faulted);
+        self.body = Body::Inline(None);
+        self.ended = Some("failed".to_string());
+    }
+
+    /// Connects the ports of a component of this thread.
+    pub(super) fn connect(&mut self, block: &ComponentBlock) {
+        match &mut self.body {
+            Body::Inline(Some(hosted)) => match hosted.connect() {
+                Ok(()) => block.enter(Phase::Connected),
+                Err(failure) => self.fail(block, &failure),
+            },
+            Body::Played => block.enter(Phase::Connected),
+            Body::Process { .. } | Body::Thread(_) | Body::Inline(None) => {}
+        }
+    }
+
+    /// Begins the run of a component of this thread.
+    pub(super) fn begin(&mut self, block: &ComponentBlock) {
+        match &mut self.body {
+            Body::Inline(Some(hosted)) => {
+                hosted.begin();
+                block.enter(Phase::Running);
+            }
+            Body::Played => block.enter(Phase::Running),
+            Body::Process { .. } | Body::Thread(_) | Body::Inline(None) => {}
+        }
+    }
+
+    /// Steps a component of this thread; `now_ns` is the present on `CLOCK_MONOTONIC`, before and after. False if it has
+    /// failed.
+    #[inline]
+    pub(super) fn step(&mut self, block: &ComponentBlock, time_ns: u64, now_ns: &mut u64) -> bool {
+        let Body::Inline(Some(hosted)) = &mut self.body else { return false };
+        block.tick_time_ns.store(time_ns, Relaxed);
+        match hosted.step(time_ns, *now_ns) {
+            Ok(ended_ns) => {
+                *now_ns = ended_ns;
+                true
+            }
+            Err(failure) => {
+                self.fail(block, &failure);
+                false
+            }
+        }
+    }
+
+    /// Resets a component of this thread for an episode. False if it has failed.
+    pub(super) fn reset(&mut self, block: &ComponentBlock, index: u64, seed: u64) -> bool {
+        let Body::Inline(Some(hosted)) = &mut self.body else { return matches!(self.body, Body::Played) };
+        match hosted.reset(index, seed) {
+            Ok(()) => true,
+            Err(failure) => {
+                self.fail(block, &failure);
+                false
+            }
+        }
+    }
+
+    /// Ends a component of this thread in good order.
+    pub(super) fn finish(&mut self, block: &ComponentBlock, folder: &RunFolder) {
+        match &mut self.body {
+            Body::Process { .. } | Body::Thread(_) => return,
+            Body::Inline(hosted) => {
+                let Some(hosted) = hosted.take() else { return };
+                match hosted.finish(folder) {
+                    Ok(()) => block.enter(Phase::Stopped),
+                    Err(failure) => self.fail(block, &failure),
+                }
+            }
+            Body::Played => block.enter(Phase::Stopped),
+        }
+        self.ended.get_or_insert_with(|| "ended".to_string());
     }
 
     pub(super) fn name(&self) -> &str {
@@ -118,7 +233,7 @@ impl Child {
     pub(super) fn pid(&self) -> u32 {
         match &self.body {
             Body::Process { process, .. } => process.id(),
-            Body::Thread(_) => process::id(),
+            Body::Thread(_) | Body::Inline(_) | Body::Played => process::id(),
         }
     }
 
@@ -170,7 +285,7 @@ impl Child {
         match &self.body {
             Body::Process { watch, .. } => watch.signal(Signal::USR2),
             Body::Thread(Some(_)) if thread != 0 => interrupt_thread(thread),
-            Body::Thread(_) => {}
+            Body::Thread(_) | Body::Inline(_) | Body::Played => {}
         }
     }
 
@@ -194,12 +309,15 @@ impl Child {
                 let _ = process.kill();
                 true
             }
-            Body::Thread(_) => false,
+            Body::Thread(_) | Body::Inline(_) | Body::Played => false,
         }
     }
 
-    /// Kills and reaps it if it is a process that still runs.
+    /// Kills and reaps it if it is a process that still runs; a thread, which has been told to stop, is given time to end.
     pub(super) fn kill(&mut self) {
+        if let Body::Thread(_) = self.body {
+            self.wait(STOP_WITHIN);
+        }
         if self.ended().is_none()
             && let Body::Process { process, .. } = &mut self.body
         {

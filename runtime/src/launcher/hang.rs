@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::supervise::Supervision;
 use super::watchdog::{Counters, Hang};
-use super::{Event, Exit, Hosting, Launch};
+use super::{Event, Hosting, Launch};
 use crate::os::{monotonic_ns, process_state};
 use crate::plan::Plan;
 use crate::region::Region;
@@ -32,7 +32,7 @@ pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -
     format!("hung: {what} (`hang_after` is {hang_after}){doing}")
 }
 
-impl Launch<'_> {
+impl Launch {
     /// A launcher that was itself held up for long must not take those for hung that were held up with it.
     pub(super) fn forgive_own_delay(&self, supervision: &mut [Supervision], late: u64, now: u64) {
         for supervision in supervision {
@@ -86,13 +86,9 @@ impl Launch<'_> {
         }
     }
 
-    /// Notes at the end of a run which components did not do what the graph asks.
-    pub(super) fn ended(
-        &mut self,
-        exit: Exit,
-        supervision: &[Supervision],
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> Exit {
+    /// Notes at the end of a run in real time which components did not do what the graph asks.
+    pub(super) fn note_unmet(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let supervision = core::mem::take(&mut self.supervision);
         let now = monotonic_ns();
         // Without the priorities that the graph asks for nothing promises that its steps come in time.
         let has_priorities = self.options.hosting == Hosting::Processes && self.lost.is_empty();
@@ -121,7 +117,7 @@ impl Launch<'_> {
             }
         }
         self.warnings.iter().for_each(|warning| observe(Event::Warning(warning)));
-        exit
+        self.supervision = supervision;
     }
 
     /// Replaces a guard that was killed, or that is stopped. `late` is the time for which the launcher itself was held

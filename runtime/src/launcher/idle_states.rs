@@ -34,7 +34,7 @@ impl IdleStates {
     }
 }
 
-impl Launch<'_> {
+impl Launch {
     /// Requests the limit, unless the components are threads of one process, which have no priorities.
     pub(super) fn limit_idle_states(&mut self) -> Result<(), LaunchError> {
         if self.options.hosting == Hosting::Processes {

@@ -3,15 +3,15 @@
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
 
-use super::shutdown::Signals;
 use super::supervise::{AfterEnd, Supervision};
-use super::{Event, Exit, Launch, Services};
+use super::{Event, Exit, Hosting, Launch};
 use crate::os::{futex_wait, futex_wake, monotonic_ns};
-use crate::plan::Activation;
 use crate::region::{Command, Phase};
 
 /// Time of a tick from which on it is told, ns.
 const TELL_AFTER_NS: u64 = 1_000_000_000;
+/// Time between two looks at what is printed, and two states for the display, ns.
+const STATUS_NS: u64 = 50_000_000;
 
 /// The outcome of a tick.
 enum Ticked {
@@ -23,89 +23,162 @@ enum Ticked {
     Interrupted,
 }
 
-impl Ticked {
-    fn after_wait(signals: &Signals) -> Self {
-        if signals.is_raised() { Self::Interrupted } else { Self::Done }
-    }
+/// The work that a tick hands out.
+#[derive(Debug, Clone, Copy)]
+enum Work {
+    /// A step for this time, ns.
+    Step(u64),
+    /// The reset for the episode in the header.
+    Reset,
 }
 
-impl Launch<'_> {
-    /// Runs simulated time to the end of the run, a signal, or a failure. Returns the exit and the simulated time, ns.
-    pub(super) fn run_lockstep(
+/// The part of simulated time to run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limit {
+    /// The rounds before this time, ns.
+    pub(crate) until_ns: u64,
+    /// At most so many rounds.
+    pub(crate) rounds: u64,
+}
+
+impl Launch {
+    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a failure.
+    pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        let mut supervision = core::mem::take(&mut self.supervision);
+        let exit = self.rounds(limit, &mut supervision, observe);
+        self.supervision = supervision;
+        exit
+    }
+
+    fn rounds(
         &mut self,
-        services: &Services,
-        signals: &Signals,
+        limit: Limit,
+        supervision: &mut [Supervision],
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> (Exit, u64) {
-        let mut order: Vec<usize> = (0..self.plan.components.len()).collect();
-        order.sort_by_key(|index| self.plan.components[*index].order);
-        let mut next: Vec<u64> = self
-            .plan
-            .components
-            .iter()
-            .map(|component| match component.activation {
-                Activation::Periodic { phase_ns, .. } => phase_ns,
-                Activation::Triggered { .. } => u64::MAX,
-            })
-            .collect();
-        let mut seen = vec![0; next.len()];
-        let mut supervision = self.supervision(monotonic_ns());
-        let end = self.plan.duration_ns.unwrap_or(u64::MAX);
-        let mut next_status = 0;
-        loop {
-            let time = next.iter().copied().min().unwrap_or(u64::MAX);
-            if time >= end {
-                return (Exit::Finished, end);
+    ) -> Option<Exit> {
+        let mut now_ns = monotonic_ns();
+        for _ in 0..limit.rounds {
+            let time = self.rounds.round_from(self.reached_ns);
+            if time >= limit.until_ns {
+                self.reached_ns = self.reached_ns.max(limit.until_ns);
+                return None;
             }
-            if signals.is_raised() {
-                return (Exit::Interrupted, time);
+            if self.signals.is_raised() {
+                self.reached_ns = time;
+                return Some(Exit::Interrupted);
             }
             let mut stop = (self.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
-            for &index in &order {
-                if stop.is_none() && self.is_due(index, time, &mut next, &mut seen) {
-                    match self.tick((index, time), &mut supervision[index], services, signals, observe) {
-                        Ticked::Done => {}
-                        Ticked::Fatal(reason) => stop = Some(reason),
-                        Ticked::Interrupted => return (Exit::Interrupted, time),
+            let mut place = 0;
+            while stop.is_none()
+                && let Some((due, index)) = self.rounds.next_due(&self.region, time, place)
+            {
+                match self.tick((index, time), &mut now_ns, &mut supervision[index], observe) {
+                    Ticked::Done => place = due + 1,
+                    Ticked::Fatal(reason) => stop = Some(reason),
+                    Ticked::Interrupted => {
+                        self.reached_ns = time;
+                        return Some(Exit::Interrupted);
                     }
                 }
             }
             if let Some(reason) = stop {
                 observe(Event::SafeStop { reason: &reason });
-                let time = self.settle_lockstep(time, &mut supervision, services, signals, observe);
-                return (Exit::SafeStop { reason }, time);
+                self.reached_ns = self.settle_lockstep(time, supervision, observe);
+                return Some(Exit::SafeStop { reason });
             }
-            let now = monotonic_ns();
-            if now >= next_status {
-                next_status = now + 50_000_000;
-                self.relay_output(observe);
-                self.monitor_guard(0, observe);
-                self.look_at_places(observe);
-                for (index, supervision) in supervision.iter_mut().enumerate() {
-                    self.tell_tolerated(index, supervision, observe);
-                }
-                observe(Event::Status(&self.status()));
+            self.reached_ns = time + 1;
+            let header = self.region.header();
+            header.reached_ns.store(self.reached_ns, Relaxed);
+            if header.is_episode_over() {
+                return None;
             }
+            if now_ns >= self.next_status_ns {
+                self.next_status_ns = now_ns + STATUS_NS;
+                self.look_around(supervision, observe);
+            }
+        }
+        None
+    }
+
+    /// Resets all components for an episode, one after the other: a barrier, after which simulated time begins anew. The
+    /// exit if one of them cannot go on.
+    pub(crate) fn reset(
+        &mut self,
+        index: u64,
+        seed: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Exit> {
+        self.region.header().begin_episode(index, seed);
+        let mut supervision = core::mem::take(&mut self.supervision);
+        let mut exit = None;
+        for (component, supervision) in supervision.iter_mut().enumerate() {
+            exit = exit.or(match self.reset_one((component, index, seed), supervision, observe) {
+                Ticked::Done => None,
+                Ticked::Interrupted => Some(Exit::Interrupted),
+                Ticked::Fatal(reason) => Some(Exit::SafeStop { reason }),
+            });
+        }
+        self.supervision = supervision;
+        self.services.clear();
+        self.region.topics().iter().for_each(|topic| topic.begin_episode());
+        self.region.components().iter().for_each(|block| block.begin_episode());
+        self.before_ns += core::mem::take(&mut self.reached_ns);
+        exit
+    }
+
+    fn reset_one(
+        &mut self,
+        (component, index, seed): (usize, u64, u64),
+        supervision: &mut Supervision,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Ticked {
+        let is_running = self.region.components()[component].phase() == Phase::Running;
+        if !is_running && !self.await_running(component, supervision, observe) {
+            return self.after_wait();
+        }
+        if self.options.hosting != Hosting::Inline && !self.children[component].is_played() {
+            return self.hand_out(component, Work::Reset, supervision, observe);
+        }
+        if self.children[component].reset(&self.region.components()[component], index, seed) {
+            return Ticked::Done;
+        }
+        match self.monitor(component, supervision, observe) {
+            Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
+            Some(AfterEnd::Restarted | AfterEnd::Ignored) | None => self.after_wait(),
         }
     }
 
-    fn is_due(&self, index: usize, time: u64, next: &mut [u64], seen: &mut [u64]) -> bool {
-        match self.plan.components[index].activation {
-            Activation::Periodic { period_ns, .. } => {
-                let due = next[index] == time;
-                if due {
-                    next[index] += period_ns;
-                }
-                due
-            }
-            Activation::Triggered { topic, .. } => {
-                let published = self.region.topics()[topic].published.load(Acquire);
-                let due = published != seen[index];
-                seen[index] = published;
-                due
-            }
+    /// Time of the next round, ns; `u64::MAX` if there is none.
+    pub(crate) fn next_round_ns(&self) -> u64 {
+        self.rounds.round_from(self.reached_ns)
+    }
+
+    /// Looks at everything that no tick tells, if it is time to, and waits: for a signal, the end of a process, or a time on
+    /// `CLOCK_MONOTONIC`, ns. The exit, if a signal came.
+    pub(crate) fn wait(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        let now_ns = monotonic_ns();
+        if now_ns >= self.next_status_ns {
+            self.next_status_ns = now_ns + STATUS_NS;
+            let mut supervision = core::mem::take(&mut self.supervision);
+            self.look_around(&mut supervision, observe);
+            self.supervision = supervision;
         }
+        if !self.signals.is_raised() && monotonic_ns() < until_ns {
+            self.wait_for_something(until_ns);
+        }
+        self.signals.is_raised().then_some(Exit::Interrupted)
+    }
+
+    /// Looks at everything that no tick tells.
+    fn look_around(&mut self, supervision: &mut [Supervision], observe: &mut dyn FnMut(Event<'_>)) {
+        self.relay_output(observe);
+        self.monitor_guard(0, observe);
+        self.look_at_places(observe);
+        for (index, supervision) in supervision.iter_mut().enumerate() {
+            self.tell_tolerated(index, supervision, observe);
+        }
+        observe(Event::Status(&self.status()));
     }
 
     /// After a safe stop only the actuators go on, in their safe state, for the settling time. Returns when it is over.
@@ -113,20 +186,19 @@ impl Launch<'_> {
         &mut self,
         time: u64,
         supervision: &mut [Supervision],
-        services: &Services,
-        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> u64 {
         // A second signal ends the settling too.
-        signals.forget();
+        self.signals.forget();
         self.region.header().order(Command::SafeStop);
         let end = time + self.plan.safety.settle_ns;
+        let mut now_ns = monotonic_ns();
         for (index, supervision) in supervision.iter_mut().enumerate() {
             let component = &self.plan.components[index];
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
             while actuator && !supervision.is_gone() && next <= end {
-                let ticked = self.tick((index, next), supervision, services, signals, observe);
+                let ticked = self.tick((index, next), &mut now_ns, supervision, observe);
                 if !matches!(ticked, Ticked::Done) {
                     break;
                 }
@@ -136,25 +208,59 @@ impl Launch<'_> {
         end
     }
 
-    /// Hands out one tick, to a component and for a time, and waits for it to be done, however long that takes: a tick takes no simulated time. A signal
-    /// ends the wait.
+    fn after_wait(&self) -> Ticked {
+        if self.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
+    }
+
+    /// Has one component step for a time. `now_ns` is the present on `CLOCK_MONOTONIC`, before and after.
+    #[inline]
     fn tick(
         &mut self,
         (index, time): (usize, u64),
+        now_ns: &mut u64,
         supervision: &mut Supervision,
-        services: &Services,
-        signals: &Signals,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Ticked {
+        if self.region.components()[index].phase() != Phase::Running
+            && !self.await_running(index, supervision, observe)
+        {
+            return self.after_wait();
+        }
+        if self.options.hosting != Hosting::Inline {
+            let ticked = self.hand_out(index, Work::Step(time), supervision, observe);
+            *now_ns = monotonic_ns();
+            return ticked;
+        }
+        if self.children[index].step(&self.region.components()[index], time, now_ns) {
+            return Ticked::Done;
+        }
+        match self.monitor(index, supervision, observe) {
+            Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
+            // The tick in which it failed is lost; its successor starts with the next one.
+            Some(AfterEnd::Restarted) => {
+                self.await_running(index, supervision, observe);
+            }
+            Some(AfterEnd::Ignored) | None => {}
+        }
+        *now_ns = monotonic_ns();
+        self.after_wait()
+    }
+
+    /// Hands out one tick, to a component and for a time, and waits for it to be done, however long that takes: a tick takes
+    /// no simulated time. A signal ends the wait.
+    fn hand_out(
+        &mut self,
+        index: usize,
+        work: Work,
+        supervision: &mut Supervision,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
         let block = &self.region.components()[index];
-        if block.phase() != Phase::Running
-            && !self.await_running(index, supervision, services, signals, observe)
-        {
-            return Ticked::after_wait(signals);
-        }
-        let block = &self.region.components()[index];
         let given = block.tick_given.load(Relaxed).wrapping_add(1);
-        block.tick_time_ns.store(time, Relaxed);
+        if let Work::Step(time) = work {
+            block.tick_time_ns.store(time, Relaxed);
+        }
+        block.tick_resets.store(u32::from(matches!(work, Work::Reset)), Relaxed);
         block.tick_given.store(given, Release);
         futex_wake(&block.tick_given);
         let began = monotonic_ns();
@@ -169,7 +275,7 @@ impl Launch<'_> {
             if block.tick_done.load(Acquire) == given {
                 return Ticked::Done;
             }
-            if signals.is_raised() {
+            if self.signals.is_raised() {
                 return Ticked::Interrupted;
             }
             let for_ns = monotonic_ns() - began;
@@ -181,17 +287,17 @@ impl Launch<'_> {
             if told {
                 self.relay_output(observe);
             }
-            match self.monitor(index, supervision, services, signals, observe) {
+            match self.monitor(index, supervision, observe) {
                 // The tick in which it died is lost; its successor starts with the next one.
                 Some(AfterEnd::Restarted) => {
                     let block = &self.region.components()[index];
                     block.tick_done.store(given, Release);
-                    self.await_running(index, supervision, services, signals, observe);
-                    return Ticked::after_wait(signals);
+                    self.await_running(index, supervision, observe);
+                    return self.after_wait();
                 }
                 Some(AfterEnd::Ignored) => return Ticked::Done,
                 Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
-                None if supervision.is_gone() => return Ticked::after_wait(signals),
+                None if supervision.is_gone() => return self.after_wait(),
                 None => {}
             }
         }
@@ -202,19 +308,17 @@ impl Launch<'_> {
         &mut self,
         index: usize,
         supervision: &mut Supervision,
-        services: &Services,
-        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> bool {
-        while !supervision.is_gone() && !signals.is_raised() {
+        while !supervision.is_gone() && !self.signals.is_raised() {
             let block = &self.region.components()[index];
             let phase = block.phase();
             if phase == Phase::Running {
-                self.monitor(index, supervision, services, signals, observe);
+                self.monitor(index, supervision, observe);
                 return true;
             }
             futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
-            self.monitor(index, supervision, services, signals, observe);
+            self.monitor(index, supervision, observe);
         }
         false
     }

@@ -8,165 +8,63 @@
 mod barrier;
 mod child;
 mod cores;
+mod error;
 mod event;
 pub mod guard;
 mod hang;
 mod idle_states;
 mod lockstep;
 mod lost_steps;
+mod options;
 mod places;
 mod report;
 mod reserve;
 mod restart;
+mod services;
 mod shutdown;
 mod status;
 mod stop_reason;
 mod supervise;
 mod watchdog;
 
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::Ordering::{Relaxed, Release};
 use std::time::Duration;
 
-use iceoryx2::node::Node;
-
-use crate::os::monotonic_ns;
+use crate::os::{Placement, monotonic_ns};
 use crate::plan::{ClockKind, Plan, Program};
 use crate::region::{Command, Region};
-use crate::run_folder::{RunFolder, RunFolderError};
-use crate::transport::{DomainError, ParameterService, PortError, Shared, TopicMemory, TopicService};
-use crate::worker::Registry;
+use crate::run_folder::RunFolder;
+use crate::worker::{Host, Registry, Rounds};
 use child::Child;
-use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 use idle_states::IdleStates;
 use places::Places;
 use reserve::Spare;
+use services::Services;
+use shutdown::Signals;
+use supervise::Supervision;
 
 pub use cores::{CoreReport, CoreWatch};
+pub use error::LaunchError;
 pub use event::Event;
+pub(crate) use lockstep::Limit;
+pub use options::{Hosting, Options};
 pub use report::{
-    ComponentReport, EdgeReport, Exit, LatencyReport, REPORT_VERSION, Report, steps_per_second,
+    ComponentReport, EdgeReport, EpisodeReport, Exit, LatencyReport, REPORT_VERSION, Report, steps_per_second,
 };
 pub use status::{ComponentStatus, Status};
 
-/// Options of a launch.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Processes or threads for the components.
-    pub hosting: Hosting,
-    /// The program that hosts built-in kinds and the guard; usually the current one.
-    pub program: PathBuf,
-}
-
-/// The hosting of components.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Hosting {
-    /// Each component in a process of its own.
-    Processes,
-    /// All components as threads of the launching process, unprotected from one another: for tests and for learning.
-    OneProcess,
-}
-
-/// Error of a launch.
-#[derive(Debug, thiserror::Error)]
-pub enum LaunchError {
-    /// The run's folder or its control block could not be made.
-    #[error(transparent)]
-    Folder(#[from] RunFolderError),
-    /// The run's domain could not be joined.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-    /// A topic or parameter could not be made.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// A process could not be started.
-    #[error("component `{name}`: {program} could not be started: {reason}")]
-    Start {
-        /// The component.
-        name: String,
-        /// Its program.
-        program: PathBuf,
-        /// The error of the system.
-        reason: String,
-    },
-    /// A component failed before the graph began to run.
-    #[error("component `{name}` did not start: {reason}")]
-    Component {
-        /// The component.
-        name: String,
-        /// Its error, or the kind of its end.
-        reason: String,
-    },
-    /// A resource of this machine or of this process does not suffice. Nothing was made.
-    #[error("{what}: the graph needs {need}, but {found}; {advice}")]
-    Exhausted {
-        /// The lack.
-        what: &'static str,
-        /// The amount that the graph needs.
-        need: String,
-        /// The amount there is, as a clause.
-        found: String,
-        /// Advice, in one sentence.
-        advice: String,
-    },
-    /// The system denied the launcher something that it needs.
-    #[error("{what}: {reason}")]
-    System {
-        /// The action that was tried.
-        what: &'static str,
-        /// The error of the system.
-        reason: String,
-    },
-}
-
-/// Runs a plan to its end: its duration, a signal, or a failure that its policies do not forgive.
-///
-/// `observe` is called with every [`Event`] while the graph runs; with a [`Status`] about 20 times a second.
-///
-/// # Errors
-/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report says how
-/// it ended.
-pub fn run(
+/// A launch in progress: the processes, threads or hosted components of a run, and everything that is removed with it.
+pub(crate) struct Launch {
     plan: Plan,
-    registry: &Registry,
-    options: &Options,
-    observe: &mut dyn FnMut(Event<'_>),
-) -> Result<Report, LaunchError> {
-    crate::transport::quieten();
-    reserve::check(&plan)?;
-    let signals = shutdown::Signals::catch()
-        .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
-    let (folder, region) = RunFolder::create(&plan)?;
-    let mut launch = Launch {
-        plan,
-        registry,
-        options,
-        folder,
-        region,
-        children: Vec::new(),
-        guard: None,
-        guard_since_ns: 0,
-        ended_ns: None,
-        lost: Vec::new(),
-        warnings: Vec::new(),
-        idle_states: IdleStates::default(),
-        spare: Spare::none(),
-        places: Places::default(),
-    };
-    let result = launch.live(&signals, observe);
-    launch.clean_up();
-    result
-}
-
-/// A launch in progress.
-struct Launch<'a> {
-    plan: Plan,
-    registry: &'a Registry,
-    options: &'a Options,
+    registry: Registry,
+    options: Options,
     folder: RunFolder,
-    region: Region,
+    region: Rc<Region>,
+    services: Services,
+    signals: Signals,
     children: Vec<Child>,
+    supervision: Vec<Supervision>,
     guard: Option<Child>,
     /// Time from which on the guard is expected to be alive, ns.
     guard_since_ns: u64,
@@ -177,79 +75,154 @@ struct Launch<'a> {
     idle_states: IdleStates,
     spare: Spare,
     places: Places,
+    cores: Option<CoreWatch>,
+    /// The order of the ticks, and the simulated time from which on they are still to be made, ns.
+    rounds: Rounds,
+    reached_ns: u64,
+    /// Simulated time of the episodes before, ns.
+    before_ns: u64,
+    /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
+    next_status_ns: u64,
+    due_ns: u64,
+    /// Where this thread ran before.
+    _placement: Placement,
 }
 
-/// Everything in shared memory that must outlive the components.
-struct Services {
-    node: Option<Node<Shared>>,
-    topics: Vec<TopicService>,
-    parameters: Vec<ParameterService>,
-    /// The topics that components wait for.
-    waited_for: Vec<Rc<TopicMemory>>,
-}
-
-impl Drop for Services {
-    /// Lets go of the services without a look at their words in shared memory, which a component may have damaged; the files
-    /// and objects are removed by their names.
-    fn drop(&mut self) {
-        self.topics.drain(..).for_each(TopicService::abandon);
-        self.parameters.drain(..).for_each(ParameterService::abandon);
-        if let Some(node) = self.node.take() {
-            node.abandon();
-        }
-    }
-}
-
-impl Launch<'_> {
-    fn live(
-        &mut self,
-        signals: &shutdown::Signals,
+impl Launch {
+    /// Starts everything and passes the barrier before the first step. The exit, if a signal came meanwhile.
+    ///
+    /// # Errors
+    /// The graph did not start; nothing is left behind then.
+    pub(crate) fn start(
+        mut plan: Plan,
+        registry: &Registry,
+        options: &Options,
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Report, LaunchError> {
+    ) -> Result<(Self, Option<Exit>), LaunchError> {
+        crate::transport::quieten();
+        options.check(&plan)?;
+        reserve::check(&plan)?;
+        if let Some(core) = options.core.filter(|_| plan.clock == ClockKind::Lockstep) {
+            plan.components.iter_mut().for_each(|component| component.core = Some(core));
+        }
+        let signals = Signals::new(options.catch_signals)
+            .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
+        let (folder, region) = RunFolder::create(&plan)?;
+        let plays = |index: usize| !options.stand_in.contains(&plan.components[index].name);
+        let mut launch = Self {
+            rounds: Rounds::new(&plan, plays),
+            plan,
+            registry: registry.clone(),
+            options: options.clone(),
+            folder,
+            region: Rc::new(region),
+            services: Services::default(),
+            signals,
+            children: Vec::new(),
+            supervision: Vec::new(),
+            guard: None,
+            guard_since_ns: 0,
+            ended_ns: None,
+            lost: Vec::new(),
+            warnings: Vec::new(),
+            idle_states: IdleStates::default(),
+            spare: Spare::none(),
+            places: Places::default(),
+            cores: None,
+            reached_ns: 0,
+            before_ns: 0,
+            next_status_ns: 0,
+            due_ns: 0,
+            _placement: Placement::remember(),
+        };
+        let exit = launch.set_up(observe)?;
+        Ok((launch, exit))
+    }
+
+    fn set_up(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<Option<Exit>, LaunchError> {
         self.place_launcher();
         self.limit_idle_states()?;
         if self.options.hosting == Hosting::Processes {
             self.start_guard()?;
         }
-        let services = self.create_services()?;
+        self.services = Services::create(&self.folder, &self.plan)?;
         self.spare = Spare::reserve(&self.folder)?;
         observe(Event::Created { run: self.folder.id(), plan: &self.plan });
         for index in 0..self.plan.components.len() {
-            let child = self.start(index)?;
+            let child = self.start_child(index)?;
             self.children.push(child);
         }
-        if !self.pass_barrier(signals, observe)? {
-            self.end(&services, observe);
-            return Ok(self.report(Exit::Interrupted, 0));
+        if !self.pass_barrier(observe)? {
+            return Ok(Some(Exit::Interrupted));
         }
         let lockstep = self.plan.clock == ClockKind::Lockstep;
-        let header = self.region.header();
         // By then every process waits for its first release.
-        let watch =
-            CoreWatch::start(self.plan.components.iter().filter_map(|component| component.core).collect());
+        self.cores = Some(CoreWatch::start(self.plan.components.iter().filter_map(|c| c.core).collect()));
         let start = if lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
+        let header = self.region.header();
         header.start_ns.store(start, Release);
         header.order(Command::Run);
+        self.children.iter_mut().zip(self.region.components()).for_each(|(child, block)| child.begin(block));
         self.signal_all();
+        self.supervision = self.supervision(start);
+        (self.next_status_ns, self.due_ns) = (if lockstep { 0 } else { start }, start);
         observe(Event::Started);
-        let (exit, simulated_ns) = if lockstep {
-            self.run_lockstep(&services, signals, observe)
-        } else {
-            (self.supervise(&services, signals, observe), monotonic_ns().saturating_sub(start))
-        };
-        let wall = monotonic_ns().saturating_sub(start);
-        let simulated = if lockstep { simulated_ns } else { wall };
-        let cores = watch.stop();
-        self.end(&services, observe);
-        let mut report = self.report(exit, simulated);
-        report.cores = cores;
-        report.realtime_factor = simulated as f64 / wall.max(1) as f64;
-        Ok(report)
+        Ok(None)
     }
 
-    /// The launcher keeps off the real-time cores; in lockstep it shares the one core with all components.
+    /// Ends the run and reports it.
+    pub(crate) fn finish(&mut self, exit: Exit, observe: &mut dyn FnMut(Event<'_>)) -> Report {
+        let start = self.region.header().start_ns.load(Relaxed);
+        let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
+        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
+        let cores = self.cores.take().map(|watch| watch.stop());
+        let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
+        if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
+            self.note_unmet(observe);
+        }
+        self.end(observe);
+        let mut report = self.report(exit, simulated);
+        report.cores = cores.unwrap_or_default();
+        report.realtime_factor = simulated as f64 / wall.max(1) as f64;
+        report
+    }
+
+    /// Whether the launching program takes the place of a component.
+    pub(crate) fn stands_in_for(&self, component: &str) -> bool {
+        self.options.stand_in.iter().any(|name| name == component)
+    }
+
+    /// The plan of the run.
+    pub(crate) fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The folder of the run.
+    pub(crate) fn folder(&self) -> &RunFolder {
+        &self.folder
+    }
+
+    /// The control block of the run.
+    pub(crate) fn region(&self) -> &Rc<Region> {
+        &self.region
+    }
+
+    /// Time of the run, ns: simulated in lockstep, else since the start.
+    pub(crate) fn time_ns(&self) -> u64 {
+        match self.plan.clock {
+            ClockKind::Lockstep => self.reached_ns,
+            ClockKind::Realtime => monotonic_ns().saturating_sub(self.region.header().start_ns.load(Relaxed)),
+        }
+    }
+
+    /// The launcher keeps off the real-time cores; in lockstep it shares the one core with all components. A thread that
+    /// hosts them itself stays where it is unless it was given a core.
     fn place_launcher(&self) {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
+        if self.options.hosting == Hosting::Inline && self.options.core.is_none() {
+            return;
+        }
         let core = self.plan.components.iter().find_map(|component| component.core).filter(|_| lockstep);
         let cores = core.map_or_else(|| self.plan.scheduling.shared_cores.clone(), |core| vec![core]);
         let class = crate::plan::SchedulingClass::Normal;
@@ -257,34 +230,32 @@ impl Launch<'_> {
         let _ = crate::os::apply(&crate::os::Request { class, cores, lock_memory: false });
     }
 
-    fn create_services(&self) -> Result<Services, LaunchError> {
-        let node = self.folder.domain()?.node()?;
-        let (topics, parameters, waited_for) = (Vec::new(), Vec::new(), Vec::new());
-        let mut services = Services { node: None, topics, parameters, waited_for };
-        for topic in &self.plan.topics {
-            let service = TopicService::create(&node, topic)?;
-            services.waited_for.extend(service.waited_for());
-            services.topics.push(service);
-        }
-        for component in &self.plan.components {
-            services.parameters.extend(ParameterService::create(&node, component)?);
-        }
-        services.node = Some(node);
-        Ok(services)
-    }
-
-    fn start(&self, index: usize) -> Result<Child, LaunchError> {
+    fn start_child(&self, index: usize) -> Result<Child, LaunchError> {
         let component = &self.plan.components[index];
+        let block = &self.region.components()[index];
+        if self.options.stand_in.contains(&component.name) {
+            return Ok(Child::played(&component.name, block));
+        }
         let child = match (&component.program, self.options.hosting) {
             (Program::Exec { path }, _) => Child::process(path, &self.folder, &component.name)?,
             (Program::Builtin { .. }, Hosting::Processes) => {
                 Child::process(&self.options.program, &self.folder, &component.name)?
             }
-            (Program::Builtin { kind }, Hosting::OneProcess) => {
+            (Program::Builtin { kind }, Hosting::Threads) => {
                 Child::thread(self.registry.find(kind), &self.folder, &component.name)?
             }
+            (Program::Builtin { kind }, Hosting::Inline) => {
+                let host = Host { folder: &self.folder, plan: &self.plan, region: &self.region };
+                let mut child = Child::inline(self.registry.find(kind), &host, index)?;
+                // One that is restarted joins a run that has passed its barrier.
+                if self.region.header().command() as u32 >= Command::Run as u32 {
+                    child.connect(block);
+                    child.begin(block);
+                }
+                child
+            }
         };
-        self.region.components()[index].pid.store(child.pid(), Relaxed);
+        block.pid.store(child.pid(), Relaxed);
         Ok(child)
     }
 
@@ -302,12 +273,19 @@ impl Launch<'_> {
             child.interrupt(self.region.components()[index].thread.load(Relaxed) as i32);
         }
     }
+}
 
-    fn clean_up(&mut self) {
+impl Drop for Launch {
+    /// Ends what still runs, and removes everything from shared memory.
+    fn drop(&mut self) {
+        self.region.header().order(Command::Stop);
+        self.signal_all();
         for child in &mut self.children {
             child.kill();
         }
+        self.children.clear();
         self.end_cleaner();
+        self.services = Services::default();
         self.folder.remove();
         if let Some(guard) = &mut self.guard {
             guard.kill();
@@ -317,3 +295,5 @@ impl Launch<'_> {
 
 /// Time within which components must be configured.
 const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
+/// Time within which a component must end after the command to stop, where the graph does not say.
+const STOP_WITHIN: Duration = Duration::from_nanos(crate::plan::STOP_WITHIN_NS);

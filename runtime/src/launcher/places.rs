@@ -3,7 +3,7 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{Event, Hosting, Launch, Services};
+use super::{Event, Hosting, Launch};
 use crate::worker::CLEANER;
 
 /// Time between two looks for dead processes.
@@ -21,7 +21,7 @@ pub(super) struct Places {
     cleaner: Option<Child>,
 }
 
-impl Launch<'_> {
+impl Launch {
     /// Looks for dead processes from time to time, and has their places freed.
     pub(super) fn look_at_places(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now = Instant::now();
@@ -52,11 +52,11 @@ impl Launch<'_> {
 
     /// Has the places of a component freed that has just died and is about to be restarted. Places are spare, so that its
     /// successor need not wait.
-    pub(super) fn free_places(&mut self, services: &Services) {
+    pub(super) fn free_places(&mut self) {
         match self.options.hosting {
             // The threads of one process share their node.
-            Hosting::OneProcess => {
-                if let Some(node) = &services.node {
+            Hosting::Threads | Hosting::Inline => {
+                if let Some(node) = &self.services.node {
                     node.try_cleanup_dead_nodes();
                 }
             }

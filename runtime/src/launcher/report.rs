@@ -46,6 +46,9 @@ pub struct Report {
     pub realtime_factor: f64,
     /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
     pub state_hash: Option<String>,
+    /// The episodes of a run that was reset, in order; the last one is that of `state_hash` and `results`.
+    #[serde(default)]
+    pub episodes: Vec<EpisodeReport>,
     /// The end of the run.
     pub exit: Exit,
     /// The requests that the system denied, as text; empty if it granted all.
@@ -69,6 +72,21 @@ pub struct Report {
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
+}
+
+/// One episode in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EpisodeReport {
+    /// Its number, from 0.
+    pub index: u64,
+    /// Its seed: a run with this seed publishes the same.
+    pub seed: u64,
+    /// Simulated time from its start to its end, s.
+    pub duration_s: f64,
+    /// Steps of all components in it.
+    pub steps: u64,
+    /// Digest of everything published in it.
+    pub state_hash: String,
 }
 
 /// One component in the report.
@@ -178,11 +196,11 @@ pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
         .collect()
 }
 
-impl Launch<'_> {
+impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
-        let end_ns = if lockstep { duration_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
+        let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         Report {
             version: REPORT_VERSION,
             graph: self.plan.name.clone(),
@@ -190,6 +208,7 @@ impl Launch<'_> {
             duration_s: duration_ns as f64 * 1e-9,
             realtime_factor: 1.0,
             state_hash: lockstep.then(|| self.state_hash()),
+            episodes: Vec::new(),
             exit,
             lost: self.lost.clone(),
             warnings: self.warnings.clone(),
@@ -207,7 +226,8 @@ impl Launch<'_> {
         }
     }
 
-    fn state_hash(&self) -> String {
+    /// Digest of everything published in the present episode.
+    pub(crate) fn state_hash(&self) -> String {
         let mut digest = Digest::default();
         for (topic, block) in self.plan.topics.iter().zip(self.region.topics()) {
             digest.write(topic.name.as_bytes());
@@ -221,7 +241,8 @@ impl Launch<'_> {
 /// Steps per second of a component, at `now_ns` on the run's clock.
 fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
-    steps_per_second(block.begun.load(Relaxed), first, last, now_ns, plan.period_ns())
+    let begun = block.begun.load(Relaxed).saturating_sub(block.episode_first.load(Relaxed));
+    steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
 /// Steps per second, from the steps begun and the time between the first and the last of them; to `now_ns` where the last

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
-use super::{Event, Launch, Services};
+use super::{Event, Launch};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, STOP_WITHIN_NS};
 use crate::region::{Command, ComponentBlock, Phase};
@@ -28,11 +28,16 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    pub(super) fn catch() -> std::io::Result<Self> {
+    /// Signals from now on, if they are to be caught: each of several runs in a process sees all of them.
+    pub(super) fn new(catch: bool) -> std::io::Result<Self> {
         let count = Arc::new(AtomicUsize::new(0));
         let (stream, sender) = UnixStream::pair()?;
         stream.set_nonblocking(true)?;
         let mut registered = Vec::new();
+        if !catch {
+            return Ok(Self { count, forgotten: Cell::new(0), stream, registered });
+        }
+        catchers::enter()?;
         for signal in SIGNALS {
             let raised = count.clone();
             registered.push(signal_hook_registry_count(signal, raised)?);
@@ -72,9 +77,51 @@ impl Signals {
 
 impl Drop for Signals {
     fn drop(&mut self) {
+        if self.registered.is_empty() {
+            return;
+        }
         for id in self.registered.drain(..) {
             signal_hook::low_level::unregister(id);
         }
+        catchers::leave();
+    }
+}
+
+/// The runs of this process that catch signals. While there is none, a signal does what it did before the first.
+mod catchers {
+    use std::sync::Once;
+    use std::sync::atomic::AtomicUsize;
+    use std::sync::atomic::Ordering::SeqCst;
+
+    use super::{SIGNALS, SIGTSTP};
+
+    static ALIVE: AtomicUsize = AtomicUsize::new(0);
+
+    #[allow(unsafe_code)]
+    pub(super) fn enter() -> std::io::Result<()> {
+        static ONCE: Once = Once::new();
+        let mut registered = Ok(());
+        ONCE.call_once(|| {
+            for signal in SIGNALS.into_iter().chain([SIGTSTP]) {
+                if registered.is_err() || !crate::os::is_default(signal) {
+                    continue;
+                }
+                let by_default = move || {
+                    if ALIVE.load(SeqCst) == 0 {
+                        let _ = signal_hook::low_level::emulate_default_handler(signal);
+                    }
+                };
+                // SAFETY: the handler reads an atomic and emulates the default action, both safe in a signal handler.
+                registered = unsafe { signal_hook::low_level::register(signal, by_default) }.map(drop);
+            }
+        });
+        registered?;
+        ALIVE.fetch_add(1, SeqCst);
+        Ok(())
+    }
+
+    pub(super) fn leave() {
+        ALIVE.fetch_sub(1, SeqCst);
     }
 }
 
@@ -120,7 +167,7 @@ impl Reached {
     }
 }
 
-impl Launch<'_> {
+impl Launch {
     /// Brings the actuators to their safe state and waits until the robot has settled.
     pub(super) fn safe_stop(&mut self, reason: &str, observe: &mut dyn FnMut(Event<'_>)) {
         let noticed = monotonic_ns();
@@ -184,7 +231,7 @@ impl Launch<'_> {
 
     /// Ends all components: the actuators reach their safe state first, then all components are asked to stop, and
     /// those that do not are killed.
-    pub(super) fn end(&mut self, services: &Services, observe: &mut dyn FnMut(Event<'_>)) {
+    pub(super) fn end(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let running = self.plan.clock == ClockKind::Realtime
             && self.region.components().iter().any(|block| block.phase() == Phase::Running);
         let actuators = self.plan.components.iter().any(|component| component.actuator);
@@ -198,8 +245,9 @@ impl Launch<'_> {
         for index in 0..self.children.len() {
             let within_ns = self.plan.components[index].stop_within_ns.unwrap_or(STOP_WITHIN_NS);
             let until = ordered + Duration::from_nanos(within_ns);
+            self.children[index].finish(&self.region.components()[index], &self.folder);
             while self.children[index].ended().is_none() && Instant::now() < until {
-                self.wake_triggered(services);
+                self.wake_triggered();
                 self.signal_all();
                 self.children[index].wait(Duration::from_millis(10));
             }
@@ -211,8 +259,8 @@ impl Launch<'_> {
     }
 
     /// Wakes components that wait for a publication, so that they see the command.
-    pub(super) fn wake_triggered(&self, services: &Services) {
-        for topic in &services.waited_for {
+    pub(super) fn wake_triggered(&self) {
+        for topic in &self.services.waited_for {
             topic.interrupt();
         }
     }

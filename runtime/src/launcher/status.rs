@@ -64,7 +64,7 @@ impl Status {
     }
 }
 
-impl Launch<'_> {
+impl Launch {
     pub(super) fn status(&self) -> Status {
         Status::read(&self.plan, &self.region)
     }

@@ -7,7 +7,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use super::lost_steps::LostSteps;
 use super::restart::History;
 use super::watchdog::Watchdog;
-use super::{Event, Exit, Launch, Services, shutdown::Signals, stop_reason};
+use super::{Event, Exit, Launch, stop_reason};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};
 use crate::region::{Command, Phase};
@@ -79,61 +79,70 @@ impl Supervision {
     }
 }
 
-impl Launch<'_> {
-    /// Supervises until the run's duration is over, a signal comes, or something fails for good.
-    pub(super) fn supervise(
-        &mut self,
-        services: &Services,
-        signals: &Signals,
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> Exit {
+impl Launch {
+    /// Supervises a run in real time until a time after its start, ns. The exit, if it ended before: by a signal, or
+    /// because something failed for good.
+    pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
-        let start = self.region.header().start_ns.load(Relaxed);
-        let end = self.plan.duration_ns.map(|duration| start + duration);
-        let mut supervision = self.supervision(start);
-        let mut next_status = start;
-        let mut due = start;
-        loop {
-            let now = monotonic_ns();
-            self.region.header().launcher_alive_ns.store(now, Relaxed);
-            let late = now.saturating_sub(due);
-            self.forgive_own_delay(&mut supervision, late, now);
-            if signals.is_raised() {
-                return self.ended(Exit::Interrupted, &supervision, observe);
+        let end = self.region.header().start_ns.load(Relaxed).saturating_add(until_ns);
+        let mut supervision = core::mem::take(&mut self.supervision);
+        let exit = loop {
+            if let Some(outcome) = self.look(end, &mut supervision, observe) {
+                break outcome;
             }
-            if end.is_some_and(|end| now >= end) {
-                return self.ended(Exit::Finished, &supervision, observe);
-            }
-            self.relay_output(observe);
-            if self.region.header().command() == Command::SafeStop {
-                let reason = stop_reason::reason(&self.plan, &self.region);
-                self.safe_stop(&reason, observe);
-                return Exit::SafeStop { reason };
-            }
-            due = end.unwrap_or(u64::MAX).min(now + LOOK_NS).min(next_status);
-            for (index, supervision) in supervision.iter_mut().enumerate() {
-                let verdict = self.monitor(index, supervision, services, signals, observe);
-                if let Some(AfterEnd::Fatal(reason)) = verdict {
-                    if signals.is_raised() {
-                        break;
-                    }
-                    self.safe_stop(&reason, observe);
-                    return Exit::SafeStop { reason };
-                }
-                due = due.min(self.next_check(index, supervision, now));
-                self.count_lost_steps(index, supervision, now, observe);
-            }
-            if !signals.is_raised() && supervision.iter().all(|supervision| supervision.gone) {
-                return self.ended(Exit::Finished, &supervision, observe);
-            }
-            self.monitor_guard(late, observe);
-            self.look_at_places(observe);
-            if now >= next_status {
-                next_status = now + STATUS_NS;
-                observe(Event::Status(&self.status()));
-            }
-            self.wait_for_something(signals, due);
+            self.wait_for_something(self.due_ns);
+        };
+        self.supervision = supervision;
+        exit
+    }
+
+    /// One look at everything. `Some` when the supervision is over: with the exit, or without one at `end`.
+    fn look(
+        &mut self,
+        end: u64,
+        supervision: &mut [Supervision],
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Option<Exit>> {
+        let now = monotonic_ns();
+        self.region.header().launcher_alive_ns.store(now, Relaxed);
+        let late = now.saturating_sub(self.due_ns);
+        self.forgive_own_delay(supervision, late, now);
+        if self.signals.is_raised() {
+            return Some(Some(Exit::Interrupted));
         }
+        if now >= end {
+            self.due_ns = now;
+            return Some(None);
+        }
+        self.relay_output(observe);
+        if self.region.header().command() == Command::SafeStop {
+            let reason = stop_reason::reason(&self.plan, &self.region);
+            self.safe_stop(&reason, observe);
+            return Some(Some(Exit::SafeStop { reason }));
+        }
+        self.due_ns = end.min(now + LOOK_NS).min(self.next_status_ns);
+        for (index, supervision) in supervision.iter_mut().enumerate() {
+            let verdict = self.monitor(index, supervision, observe);
+            if let Some(AfterEnd::Fatal(reason)) = verdict {
+                if self.signals.is_raised() {
+                    break;
+                }
+                self.safe_stop(&reason, observe);
+                return Some(Some(Exit::SafeStop { reason }));
+            }
+            self.due_ns = self.due_ns.min(self.next_check(index, supervision, now));
+            self.count_lost_steps(index, supervision, now, observe);
+        }
+        if !self.signals.is_raised() && supervision.iter().all(|supervision| supervision.gone) {
+            return Some(Some(Exit::Finished));
+        }
+        self.monitor_guard(late, observe);
+        self.look_at_places(observe);
+        if now >= self.next_status_ns {
+            self.next_status_ns = now + STATUS_NS;
+            observe(Event::Status(&self.status()));
+        }
+        None
     }
 
     /// The state of supervision of every component at the start.
@@ -143,10 +152,10 @@ impl Launch<'_> {
     }
 
     /// Waits until a process ends, a signal comes, or the next check is due.
-    fn wait_for_something(&self, signals: &Signals, due_ns: u64) {
+    pub(super) fn wait_for_something(&self, due_ns: u64) {
         let wait = due_ns.saturating_sub(monotonic_ns()).min(LOOK_NS);
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
-        let mut polled = vec![PollFd::new(signals.stream(), PollFlags::IN)];
+        let mut polled = vec![PollFd::new(self.signals.stream(), PollFlags::IN)];
         for child in self.children.iter().chain(&self.guard) {
             if let Some(descriptor) = child.descriptor() {
                 polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
@@ -160,8 +169,6 @@ impl Launch<'_> {
         &mut self,
         index: usize,
         supervision: &mut Supervision,
-        services: &Services,
-        signals: &Signals,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<AfterEnd> {
         if supervision.gone {
@@ -182,7 +189,7 @@ impl Launch<'_> {
         let how = self.children[index].ended()?.to_string();
         let block = &self.region.components()[index];
         let failed = block.phase() != Phase::Stopped;
-        if !failed && signals.arrives_within(SIGNAL_NS) {
+        if !failed && self.signals.arrives_within(SIGNAL_NS) {
             // Everything was asked to end at once, and this component was the first to do so.
             supervision.gone = true;
             return None;
@@ -211,7 +218,7 @@ impl Launch<'_> {
             let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
             supervision.down = Some(Down { since_ns, steps, start_ns: now + delay_ns, is_started: false });
             // The dead process holds its places in the topics until they are cleaned up.
-            self.free_places(services);
+            self.free_places();
             self.spare.release();
             return match self.bring_back(index, supervision, now, observe) {
                 None => Some(AfterEnd::Restarted),
@@ -242,7 +249,7 @@ impl Launch<'_> {
         let down = supervision.down.as_mut()?;
         if !down.is_started {
             if now >= down.start_ns {
-                match self.start(index) {
+                match self.start_child(index) {
                     Ok(child) => self.children[index] = child,
                     Err(error) => return Some(error.to_string()),
                 }

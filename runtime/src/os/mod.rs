@@ -17,13 +17,12 @@ pub use cpu_time::{WaitedForCore, thread_cpu_ns};
 pub use idle::IdleLimit;
 pub use lock::{Lock, is_held};
 pub use prefetch::{prefetch_read, prefetch_write};
-pub use process::{
-    Watch, default_signals, discard_output, install_interrupt, interrupt_thread, process_state, thread_id,
-};
+pub(crate) use process::is_default;
+pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
 pub use realtime::{
-    Applied, Denied, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack, times_asleep,
-    wake_soon,
+    Applied, Denied, Placement, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack,
+    times_asleep, wake_soon,
 };
 pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
 pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

@@ -39,12 +39,13 @@ pub fn interrupt_thread(thread: i32) {
     }
 }
 
-/// Lets `SIGINT`, `SIGTERM` and `SIGHUP` end this process from now on, whatever was registered for them: for a program
-/// whose last run is over. No run can be started in it after that.
-pub fn default_signals() {
-    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
-        // SAFETY: a system call on integers; the default action runs no code of this process.
-        unsafe { libc::signal(signal, libc::SIG_DFL) };
+/// Whether a signal does what it does by default in this process.
+pub(crate) fn is_default(signal: libc::c_int) -> bool {
+    // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
+    unsafe {
+        let mut action: libc::sigaction = core::mem::zeroed();
+        libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0
+            && action.sa_sigaction == libc::SIG_DFL
     }
 }
 

@@ -64,6 +64,29 @@ pub enum Denied {
     Memory(String),
 }
 
+/// The cores of the thread that made this value, which has them again when it is dropped there.
+#[derive(Debug)]
+pub struct Placement {
+    thread: std::thread::ThreadId,
+    cores: Option<CpuSet>,
+}
+
+impl Placement {
+    /// Remembers where the calling thread may run.
+    pub fn remember() -> Self {
+        Self { thread: std::thread::current().id(), cores: sched_getaffinity(None).ok() }
+    }
+}
+
+impl Drop for Placement {
+    fn drop(&mut self) {
+        if let Some(cores) = self.cores.filter(|_| std::thread::current().id() == self.thread) {
+            // A thread that may not have its cores back stays where it is.
+            let _ = sched_setaffinity(None, &cores);
+        }
+    }
+}
+
 /// Applies a request to the calling thread and process, reads the settings back, and lists the denied ones.
 pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     let mut denied = Vec::new();

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
-use crate::state::TypeLayout;
+use crate::state::{Digest, TypeLayout};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
@@ -39,6 +39,9 @@ pub struct Plan {
     pub duration_ns: Option<u64>,
     /// Seed of the run; each component derives its own from it.
     pub seed: u64,
+    /// Division into episodes.
+    #[serde(default)]
+    pub episodes: Option<EpisodesPlan>,
     /// Components in the order of the file; their index here is their identity.
     pub components: Vec<ComponentPlan>,
     /// Topics in the order of first mention.
@@ -49,6 +52,31 @@ pub struct Plan {
     pub scheduling: SchedulingPlan,
     /// Limits and states that keep the robot safe.
     pub safety: SafetyPlan,
+}
+
+/// The episodes of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EpisodesPlan {
+    /// Number of episodes; each lasts for the duration of the plan, or until a component ends it.
+    pub count: u64,
+    /// True if each has a seed of its own: that of the plan and its index added; false if all have that of the plan.
+    pub vary_seed: bool,
+}
+
+impl EpisodesPlan {
+    /// The seed of an episode in a run with this seed.
+    pub fn seed(self, of_run: u64, index: u64) -> u64 {
+        if self.vary_seed { of_run.wrapping_add(index) } else { of_run }
+    }
+}
+
+/// The seed of one component in a run, or an episode, with this seed: it depends on the component's name, not on its place,
+/// so that adding a component changes no other.
+pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
+    let mut digest = Digest::default();
+    digest.write_u64(seed);
+    digest.write(name.as_bytes());
+    digest.finish()
 }
 
 /// The treatment of real-time requests that the system denies.
@@ -215,6 +243,12 @@ pub struct ComponentPlan {
     pub actuator: bool,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
+    /// True if it can be reset for a new episode.
+    #[serde(default)]
+    pub resets: bool,
+    /// True if it may end an episode.
+    #[serde(default)]
+    pub ends_episode: bool,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,
     /// Its limits on standing still, computing and losing steps.

@@ -73,6 +73,7 @@ impl SafetyPlan {
             resume: ResumeRule::Near,
             safe_state: SafeState::Hold,
             settle_ns: 0,
+            stop_together: false,
         }
     }
 }

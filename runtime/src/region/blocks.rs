@@ -83,6 +83,20 @@ pub struct Header {
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last looked after the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
+    /// Lockstep: number of the episode.
+    pub episode: AtomicU64,
+    /// Lockstep: seed of the episode.
+    pub episode_seed: AtomicU64,
+    /// 1 once a component has ended the episode. Written by that component.
+    episode_over: AtomicU32,
+    /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
+    paused: AtomicU32,
+    /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
+    pub rounds_granted: AtomicU64,
+    /// Rounds that a held run has made, since its start.
+    pub rounds_taken: AtomicU64,
+    /// Lockstep: simulated time reached in the episode, ns.
+    pub reached_ns: AtomicU64,
 }
 
 impl Header {
@@ -101,6 +115,35 @@ impl Header {
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
+    }
+
+    /// Ends the episode when the round is over.
+    pub fn end_episode(&self) {
+        self.episode_over.store(1, Relaxed);
+    }
+
+    /// Whether a component has ended the episode.
+    #[inline]
+    pub fn is_episode_over(&self) -> bool {
+        self.episode_over.load(Relaxed) != 0
+    }
+
+    /// Begins an episode.
+    pub(crate) fn begin_episode(&self, index: u64, seed: u64) {
+        self.episode.store(index, Relaxed);
+        self.episode_seed.store(seed, Relaxed);
+        self.episode_over.store(0, Relaxed);
+        self.reached_ns.store(0, Relaxed);
+    }
+
+    /// Holds simulated time, or lets it go on.
+    pub fn pause(&self, paused: bool) {
+        self.paused.store(u32::from(paused), Release);
+    }
+
+    /// Whether simulated time is held.
+    pub fn is_paused(&self) -> bool {
+        self.paused.load(Acquire) != 0
     }
 
     /// Keeps every command gate of the run in its safe state until [`release`](Self::release).
@@ -200,6 +243,12 @@ pub struct ComponentBlock {
     pub tick_done: AtomicU32,
     /// Lockstep: simulated time of the given tick, ns. Written by the launcher.
     pub tick_time_ns: AtomicU64,
+    /// Lockstep: 1 if the given tick is a reset for the episode in the header, 0 if it is a step. Written by the launcher.
+    pub tick_resets: AtomicU32,
+    /// Steps done before the present episode.
+    pub episode_first: AtomicU64,
+    /// Lockstep: publications of its trigger when it was last looked at. Written by whoever hands out the ticks.
+    pub trigger_seen: AtomicU64,
     /// Steps begun, through restarts: one more than `steps` while it steps.
     pub begun: AtomicU64,
     /// Steps done, through restarts.
@@ -346,6 +395,15 @@ impl ComponentBlock {
         (length > 0).then(|| (self.failure_tick.load(Relaxed), String::from_utf8_lossy(&bytes).into_owned()))
     }
 
+    /// Sets what belongs to the present episode back to its start.
+    pub(crate) fn begin_episode(&self) {
+        self.episode_first.store(self.steps.load(Relaxed), Relaxed);
+        self.trigger_seen.store(0, Relaxed);
+        self.tick_time_ns.store(0, Relaxed);
+        self.last_step_ns.store(0, Relaxed);
+        self.checkpoint.forget();
+    }
+
     /// Clears the failure before a restart.
     pub fn forget_failure(&self) {
         self.failure_length.store(0, Release);
@@ -356,7 +414,7 @@ impl ComponentBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct TopicBlock {
-    /// Samples published, through restarts of the publisher.
+    /// Samples published in the present episode, through restarts of the publisher.
     pub published: AtomicU64,
     /// Time of the last publication, on the run's clock, ns.
     pub last_publish_ns: AtomicU64,
@@ -364,6 +422,15 @@ pub struct TopicBlock {
     pub digest: AtomicU64,
     /// Samples that readers of a stream lost.
     pub dropped: AtomicU64,
+}
+
+impl TopicBlock {
+    /// Sets what belongs to the present episode back to its start.
+    pub(crate) fn begin_episode(&self) {
+        for counter in [&self.published, &self.last_publish_ns, &self.digest] {
+            counter.store(0, Release);
+        }
+    }
 }
 
 /// Measurements of one edge of the graph: a topic and one of its readers. Written by the reader.
@@ -411,6 +478,13 @@ mod tests {
             resumes: AtomicU32::new(0),
             launcher_alive_ns: AtomicU64::new(0),
             guard_alive_ns: AtomicU64::new(0),
+            episode: AtomicU64::new(0),
+            episode_seed: AtomicU64::new(0),
+            episode_over: AtomicU32::new(0),
+            paused: AtomicU32::new(0),
+            rounds_granted: AtomicU64::new(0),
+            rounds_taken: AtomicU64::new(0),
+            reached_ns: AtomicU64::new(0),
         };
         for (order, expected) in [
             (Command::Connect, Command::Connect),

@@ -41,6 +41,11 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
         true
     }
 
+    /// Forgets all that was saved.
+    pub(crate) fn forget(&self) {
+        self.saved.store(0, A::at(Site::Save, Release));
+    }
+
     /// Reads the newest whole checkpoint into `words`, at most `N`; false if there is none. Only the component itself,
     /// after a restart, reads it.
     pub(crate) fn load(&self, words: &mut [u64]) -> bool {

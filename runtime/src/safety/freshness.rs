@@ -79,6 +79,11 @@ impl Freshness {
         Self { stale_after_ns, source_stale_after_ns, last: None }
     }
 
+    /// Forgets all commands, for a new episode.
+    pub fn reset(&mut self) {
+        self.last = None;
+    }
+
     /// Checks a stamp at `now_ns`.
     ///
     /// The age by publication finds a dead controller, the age by source a live one that computes from a dead sensor.

@@ -141,6 +141,14 @@ impl Gate {
         }
     }
 
+    /// Goes back to the state in which it was made: safe, not latched, without setpoints.
+    pub fn reset(&mut self) {
+        (self.state, self.in_safe, self.latched, self.lags) = (GateState::Safe, false, false, false);
+        self.setpoints.fill(JointSetpoint::default());
+        self.next.fill(JointSetpoint::default());
+        self.gravity.fill(0.0);
+    }
+
     /// The joints and their limits.
     pub fn joints(&self) -> &[JointLimits] {
         &self.joints

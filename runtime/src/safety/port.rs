@@ -144,6 +144,15 @@ impl CommandGate {
         self.gate.joints()
     }
 
+    /// Goes back to the state in which it was made, for a new episode. The account of the run goes on.
+    pub fn reset(&mut self) {
+        self.gate.reset();
+        self.freshness.reset();
+        self.armed = false;
+        self.group.set_good(self.place, false);
+        (self.offered, self.stepped_ns, self.shown) = (None, 0, None);
+    }
+
     /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;

@@ -33,7 +33,8 @@ macro_rules! numbers {
         }
 
         #[cfg(test)]
-        pub(super) fn check_all(mut check: impl FnMut(&TypeLayout, &dyn Fn(&[u8]) -> bool)) {
+        #[allow(unsafe_code)] // values of any bytes, to be refused
+        fn check_all(mut check: impl FnMut(&TypeLayout, &dyn Fn(&[u8]) -> bool)) {
             $(
                 check(&$type::layout(), &|bytes: &[u8]| {
                     use super::Field as _;
@@ -76,7 +77,6 @@ numbers! {
 }
 
 #[cfg(test)]
-#[allow(unsafe_code)]
 mod tests {
     use super::*;
     use crate::state::ContentCheck;

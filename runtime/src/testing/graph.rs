@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::component::Component;
 use crate::graph::{self, Checked, GraphError, Machine, Override};
-use crate::launcher::{self, Hosting, LaunchError, Options, Report};
+use crate::launcher::{Options, Report};
+use crate::session::{self, SessionError};
 use crate::worker::{Kind, Registry, RobotSource};
 
 /// A graph built in code, or read from the text of a graph file, with the kinds of components it may name.
@@ -38,7 +39,7 @@ pub enum RunError {
     Graph(#[from] GraphError),
     /// It did not start.
     #[error(transparent)]
-    Launch(#[from] LaunchError),
+    Launch(#[from] SessionError),
 }
 
 impl core::fmt::Debug for RunError {
@@ -132,8 +133,7 @@ impl Graph {
     pub fn run(self, duration: &str) -> Result<Report, RunError> {
         let this = self.set("duration", duration);
         let plan = this.check()?.plan;
-        let options = Options { hosting: Hosting::OneProcess, program: PathBuf::new() };
-        Ok(launcher::run(plan, &this.registry(), &options, &mut |_| {})?)
+        Ok(session::run(plan, &this.registry(), &Options::threads(), &mut |_| {})?)
     }
 }
 

@@ -54,6 +54,8 @@ enum Source<T: StateBuffer> {
         memory: Rc<TopicMemory>,
         /// Number of the newest publication at the last look.
         seen: u64,
+        /// The episode of that look.
+        era: u32,
     },
 }
 
@@ -126,6 +128,7 @@ impl<T: StateBuffer> Input<T> {
             TopicPattern::Stream { .. } => Source::Stream {
                 queue: Box::new(StreamReader::open(node, topic, port)?),
                 topic: index,
+                era: memory.era(),
                 memory,
                 seen: 0,
             },
@@ -157,7 +160,9 @@ impl<T: StateBuffer> Input<T> {
         match &self.source {
             Source::Unwired => false,
             Source::State(state) => state.has_news(),
-            Source::Stream { memory, seen, .. } => memory.newest().number() != *seen,
+            Source::Stream { memory, seen, era, .. } => {
+                memory.newest().number() != if *era == memory.era() { *seen } else { 0 }
+            }
         }
     }
 
@@ -199,6 +204,7 @@ impl<T: StateBuffer> Input<T> {
         let (stamp, payload) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current()?,
+            Source::Stream { memory, era, .. } if *era != memory.era() => return None,
             Source::Stream { queue, .. } => queue.current()?,
         };
         Some(Reading { stamp, payload, context: &self.context })
@@ -211,7 +217,11 @@ impl<T: StateBuffer> Input<T> {
 
     /// Takes the next valid value of a stream from its queue; whether there was one.
     fn take(&mut self) -> bool {
-        let Source::Stream { queue, topic, memory, seen } = &mut self.source else { return false };
+        let Source::Stream { queue, topic, memory, seen, era } = &mut self.source else { return false };
+        if *era != memory.era() {
+            *era = memory.era();
+            queue.forget();
+        }
         *seen = memory.newest().number();
         while let Some(taken) = queue.take() {
             let Taken::Next { lost } = taken else {

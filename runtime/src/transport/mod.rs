@@ -38,9 +38,10 @@ pub(crate) use parameter::{ParameterReader, ParameterService};
 pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
 pub use stream::{Shared, SliceInput, SliceLoan, SliceOutput};
+pub(crate) use tap::first_place;
 pub use tap::{Sample, Tap};
 pub use topic::PortError;
-pub(crate) use topic::{TopicService, open_trigger};
+pub(crate) use topic::{TopicService, open_trigger, same_layout};
 pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;
 

@@ -23,6 +23,9 @@ use crate::state::{Digest, Stamp, StateBuffer};
 /// A port whose connections can be made before the first step.
 pub(crate) trait Connect {
     fn connect(&self) -> Result<(), String>;
+
+    /// Drops what is left from the episode before.
+    fn begin_episode(&self) {}
 }
 
 /// A latency budget that ends at an output.
@@ -88,6 +91,14 @@ struct AfterOutput {
 }
 
 impl AfterStep for AfterOutput {
+    fn begin_episode(&self) {
+        self.owes_wake.set(false);
+        self.owes_slot.set(false);
+        if let Some(state) = &self.state {
+            state.begin_episode();
+        }
+    }
+
     fn wake(&self) {
         if self.owes_wake.take() {
             self.memory.notify();
@@ -306,6 +317,10 @@ impl Wired {
 
     /// Takes a value into the digest of everything published on the topic.
     pub(super) fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
+        if stamp.sequence == 1 {
+            // The first of an episode.
+            self.digest = Digest::default();
+        }
         self.digest.write_u64(stamp.sequence);
         self.digest.write_u64(stamp.publish_time);
         value(&mut self.digest);

@@ -28,6 +28,8 @@ pub struct RawInput {
     context: Rc<Context>,
     is_cause: bool,
     edge: Option<usize>,
+    /// The episode of the last look.
+    episode: u64,
 }
 
 type Bytes = Subscriber<Shared, [CustomPayloadMarker], Stamp>;
@@ -51,7 +53,7 @@ pub struct RawReading<'a> {
 
 impl RawInput {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { topic: None, source: Source::Unwired, context, is_cause: false, edge: None }
+        Self { topic: None, source: Source::Unwired, context, is_cause: false, edge: None, episode: 0 }
     }
 
     pub(crate) fn open(
@@ -80,7 +82,7 @@ impl RawInput {
                 Source::Stream { queue: Rc::new(queue), current: None, size: layout.size }
             }
         };
-        Ok(Self { topic: Some((name.clone(), layout.clone())), source, context, is_cause, edge })
+        Ok(Self { topic: Some((name.clone(), layout.clone())), source, context, is_cause, edge, episode: 0 })
     }
 
     /// The connection to be made before the first step.
@@ -103,6 +105,12 @@ impl RawInput {
 
     /// The newest value if it was not read before.
     pub fn next_unread(&mut self) -> Option<RawReading<'_>> {
+        let episode = self.context.episode();
+        if core::mem::replace(&mut self.episode, episode) != episode
+            && let Source::Stream { current, .. } = &mut self.source
+        {
+            *current = None;
+        }
         let is_new = match &mut self.source {
             Source::Unwired => false,
             Source::State(state) => state.look(),
@@ -134,6 +142,7 @@ impl RawInput {
         let (stamp, bytes) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current_bytes()?,
+            Source::Stream { .. } if self.episode != self.context.episode() => return None,
             Source::Stream { current, size, .. } => {
                 let sample = current.as_ref()?;
                 let first = sample.payload().as_ptr().cast::<u8>();
@@ -148,5 +157,9 @@ impl RawInput {
 impl Connect for Bytes {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
+    }
+
+    fn begin_episode(&self) {
+        while matches!(self.receive(), Ok(Some(_))) {}
     }
 }

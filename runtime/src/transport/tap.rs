@@ -49,7 +49,7 @@ pub struct Sample {
 }
 
 /// The first of the places of a topic among those of all topics of a run.
-fn first_place(topic: &str) -> u32 {
+pub(crate) fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32

@@ -127,6 +127,11 @@ impl TopicService {
         self.samples.abandon();
     }
 
+    /// The memory of the topic.
+    pub(crate) fn memory(&self) -> &TopicMemory {
+        &self.memory
+    }
+
     /// The topic, if components wait for it: to interrupt them, so that they look at the run's command.
     pub(crate) fn waited_for(&self) -> Option<Rc<TopicMemory>> {
         self.wakes.then(|| self.memory.clone())
@@ -153,7 +158,7 @@ fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifi
 type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
 
 /// Checks that the topic's layout is the one this program was built with.
-pub(super) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
+pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     fits(&T::layout(), topic, port)
 }
 

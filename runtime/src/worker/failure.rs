@@ -1,6 +1,6 @@
 //! Failures of a component: errors and panics, as one line of text.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
@@ -15,18 +15,17 @@ pub struct Failure {
 
 thread_local! {
     static PANIC: RefCell<Option<String>> = const { RefCell::new(None) };
-    static CAUGHT: RefCell<bool> = const { RefCell::new(false) };
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Keeps the message of a panic in the calling thread instead of printing it: the launcher prints it, with the
-/// component's name.
+/// Keeps the message of a panic within [`guard`] instead of printing it: the launcher prints it, with the component's
+/// name. Other panics of the program are its own.
 pub(super) fn catch_panic_messages() {
     static ONCE: Once = Once::new();
-    CAUGHT.with_borrow_mut(|caught| *caught = true);
     ONCE.call_once(|| {
         let default = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
-            if !CAUGHT.with_borrow(|caught| *caught) {
+            if !INSIDE.get() {
                 return default(info);
             }
             let words = info.payload_as_str().unwrap_or("a value that is no text");
@@ -38,7 +37,10 @@ pub(super) fn catch_panic_messages() {
 
 /// Runs a call into a component; a panic becomes an error.
 pub(super) fn guard<R, E: From<String>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
-    match catch_unwind(AssertUnwindSafe(call)) {
+    let outer = INSIDE.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(call));
+    INSIDE.set(outer);
+    match result {
         Ok(result) => result,
         Err(_) => {
             let words = PANIC.with_borrow_mut(Option::take);

@@ -6,6 +6,7 @@
 mod account;
 mod failure;
 mod grid;
+mod hosted;
 mod lockstep;
 mod margin;
 mod output;
@@ -13,13 +14,16 @@ mod protocol;
 mod realtime;
 mod registry;
 mod rest;
+mod rounds;
 mod stepper;
 mod verdict;
 mod watcher;
 
 pub use failure::Failure;
+pub(crate) use hosted::{Host, Hosted};
 pub use protocol::{CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
 pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
+pub(crate) use rounds::Rounds;
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -30,7 +34,7 @@ use crate::os::{self, Request};
 use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
-use crate::transport::Context;
+use crate::transport::{Connect, Context, Trigger};
 use stepper::Stepper;
 
 /// One component of one run, ready to be run.
@@ -131,23 +135,14 @@ fn live<C: Component>(
         apply_realtime(plan, index, region, false);
     }
 
-    let config = serde_json::from_value(component.config.clone())
-        .map_err(|error| at_setup(format!("its configuration: {error}")))?;
-    let mut setup = Setup::new(folder, plan, index, context.clone()).map_err(at_setup)?;
-    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
-    let made = made.map_err(at_setup)?;
-    let (ports, parameters, trigger) = setup.finish();
-    let mut stepper = Stepper::new(made, context.clone(), parameters, component);
+    let Configured { mut stepper, ports, trigger } = configure::<C>(folder, plan, index, context.clone())?;
 
     // No component steps before every port of every component is connected.
     block.enter(Phase::Ready);
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
     }
-    for port in &ports {
-        port.connect().map_err(|error| at_setup(format!("connecting its ports: {error}")))?;
-    }
-    drop(ports);
+    connect(&ports).map_err(at_setup)?;
     if realtime {
         let denied = apply_realtime(plan, index, region, true);
         if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
@@ -161,7 +156,7 @@ fn live<C: Component>(
         context.clock().begin();
         block.enter(Phase::Running);
         match (plan.clock, &component.activation, trigger) {
-            (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper)?,
+            (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper, &ports)?,
             (ClockKind::Realtime, Activation::Triggered { .. }, Some(trigger)) => {
                 let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
                 let rest = rest::Rest::new(component);
@@ -186,6 +181,37 @@ fn live<C: Component>(
         os::leave_realtime();
     }
     stepper.finish(folder)
+}
+
+/// A component that is configured, and the ports that are still to be connected.
+struct Configured<C> {
+    stepper: Stepper<C>,
+    ports: Vec<Rc<dyn Connect>>,
+    trigger: Option<Trigger>,
+}
+
+/// Configures a component: its configuration is read, its ports are opened, its memory is allocated.
+fn configure<C: Component>(
+    folder: &RunFolder,
+    plan: &Plan,
+    index: usize,
+    context: Rc<Context>,
+) -> Result<Configured<C>, Failure> {
+    let component = &plan.components[index];
+    let tick = context.block().steps.load(Relaxed);
+    let at_setup = |message: String| Failure { tick, message };
+    let config = serde_json::from_value(component.config.clone())
+        .map_err(|error| at_setup(format!("its configuration: {error}")))?;
+    let mut setup = Setup::new(folder, plan, index, context.clone()).map_err(at_setup)?;
+    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
+    let made = made.map_err(at_setup)?;
+    let (ports, parameters, trigger) = setup.finish();
+    Ok(Configured { stepper: Stepper::new(made, context, parameters, component), ports, trigger })
+}
+
+/// Connects the ports of a component; those of all components are open by now.
+fn connect(ports: &[Rc<dyn Connect>]) -> Result<(), String> {
+    ports.iter().try_for_each(|port| port.connect().map_err(|error| format!("connecting its ports: {error}")))
 }
 
 /// Keeps a component that is being configured off the real-time cores, at normal priority: one that is restarted must not

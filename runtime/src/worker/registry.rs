@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{Outcome, Worker};
+use super::hosted::{Host, Hosted};
+use super::{Failure, Outcome, Worker};
 use crate::component::Component;
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
@@ -27,6 +28,7 @@ pub struct Kind {
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
     pub(crate) run: fn(Worker) -> Outcome,
+    pub(crate) open: fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>,
 }
 
 type DeclareFunction = fn(ConfigSource<'_>, Declare) -> Result<Declaration, ConfigProblem>;
@@ -50,6 +52,7 @@ impl Kind {
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
             run: super::run::<C>,
+            open: super::hosted::open::<C>,
         }
     }
 
@@ -104,7 +107,7 @@ fn declare<C: Component>(
         return Err(ConfigProblem { span: None, error });
     }
     declared.map_err(|error| ConfigProblem { span: None, error })?;
-    Ok(declare.into_declaration())
+    Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
 }
 
 /// A check that the model of a robot exists and can be loaded. Arguments: `urdf` as the graph file has it, and the

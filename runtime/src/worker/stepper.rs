@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
 use super::{Failure, failure};
-use crate::component::{Component, Tick};
+use crate::component::{Component, Episode, Tick};
 use crate::declare::StepError;
 use crate::os;
-use crate::plan::{ComponentPlan, OnError, OnOverrun};
+use crate::plan::{ComponentPlan, OnError, OnOverrun, component_seed};
 use crate::region::{Command, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
@@ -25,6 +25,8 @@ pub(super) struct Stepper<C> {
     parameters: ParameterReader,
     plan: ComponentPlan,
     period: Duration,
+    /// Steps before the present episode.
+    first: u64,
     own_steps: u64,
     faults_before: u64,
     accounts: Accounts,
@@ -52,6 +54,13 @@ pub(super) struct Timing {
     pub(super) behind: bool,
 }
 
+impl Timing {
+    /// A step in lockstep: it takes no simulated time.
+    pub(super) fn lockstep(time_ns: u64) -> Self {
+        Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX, behind: false }
+    }
+}
+
 impl<C: Component> Stepper<C> {
     pub(super) fn new(
         component: C,
@@ -64,6 +73,7 @@ impl<C: Component> Stepper<C> {
         block.counts_allocations.store(u32::from(counts_allocations()), Relaxed);
         // A predecessor may have died within a step.
         block.begun.store(block.steps.load(Relaxed), Relaxed);
+        let first = block.episode_first.load(Relaxed);
         let accounts = Accounts::new(plan);
         Self {
             component,
@@ -71,6 +81,7 @@ impl<C: Component> Stepper<C> {
             parameters,
             plan: plan.clone(),
             period,
+            first,
             own_steps: 0,
             faults_before: 0,
             accounts,
@@ -95,9 +106,10 @@ impl<C: Component> Stepper<C> {
         let block = context.block();
         let steps = block.steps.load(Relaxed);
         let tick = Tick {
-            index: steps,
+            index: steps - self.first,
             time_ns: timing.release_ns.saturating_sub(context.clock().start_ns()),
             period: self.period,
+            episode: context.episode(),
         };
         if self.own_steps == WARM_UP {
             self.faults_before = os::page_faults();
@@ -106,7 +118,7 @@ impl<C: Component> Stepper<C> {
         // What the watchdog reads: a step has begun.
         block.last_step_ns.store(timing.wake_ns, Relaxed);
         block.begun.store(steps + 1, Relaxed);
-        if steps == 0 {
+        if steps == self.first {
             block.first_step_ns.store(timing.wake_ns, Relaxed);
         }
         let before = allocations();
@@ -114,11 +126,15 @@ impl<C: Component> Stepper<C> {
         let component = &mut self.component;
         let result = failure::guard(|| component.step(&tick).map_err(Wrong::Error));
         let after = allocations();
-        let real_end = os::monotonic_ns();
-        let end = if context.clock().is_lockstep() { timing.release_ns } else { real_end };
-        // The outputs are published. Triggered components of higher priority on this core run before the next line.
-        context.deferred().wake();
-        self.accounts.handed_over(os::monotonic_ns() - real_end);
+        let end = if context.clock().is_lockstep() {
+            timing.release_ns
+        } else {
+            let end = os::monotonic_ns();
+            // The outputs are published. Triggered components of higher priority on this core run before the next line.
+            context.deferred().wake();
+            self.accounts.handed_over(os::monotonic_ns() - end);
+            end
+        };
         context.deferred().finish();
 
         self.own_steps += 1;
@@ -130,6 +146,17 @@ impl<C: Component> Stepper<C> {
             self.judge(wrong, steps)?;
         }
         Ok(end)
+    }
+
+    /// Resets the component, its ports and its clock for an episode of this index and seed.
+    pub(super) fn reset(&mut self, index: u64, seed: u64) -> Result<(), Failure> {
+        let tick = self.context.block().steps.load(Relaxed);
+        self.first = tick;
+        self.context.begin_episode(index);
+        let episode = Episode { index, seed: component_seed(seed, &self.plan.name) };
+        let component = &mut self.component;
+        failure::guard(|| component.reset(&episode).map_err(|error| error.to_string()))
+            .map_err(|message| Failure { tick, message: format!("its reset for episode {index}: {message}") })
     }
 
     fn count_allocations(&self, before: Allocations, after: Allocations) {
@@ -187,6 +214,14 @@ impl<C: Component> Stepper<C> {
     pub(super) fn account_lockstep(&mut self, execution_ns: u64) {
         let block = self.context.block();
         self.accounts.charge(block);
+        block.execution.record(execution_ns);
+        block.lateness.record(0);
+    }
+
+    /// Records the length of a finished step of a component that shares its thread with others: reading the thread's CPU
+    /// time would cost a system call a step.
+    pub(super) fn account_inline(&mut self, execution_ns: u64) {
+        let block = self.context.block();
         block.execution.record(execution_ns);
         block.lateness.record(0);
     }

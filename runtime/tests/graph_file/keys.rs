@@ -84,10 +84,14 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
 ];
 
 /// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
-/// `robots`, and those by which files are laid over one another.
-const TABLES: [&str; 13] = [
+/// `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
+const TABLES: [&str; 17] = [
     "Graph.world",
     "Component.robots",
+    "Graph.episodes",
+    "Episodes.count",
+    "Episodes.vary_seed",
+    "Component.ends_episode",
     "Graph.extends",
     "Graph.remove",
     "Safety.emergency_stop",
@@ -120,8 +124,18 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in ["Cores", "Realtime", "Robot", "Base", "Component", "Topic", "Restart", "Latency", "Safety"]
-    {
+    for table in [
+        "Episodes",
+        "Cores",
+        "Realtime",
+        "Robot",
+        "Base",
+        "Component",
+        "Topic",
+        "Restart",
+        "Latency",
+        "Safety",
+    ] {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use paths::Arrow;
 
 /// The modules of the runtime, bottom up: each may use only those before it.
-const LAYERS: [&str; 20] = [
+const LAYERS: [&str; 21] = [
     "atomics",
     "units",
     "severity",
@@ -30,6 +30,7 @@ const LAYERS: [&str; 20] = [
     "schedule",
     "graph",
     "launcher",
+    "session",
     "program",
     "testing",
 ];

@@ -15,6 +15,7 @@ mod reproduce;
 mod robot;
 mod run;
 mod schema;
+mod step;
 mod stop;
 mod top;
 mod topic;
@@ -45,6 +46,7 @@ enum Command {
     Param(param::Param),
     Stop(stop::Stop),
     Resume(stop::Resume),
+    Step(step::Step),
     Bench(bench::Bench),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
@@ -69,6 +71,7 @@ impl Cli {
             Some(Command::Param(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),
+            Some(Command::Step(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),

@@ -5,9 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::graph::Override;
-use motorium::launcher::{self, Event, Exit, Hosting, Options};
+use motorium::launcher::{Event, Exit, Hosting, Options, Report};
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{self, RtLimit};
+use motorium::session::{Session, SessionError};
+use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
@@ -29,9 +31,27 @@ pub(crate) struct Run {
     /// The clock: as the graph says if not given
     #[arg(long, value_enum)]
     clock: Option<Clock>,
-    /// Host all components in this process instead of one each
-    #[arg(long)]
+    /// Where the components run
+    #[arg(long, value_enum, default_value_t)]
+    hosting: HostingChoice,
+    /// The same as `--hosting threads`
+    #[arg(long, conflicts_with = "hosting")]
     in_process: bool,
+    /// In lockstep: the core of everything in the run; as the graph says if not given
+    #[arg(long)]
+    core: Option<usize>,
+    /// Divide the run into episodes of its duration, each begun by a reset of all components; in lockstep
+    #[arg(long, value_name = "N")]
+    episodes: Option<u64>,
+    /// Give each episode a seed of its own: that of the graph and the number of the episode added
+    #[arg(long, requires = "episodes")]
+    vary_seed: bool,
+    /// Let simulated time pass at this multiple of real time; as fast as the machine allows if not given
+    #[arg(long, value_name = "FACTOR")]
+    pace: Option<f64>,
+    /// Hold simulated time at the start, until `motorium step`
+    #[arg(long)]
+    paused: bool,
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
@@ -51,6 +71,17 @@ enum Clock {
     Lockstep,
 }
 
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum HostingChoice {
+    /// Each component in a process of its own
+    #[default]
+    Processes,
+    /// Each component in a thread of this process
+    Threads,
+    /// All components in one thread, one after the other; in lockstep
+    Inline,
+}
+
 impl Run {
     pub(crate) fn run(mut self) -> anyhow::Result<ExitCode> {
         let mut set = |path: &str, value: String| {
@@ -63,6 +94,10 @@ impl Run {
             Some(Clock::Realtime) => set("clock", "\"realtime\"".to_string()),
             Some(Clock::Lockstep) => set("clock", "\"lockstep\"".to_string()),
             None => {}
+        }
+        if let Some(episodes) = self.episodes {
+            set("episodes.count", episodes.to_string());
+            set("episodes.vary_seed", self.vary_seed.to_string());
         }
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
@@ -95,22 +130,18 @@ impl Run {
                 errln!("{} metrics are not served: {error:#}", style::warning("warning:"));
             }
         };
-        let hosting = if self.in_process { Hosting::OneProcess } else { Hosting::Processes };
-        let program = std::env::current_exe().context("finding this program's own file")?;
-        let options = Options { hosting, program };
+        let options = self.options()?;
         let plan = checked.plan;
         let lockstep = plan.clock == ClockKind::Lockstep;
         let live =
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let mut printer = if live { Printer::screen(&plan)? } else { Printer::plain(self.json)? };
-        let ran = launcher::run(plan, &registry, &options, &mut |event| {
+        let ran = self.drive(plan, &registry, &options, &mut |event| {
             serve(&event);
             printer.show(&event);
         });
         // What went wrong comes after the last lines.
         printer.finish();
-        // No run is left to be ended in good order: a report that nobody reads must not keep this process from ending.
-        motorium::os::default_signals();
         let report = ran?;
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&report)?);
@@ -125,6 +156,35 @@ impl Run {
                 exit::safe_stop()
             }
         })
+    }
+
+    /// Launches a plan and drives it to its end.
+    fn drive(
+        &self,
+        plan: Plan,
+        registry: &Registry,
+        options: &Options,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Report, SessionError> {
+        let mut session = Session::observed(plan, registry, options, observe)?;
+        if self.pace.is_some() {
+            session.pace(self.pace)?;
+        }
+        if self.paused {
+            session.pause(true)?;
+        }
+        session.run()?;
+        Ok(session.stop())
+    }
+
+    fn options(&self) -> anyhow::Result<Options> {
+        let program = std::env::current_exe().context("finding this program's own file")?;
+        let hosting = match self.hosting {
+            HostingChoice::Processes if !self.in_process => Hosting::Processes,
+            HostingChoice::Processes | HostingChoice::Threads => Hosting::Threads,
+            HostingChoice::Inline => Hosting::Inline,
+        };
+        Ok(Options { hosting, core: self.core, ..Options::processes(program) })
     }
 
     /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to be started.

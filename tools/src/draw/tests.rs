@@ -57,6 +57,8 @@ fn component(
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,
         restart: RestartPlan { when: RestartWhen::Never, at_most: 5, window_ns: 1, within_ns: 1 },
+        resets: false,
+        ends_episode: false,
         order: index,
     }
 }
@@ -94,6 +96,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         file: PathBuf::from("drawn.toml"),
         clock: ClockKind::Realtime,
         duration_ns: None,
+        episodes: None,
         seed: 0,
         components,
         latencies: latencies.collect(),

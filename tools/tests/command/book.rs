@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use motorium::declare::ConfigError;
-use motorium::launcher::{self, Hosting, Options};
+use motorium::launcher::Options;
+use motorium::session;
 use motorium::worker::{Kind, Registry, RobotSource};
 use serde_json::Value as Json;
 
@@ -178,9 +179,7 @@ fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
     let machine = motorium::graph::Machine::detect();
     let checked = motorium::graph::check(&page, graph, &set, &registry, &machine);
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    let program = std::env::current_exe().expect("this program has a file");
-    let options = Options { hosting: Hosting::OneProcess, program };
-    let report = launcher::run(plan, &registry, &options, &mut |_| ()).expect("it runs");
+    let report = session::run(plan, &registry, &Options::threads(), &mut |_| ()).expect("it runs");
     let error = report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"].as_f64();
     assert!(error.is_some_and(|error| error < 5e-3), "{}", report.results["controller"]);
 }

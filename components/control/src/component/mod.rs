@@ -63,6 +63,7 @@ impl Component for QpController {
     const KIND: &'static str = "control.qp";
     const SUMMARY: &'static str =
         "differential inverse kinematics: pose targets to joint commands, within limits";
+    const RESETS: bool = true;
     type Config = QpControllerConfig;
 
     fn declare(config: &QpControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -151,6 +152,12 @@ impl Component for QpController {
         }
         self.checkpoint.save(self.setpoint.position().iter().copied());
         self.publish(dt)
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.tasks.iter_mut().for_each(|(_, task)| task.reset());
+        (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
+        Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {

@@ -58,6 +58,7 @@ pub struct ConsoleLog {
 impl Component for ConsoleLog {
     const KIND: &'static str = "log.console";
     const SUMMARY: &'static str = "prints the newest samples of topics";
+    const RESETS: bool = true;
     type Config = ConsoleLogConfig;
 
     fn declare(config: &ConsoleLogConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -116,6 +117,11 @@ impl Component for ConsoleLog {
                 self.dropped += 1;
             }
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        // It remembers nothing but what was printed, and the lines are those of the whole run.
         Ok(())
     }
 

@@ -6,7 +6,7 @@ mod limits;
 
 use core::ops::Range;
 
-use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
@@ -42,6 +42,9 @@ pub struct PhysicsComponent<E> {
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
+    /// Initial configuration (nq) and velocity (nv), for every episode.
+    start_q: Vec<f64>,
+    start_v: Vec<f64>,
     /// Initial position of the base \[m\].
     start: [f64; 3],
     totals: Totals,
@@ -80,6 +83,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     const KIND: &'static str = E::KIND;
     const SUMMARY: &'static str = E::SUMMARY;
     const READS_WORLD: bool = true;
+    const RESETS: bool = true;
     type Config = PhysicsConfig;
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -101,6 +105,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
         let Built { mut simulation, robots } = build::<E>(&config, one.as_ref(), &several)?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
+        let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
+        let start = simulation.base_pose().translation.vector.into();
         let mut checkpoint = setup.checkpoint(nq + nv)?;
         if let Some(state) = checkpoint.resume() {
             let (q, v) = state.split_at(nq);
@@ -128,7 +134,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
             dynamics: Dynamics::new(simulation.model()),
             gravity: vec![0.0; nv],
-            start: simulation.base_pose().translation.vector.into(),
+            start,
+            start_q,
+            start_v,
             simulation,
             checkpoint,
             last_ns: None,
@@ -163,6 +171,17 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             state.effort_mut().copy_from_slice(&simulation.efforts()[drives]);
             state.publish()?;
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        let reset = self.simulation.reset(&self.start_q, &self.start_v);
+        reset.map_err(|error| StepError::failed(error.to_string()))?;
+        self.robots.iter_mut().for_each(|robot| {
+            robot.gate.reset();
+            robot.safe = 0;
+        });
+        (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
     }
 

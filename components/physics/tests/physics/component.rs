@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph;
-use motorium::launcher::{Exit, Hosting, Options, Report, run};
+use motorium::launcher::{Exit, Options, Report};
 use motorium::region::{Refusal, Refused};
+use motorium::session::run;
 use motorium::state::{BaseState, JointCommand, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::{Kind, Registry, RobotSource};
@@ -169,7 +170,7 @@ fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
 fn run_for(seconds: u64, kind: &str, driver: &str) -> Report {
     let mut plan = check(graph_text(kind, driver, "")).unwrap_or_else(|error| panic!("{error}")).plan;
     plan.duration_ns = Some(seconds * 1_000_000_000);
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+    let options = Options::threads();
     run(plan, &registry(), &options, &mut |_| ()).unwrap()
 }
 
@@ -288,7 +289,7 @@ fn a_robot_with_a_floating_base_stands_by_its_safe_state_and_publishes_where_its
         let mut plan =
             check(legged_text("quadruped", physics, BASE)).unwrap_or_else(|error| panic!("{error}")).plan;
         plan.duration_ns = Some(2_000_000_000);
-        let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+        let options = Options::threads();
         let report = run(plan, &registry(), &options, &mut |_| ()).unwrap();
         assert_eq!(report.exit, Exit::Finished, "{report:?}");
         let (watcher, physics) = (&report.results["watcher"], &report.results["physics"]);

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use motorium::graph;
-use motorium::launcher::{Hosting, Options as RunOptions, Report, run};
+use motorium::launcher::{Options as RunOptions, Report};
+use motorium::session::run;
 use motorium_physics::{ArticulatedSimulator, JointCommand, Options, RobotSetup, Simulator, World};
 use motorium_robots::{Model, Placed};
 use nalgebra::Isometry3;
@@ -142,7 +143,7 @@ fn run_for_a_second(safety: &str) -> Report {
     let mut plan =
         check(graph_text(safety, 300)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     plan.duration_ns = Some(1_000_000_000);
-    let options = RunOptions { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
+    let options = RunOptions::threads();
     run(plan, &registry(), &options, &mut |_| ()).unwrap()
 }
 

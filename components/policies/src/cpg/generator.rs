@@ -9,7 +9,7 @@ use motorium_primitives::cpg::{
 };
 
 /// A phase-amplitude network or a rhythm of oscillators: joints in, setpoints and their rates out.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Generator {
     model: Model,
     oscillations: Vec<JointOscillation>,
@@ -18,7 +18,7 @@ pub(super) struct Generator {
     frequency: f64,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Model {
     Phase(Box<PhaseNetwork>),
     Oscillators(Box<OscillatorNetwork>),

@@ -5,7 +5,7 @@ mod generator;
 
 pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, JointOscillationConfig, LegConfig, MatsuokaConfig};
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::transport::Parameter;
 
@@ -25,6 +25,8 @@ use motorium_primitives::cpg::Gait;
 pub struct CpgPolicy {
     writer: JointCommandWriter,
     generator: Generator,
+    /// The generator as it was configured.
+    start: Generator,
     pull: Vec<f64>,
     frequency: Parameter<f64>,
     amplitude: Parameter<f64>,
@@ -42,6 +44,7 @@ pub struct CpgPolicy {
 impl Component for CpgPolicy {
     const KIND: &'static str = "policy.cpg";
     const SUMMARY: &'static str = "moves joints in a gait by a central pattern generator";
+    const RESETS: bool = true;
     type Config = CpgPolicyConfig;
 
     fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -88,6 +91,7 @@ impl Component for CpgPolicy {
             scale: f64::NAN,
             gait_changes: 0,
             strides: 0.0,
+            start: generator.clone(),
             generator,
         })
     }
@@ -111,6 +115,13 @@ impl Component for CpgPolicy {
         self.generator.step(dt, &self.pull);
         self.strides += self.frequency.get() * dt;
         self.writer.command(dt, self.generator.output(), self.generator.velocity())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.writer.reset();
+        self.generator = self.start.clone();
+        (self.walking, self.scale, self.gait_changes, self.strides) = (None, f64::NAN, 0, 0.0);
+        Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {

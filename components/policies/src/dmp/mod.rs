@@ -10,7 +10,7 @@ pub use imitation::DemonstrationConfig;
 
 use std::time::Duration;
 
-use motorium::component::{Checkpoint, Component, ConfigureError, Setup, Tick};
+use motorium::component::{Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::PoseTarget;
 use motorium::transport::{Output, Parameter};
@@ -33,6 +33,9 @@ pub struct DmpPolicy {
     start_pose: StartPose,
     waypoints: Waypoints,
     reach: PoseReach,
+    /// The movements as they were configured.
+    start_reach: PoseReach,
+    episode_end: Option<EpisodeEnd>,
     /// Which of the primitives is chosen, and which every segment that may choose has.
     primitive: Option<Parameter<i64>>,
     chosen: Vec<usize>,
@@ -50,12 +53,14 @@ const LONGEST_STEP: u32 = 2;
 impl Component for DmpPolicy {
     const KIND: &'static str = "policy.dmp";
     const SUMMARY: &'static str = "moves an end effector through goals by movement primitives";
+    const RESETS: bool = true;
     type Config = DmpPolicyConfig;
 
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let waypoints = Waypoints::new(config, declare.robot())?;
         waypoints.reach()?;
         StartPose::declare(config, declare)?;
+        declare.may_end_episodes();
         declare.output::<PoseTarget>(
             "target",
             "target pose and velocity of the end effector, in the world frame",
@@ -85,6 +90,8 @@ impl Component for DmpPolicy {
             exchanges: 0,
             record: waypoints.record(),
             reach: waypoints.reach()?,
+            start_reach: waypoints.reach()?,
+            episode_end: setup.episode_end(),
             waypoints,
             start_pose: StartPose::new(&config, setup)?,
             target: setup.output("target")?,
@@ -116,7 +123,20 @@ impl Component for DmpPolicy {
                 end_effector,
             );
         }
+        if self.reach.phase() == ReachPhase::Finished
+            && let Some(end) = &self.episode_end
+        {
+            end.end();
+        }
         self.publish()
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.reach = self.start_reach.clone();
+        self.record = self.waypoints.record();
+        self.chosen.fill(0);
+        (self.exchanges, self.goals_before, self.last_tick_ns) = (0, 0, None);
+        Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {

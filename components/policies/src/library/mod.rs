@@ -14,7 +14,7 @@ mod watch;
 pub use config::{EndEffectorConfig, LibraryPolicyConfig, RecognitionConfig};
 pub use messages::{MAX_LABEL, MAX_WEIGHTS, MovementRequest, Recognition};
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointState, PoseTarget};
 use motorium::transport::{Input, Output, Parameter};
@@ -82,6 +82,7 @@ impl Component for LibraryPolicy {
     const KIND: &'static str = "policy.library";
     const SUMMARY: &'static str =
         "moves an end effector or joints by a motion library, and recognises movements";
+    const RESETS: bool = true;
     type Config = LibraryPolicyConfig;
 
     fn declare(config: &LibraryPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -189,6 +190,21 @@ impl Component for LibraryPolicy {
         let dt = self.speed.get() * (elapsed as f64 * 1e-9).min(longest);
         self.advance(dt, &pose)?;
         self.publish()
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.generator = Generator::new(&self.library);
+        self.current = Current::new(&self.library, &self.planned[0]);
+        self.traces.iter_mut().for_each(Trace::clear);
+        self.watch.reset();
+        self.seen.clear();
+        (self.index, self.stage, self.on_request, self.last_ns) = (0, Stage::Waiting, false, None);
+        (self.requested, self.begun) = (0, 0);
+        (self.orientation, self.published) = (UnitQuaternion::identity(), Vector3::zeros());
+        for numbers in [&mut self.from, &mut self.position, &mut self.velocity, &mut self.measured] {
+            numbers.fill(0.0);
+        }
+        Ok(())
     }
 
     fn stop(&mut self) {

@@ -49,6 +49,12 @@ impl Watch {
         }
     }
 
+    /// Forgets what it has seen.
+    pub(super) fn reset(&mut self) {
+        (self.count, self.resting, self.moved) = (0, 0, false);
+        self.seen = Recognition::default();
+    }
+
     /// Takes in one position; true if a movement has just ended and was recognised.
     pub(super) fn observe(&mut self, position: impl Fn(usize) -> f64) -> bool {
         if self.count == self.capacity {

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use motorium::component::Component;
 use motorium::declare::{ConfigError, RobotReference};
-use motorium::launcher::{self, Hosting, Options, Report};
+use motorium::launcher::{Options, Report};
+use motorium::session;
 use motorium::telemetry::CountingAllocator;
 use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
 
@@ -22,8 +23,7 @@ pub(crate) fn run(path: &Path, graph: String, kinds: impl IntoIterator<Item = Ki
     let machine = motorium::graph::Machine::detect();
     let checked = motorium::graph::check(path, graph, &[], &registry, &machine)
         .unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { hosting: Hosting::OneProcess, program: std::env::current_exe().unwrap() };
-    launcher::run(checked.plan, &registry, &options, &mut |_| {}).unwrap()
+    session::run(checked.plan, &registry, &Options::threads(), &mut |_| {}).unwrap()
 }
 
 /// Allocations in steps (where they are counted) and failed steps of the component `policy`.

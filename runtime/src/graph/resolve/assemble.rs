@@ -7,14 +7,13 @@ use super::wiring::Wiring;
 use super::{Context, Draft};
 use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::defaults;
-use crate::graph::model::{GraphTable, RestartTable};
+use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, LivenessPlan, ParameterPlan, Plan, PortPlan, RestartPlan, SafetyPlan,
-    TopicPlan,
+    Activation, ComponentPlan, EpisodesPlan, LivenessPlan, ParameterPlan, Plan, PortPlan, RestartPlan,
+    SafetyPlan, TopicPlan, component_seed,
 };
-use crate::state::Digest;
 
 /// Everything that was resolved.
 pub(super) struct Parts<'g, 'i> {
@@ -45,6 +44,7 @@ impl Parts<'_, '_> {
             clock: good_or(&graph.clock, defaults::CLOCK),
             duration_ns: good(&graph.duration).map(|duration| duration.ns),
             seed,
+            episodes: good(&graph.episodes).map(|table| episodes(table)),
             components: components.collect::<Option<_>>()?,
             topics: topics.collect::<Option<_>>()?,
             latencies: self.latencies.plans,
@@ -80,7 +80,9 @@ impl Parts<'_, '_> {
             robot: draft.robot.clone(),
             robots: draft.robots.clone(),
             actuator: declaration.actuator,
-            seed: derive_seed(seed, draft.name),
+            seed: component_seed(seed, draft.name),
+            resets: declaration.resets,
+            ends_episode: good_or(&draft.table.ends_episode, false),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
             liveness: self.liveness[index],
             overruns_tolerated: good(&draft.table.overruns_tolerated).copied(),
@@ -135,6 +137,13 @@ impl Parts<'_, '_> {
     }
 }
 
+fn episodes(table: &EpisodesTable) -> EpisodesPlan {
+    EpisodesPlan {
+        count: good_or(&table.count, defaults::EPISODES),
+        vary_seed: good_or(&table.vary_seed, false),
+    }
+}
+
 fn restart(table: Option<&RestartTable>) -> RestartPlan {
     let of = |key: fn(&RestartTable) -> &Option<crate::graph::read::At<crate::units::TimeSpan>>, default| {
         table.map_or(default, |table| good_or(key(table), default))
@@ -146,12 +155,4 @@ fn restart(table: Option<&RestartTable>) -> RestartPlan {
         window_ns: of(|table| &table.window, defaults::RESTART_WINDOW).ns,
         within_ns: of(|table| &table.within, defaults::RESTART_WITHIN).ns,
     }
-}
-
-/// The seed of one component: it depends on its name, not on its place, so that adding a component changes no other.
-fn derive_seed(seed: u64, name: &str) -> u64 {
-    let mut digest = Digest::default();
-    digest.write_u64(seed);
-    digest.write(name.as_bytes());
-    digest.finish()
 }

@@ -5,6 +5,7 @@
 
 mod assemble;
 mod declare;
+mod episodes;
 mod exec;
 mod history;
 mod latency;
@@ -97,6 +98,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
+    episodes::check(graph, &drafts, report);
     if report.has_errors() {
         return None;
     }

@@ -185,6 +185,16 @@ read_unit!(
 );
 read_unit!(Rate, "a rate with its unit", "give it its unit: \"{number} Hz\" or \"{number} kHz\"");
 
+impl<'i> Read<'i> for bool {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let DeValue::Boolean(boolean) = value.get_ref() else {
+            mismatch(key, value, "true or false", report);
+            return None;
+        };
+        Some(*boolean)
+    }
+}
+
 macro_rules! read_whole {
     ($($type:ident),*) => { $(
         impl<'i> Read<'i> for $type {
@@ -295,16 +305,6 @@ impl<'i, T: Read<'i>> Read<'i> for Vec<At<T>> {
             At { value: T::read(key, item, report), key: span.clone(), span }
         };
         Some(array.iter().map(|item| element(item, report)).collect())
-    }
-}
-
-impl<'i> Read<'i> for bool {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let flag = value.get_ref().as_bool();
-        if flag.is_none() {
-            mismatch(key, value, "true or false", report);
-        }
-        flag
     }
 }
 

@@ -125,6 +125,8 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             parameters: Vec::new(),
             config: serde_json::Value::Null,
             robot: None,
+            robots: Vec::new(),
+            stop_within_ns: None,
             actuator: false,
             seed: 0,
             on_overrun: node.on_overrun,
@@ -133,6 +135,8 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             on_error: OnError::Fail,
             on_failure: OnFailure::SafeStop,
             restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
+            resets: false,
+            ends_episode: false,
             order: index,
         }
     });
@@ -154,6 +158,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
         file: PathBuf::from("made.toml"),
         clock: ClockKind::Realtime,
         duration_ns: None,
+        episodes: None,
         seed: 0,
         components: components.collect(),
         topics: topics.collect(),

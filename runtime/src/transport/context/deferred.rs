@@ -16,6 +16,9 @@ pub(crate) trait AfterStep: Debug {
 
     /// Chooses the memory of the next publication.
     fn prepare(&self);
+
+    /// Forgets the publications of the episode before.
+    fn begin_episode(&self);
 }
 
 /// The work of one component that is put off to the end of its steps.
@@ -35,6 +38,12 @@ impl Deferred {
     /// Adds the work of an output to the end of every step.
     pub(crate) fn add(&self, output: Rc<dyn AfterStep>) {
         self.outputs.borrow_mut().push(output);
+    }
+
+    /// Begins an episode: all outputs have published nothing.
+    pub(super) fn begin_episode(&self) {
+        self.outputs.borrow().iter().for_each(|output| output.begin_episode());
+        self.ages.borrow_mut().clear();
     }
 
     /// Records an age of a sample, ns, at the end of the step.

@@ -40,6 +40,8 @@ pub struct Context {
     causality: Causality,
     deferred: Deferred,
     signals: Arc<Signals>,
+    /// Number of the episode.
+    episode: Cell<u64>,
     /// The core found by the last look-up, and the number of requests so far.
     core: Cell<(usize, u32)>,
     /// The memory of the topics that the ports have joined, by the name of the topic.
@@ -59,6 +61,7 @@ impl Context {
             causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),
             signals: Arc::default(),
+            episode: Cell::new(region.header().episode.load(Relaxed)),
             core: Cell::new((0, 0)),
             topics: RefCell::default(),
             region,
@@ -138,6 +141,25 @@ impl Context {
     pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
         self.clock.enter_step(time_ns, woken_ns, deadline_ns);
         self.causality.enter_step();
+    }
+
+    /// Number of the episode.
+    #[inline]
+    pub(crate) fn episode(&self) -> u64 {
+        self.episode.get()
+    }
+
+    /// Begins an episode: the clock starts anew, inputs have nothing to read, outputs have published nothing.
+    pub(crate) fn begin_episode(&self, index: u64) {
+        self.episode.set(index);
+        self.clock.begin();
+        self.causality.enter_step();
+        self.deferred.begin_episode();
+        for (_, topic) in self.topics.borrow().iter() {
+            if let Some(memory) = topic.upgrade() {
+                memory.begin_era();
+            }
+        }
     }
 
     /// Records the age of a sample read for the first time, as of the start of the step; the record is made when the

@@ -126,6 +126,11 @@ impl Writer {
         Self { reuse, number: newest.number(), newest: newest.slot(), taken: [0; TAKEN], count: 0 }
     }
 
+    /// The first writer of a topic without publications.
+    pub(crate) fn of_empty(reuse: Reuse) -> Self {
+        Self { reuse, number: 0, newest: 0, taken: [0; TAKEN], count: 0 }
+    }
+
     /// Number of the publication to come.
     #[inline]
     pub(crate) fn number(&self) -> u64 {

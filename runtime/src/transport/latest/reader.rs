@@ -17,12 +17,15 @@ pub(crate) struct StateReader {
     pin: usize,
     /// The pinned publication; number 0 for none.
     pinned: Newest,
+    /// The episode in which it was pinned.
+    era: u32,
 }
 
 impl StateReader {
     /// Takes over the pin of a port, of which there is one at a time.
     pub(crate) fn new(memory: Rc<TopicMemory>, pin: usize) -> Self {
-        let reader = Self { memory, pin, pinned: Newest::default() };
+        let era = memory.era();
+        let reader = Self { memory, pin, pinned: Newest::default(), era };
         unpin(reader.pin());
         reader
     }
@@ -31,10 +34,16 @@ impl StateReader {
         &self.memory.pins()[self.pin]
     }
 
+    /// The pinned publication, if it is one of this episode.
+    #[inline]
+    fn pinned(&self) -> Newest {
+        if self.era == self.memory.era() { self.pinned } else { Newest::default() }
+    }
+
     /// Whether something was published since the last look.
     #[inline]
     pub(crate) fn has_news(&self) -> bool {
-        let news = self.memory.newest().number() != self.pinned.number();
+        let news = self.memory.newest().number() != self.pinned().number();
         if !news {
             // The writer has read the pin when it chose its next slot; the store to come must not wait for the line.
             prefetch_write(core::ptr::from_ref(self.pin()).cast(), 1);
@@ -42,10 +51,18 @@ impl StateReader {
         news
     }
 
+    /// Forgets what was read in the episode before.
+    pub(crate) fn begin_episode(&mut self) {
+        self.pinned = Newest::default();
+    }
+
     /// Pins the newest value; whether it is another one than before.
     #[inline]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
+        if self.era != memory.era() {
+            (self.pinned, self.era) = (Newest::default(), memory.era());
+        }
         let fetch = |slot| {
             let (first, bytes) = memory.range(slot);
             prefetch_read(first, bytes);
@@ -63,7 +80,8 @@ impl StateReader {
     #[inline]
     pub(crate) fn current<T: StateBuffer>(&self) -> Option<(&Stamp, &T)> {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
-        let slot = (self.pinned.number() > 0).then_some(self.pinned.slot())?;
+        let pinned = self.pinned();
+        let slot = (pinned.number() > 0).then_some(pinned.slot())?;
         // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for which it needs
         // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
         Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
@@ -72,7 +90,8 @@ impl StateReader {
     /// The pinned value as bytes.
     #[inline]
     pub(crate) fn current_bytes(&self) -> Option<(&Stamp, &[u8])> {
-        let slot = (self.pinned.number() > 0).then_some(self.pinned.slot())?;
+        let pinned = self.pinned();
+        let slot = (pinned.number() > 0).then_some(pinned.slot())?;
         // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the system or by
         // the writer.
         Some(unsafe {

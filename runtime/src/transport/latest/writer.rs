@@ -56,6 +56,11 @@ impl StateWriter {
         unsafe { core::slice::from_raw_parts_mut(self.memory.value(self.slot()), self.memory.value_bytes()) }
     }
 
+    /// Begins an episode: publications are numbered from 1 again.
+    pub(crate) fn begin_episode(&self) {
+        *self.writer.borrow_mut() = Writer::of_empty(self.memory.reuse());
+    }
+
     /// Number of the publication to come.
     #[inline]
     pub(crate) fn number(&self) -> u64 {

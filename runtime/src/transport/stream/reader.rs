@@ -77,6 +77,11 @@ impl<T: StateBuffer> StreamReader<T> {
         Some(Taken::Next { lost })
     }
 
+    /// Forgets what was read in the episode before; what was left in the queue is gone already.
+    pub(crate) fn forget(&mut self) {
+        (self.current, self.place) = (None, Place::default());
+    }
+
     /// The sample read last.
     #[inline]
     pub(crate) fn current(&self) -> Option<(&Stamp, &T)> {
@@ -87,5 +92,9 @@ impl<T: StateBuffer> StreamReader<T> {
 impl<T: StateBuffer> Connect for Subscriber<Shared, T, Stamp> {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
+    }
+
+    fn begin_episode(&self) {
+        while matches!(self.receive(), Ok(Some(_))) {}
     }
 }

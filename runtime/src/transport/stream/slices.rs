@@ -44,6 +44,8 @@ pub struct SliceInput<T: StateBuffer> {
     is_cause: bool,
     edge: Option<usize>,
     lost: u64,
+    /// The episode of the last look.
+    episode: u64,
     context: Rc<Context>,
 }
 
@@ -57,6 +59,7 @@ impl<T: StateBuffer> SliceInput<T> {
             is_cause: false,
             edge: None,
             lost: 0,
+            episode: 0,
             context,
         }
     }
@@ -88,6 +91,10 @@ impl<T: StateBuffer> SliceInput<T> {
     /// The next slice that was not read, in order, with its stamp. It stays where it is until the next call.
     pub fn next_unread(&mut self) -> Option<(Stamp, &[T])> {
         let subscriber = self.subscriber.as_ref()?;
+        if self.episode != self.context.episode() {
+            self.episode = self.context.episode();
+            (self.current, self.place) = (None, Place::default());
+        }
         loop {
             let sample = subscriber.receive().ok().flatten()?;
             let stamp = *sample.user_header();
@@ -113,7 +120,8 @@ impl<T: StateBuffer> SliceInput<T> {
 
     /// The slice read last.
     pub fn current(&self) -> Option<(Stamp, &[T])> {
-        self.current.as_ref().map(|sample| (*sample.user_header(), sample.payload()))
+        let current = self.current.as_ref().filter(|_| self.episode == self.context.episode());
+        current.map(|sample| (*sample.user_header(), sample.payload()))
     }
 
     /// Slices that were overwritten before they were read.
@@ -281,6 +289,10 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
 impl<T: StateBuffer> Connect for Subscriber<Shared, [T], Stamp> {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
+    }
+
+    fn begin_episode(&self) {
+        while matches!(self.receive(), Ok(Some(_))) {}
     }
 }
 

@@ -35,6 +35,8 @@ fn component(name: &str) -> ComponentPlan {
             .collect(),
         config: serde_json::Value::Null,
         robot: None,
+        robots: Vec::new(),
+        stop_within_ns: None,
         actuator: false,
         seed: 0,
         on_overrun: OnOverrun::Skip,
@@ -43,6 +45,8 @@ fn component(name: &str) -> ComponentPlan {
         on_error: OnError::Fail,
         on_failure: OnFailure::SafeStop,
         restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
+        resets: false,
+        ends_episode: false,
         order: 0,
     }
 }
@@ -82,6 +86,7 @@ impl Bench {
             file: "transport.toml".into(),
             clock: ClockKind::Realtime,
             duration_ns: None,
+            episodes: None,
             seed: 0,
             components: vec![component("writer"), component("reader")],
             topics: vec![topic],

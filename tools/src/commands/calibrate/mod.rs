@@ -8,10 +8,11 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use motorium::graph::Override;
-use motorium::launcher::{self, Exit, Hosting, Options, Report};
+use motorium::launcher::{Exit, Options, Report};
 use motorium::os::IdleLimit;
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{Admission, Overheads, RtLimit, admit};
+use motorium::session;
 use motorium::units::TimeSpan;
 use serde::Serialize;
 
@@ -80,9 +81,9 @@ impl Calibrate {
         let floor = machine::measure(&program, &registry::with_benches(), Duration::from_secs(2))?;
         drop(idle_limit);
         self.progress(&format!("running the graph for {duration} ..."));
-        let options = Options { hosting: Hosting::Processes, program };
+        let options = Options::processes(program);
         let quiet = self.json;
-        let report = launcher::run(checked.plan.clone(), &registry, &options, &mut |event| {
+        let report = session::run(checked.plan.clone(), &registry, &options, &mut |event| {
             if let (false, Some(line)) = (quiet, event_line(&event)) {
                 errln!("{line}");
             }

@@ -139,6 +139,10 @@ impl HeldTask for Cartesian {
         }
     }
 
+    fn reset(&mut self) {
+        (self.goals, self.current, self.refused) = (GoalRecord::default(), None, 0);
+    }
+
     fn prepare(&mut self, bounds: &TaskBounds) {
         self.task.set_settings(CartesianSettings {
             gain: self.gain.get().min(bounds.max_gain),

@@ -121,6 +121,10 @@ impl HeldTask for CentreOfMass {
         }
     }
 
+    fn reset(&mut self) {
+        (self.goals, self.current) = (GoalRecord::default(), None);
+    }
+
     fn prepare(&mut self, bounds: &TaskBounds) {
         self.task.set_settings(CentreOfMassSettings {
             gain: self.gain.get().min(bounds.max_gain),

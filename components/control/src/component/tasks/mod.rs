@@ -116,6 +116,9 @@ pub(super) trait HeldTask {
     /// Begins at the measured state `start`: a task without a target takes its target from there.
     fn begin(&mut self, start: &RobotState<'_>);
 
+    /// Forgets all targets, for a new episode; [`begin`](Self::begin) follows.
+    fn reset(&mut self);
+
     /// Applies the current parameters and the newest target, once per step.
     fn prepare(&mut self, bounds: &TaskBounds);
 

@@ -82,13 +82,22 @@ impl TaskKind for PostureConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, from_start) = self.build(place)?;
         let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        Ok(Box::new(Posture { task, from_start, gain: parameter("gain")?, weight: parameter("weight")? }))
+        let takes_start = from_start;
+        Ok(Box::new(Posture {
+            task,
+            takes_start,
+            from_start,
+            gain: parameter("gain")?,
+            weight: parameter("weight")?,
+        }))
     }
 }
 
 /// A posture that the joints keep.
 struct Posture {
     task: PostureTask,
+    /// True if the posture is that of the first joint state.
+    takes_start: bool,
     /// True until the posture is taken from the first joint state.
     from_start: bool,
     gain: Parameter<f64>,
@@ -101,6 +110,10 @@ impl HeldTask for Posture {
             self.task.set_target(start.q);
             self.from_start = false;
         }
+    }
+
+    fn reset(&mut self) {
+        self.from_start = self.takes_start;
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {

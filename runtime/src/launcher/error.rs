@@ -1,0 +1,68 @@
+//! The error of a launch.
+
+use std::path::PathBuf;
+
+use crate::run_folder::RunFolderError;
+use crate::transport::{DomainError, PortError};
+
+/// Error of a launch.
+#[derive(Debug, thiserror::Error)]
+pub enum LaunchError {
+    /// The run's folder or its control block could not be made.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// The run's domain could not be joined.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A topic or parameter could not be made.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// A process could not be started.
+    #[error("component `{name}`: {program} could not be started: {reason}")]
+    Start {
+        /// The component.
+        name: String,
+        /// Its program.
+        program: PathBuf,
+        /// The error of the system.
+        reason: String,
+    },
+    /// A component failed before the graph began to run.
+    #[error("component `{name}` did not start: {reason}")]
+    Component {
+        /// The component.
+        name: String,
+        /// Its error, or the kind of its end.
+        reason: String,
+    },
+    /// A resource of this machine or of this process does not suffice. Nothing was made.
+    #[error("{what}: the graph needs {need}, but {found}; {advice}")]
+    Exhausted {
+        /// The lack.
+        what: &'static str,
+        /// The amount that the graph needs.
+        need: String,
+        /// The amount there is, as a clause.
+        found: String,
+        /// Advice, in one sentence.
+        advice: String,
+    },
+    /// The system denied the launcher something that it needs.
+    #[error("{what}: {reason}")]
+    System {
+        /// The action that was tried.
+        what: &'static str,
+        /// The error of the system.
+        reason: String,
+    },
+    /// The graph cannot run as it was asked to. Nothing was made.
+    #[error("{what}: {reason}; {advice}")]
+    Unsuitable {
+        /// What was asked for.
+        what: String,
+        /// The reason for which it cannot be.
+        reason: String,
+        /// Advice, in one sentence.
+        advice: &'static str,
+    },
+}

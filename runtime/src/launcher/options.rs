@@ -1,0 +1,111 @@
+//! The options of a launch.
+
+use std::path::PathBuf;
+
+use super::LaunchError;
+use crate::plan::{ClockKind, Plan, Program};
+
+/// The options of a launch: where the components run, and what the launching program does beside them.
+///
+/// ```
+/// use motorium::launcher::{Hosting, Options};
+///
+/// let options = Options::inline().on_core(1);
+/// assert_eq!((options.hosting, options.core), (Hosting::Inline, Some(1)));
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// Processes, threads, or one thread for the components.
+    pub hosting: Hosting,
+    /// The program that hosts built-in kinds and the guard; usually the current one. Only processes need it.
+    pub program: PathBuf,
+    /// In lockstep: the core of everything in the run. Without it the first one that the graph gives a component, and the
+    /// thread stays where it is if it hosts the components inline.
+    pub core: Option<usize>,
+    /// Whether `SIGINT`, `SIGTERM` and `SIGHUP` end the run in good order. While no run is alive that catches them, they do
+    /// what they did before.
+    pub catch_signals: bool,
+    /// Components that are not started: the program takes their place and publishes on their topics.
+    pub stand_in: Vec<String>,
+}
+
+/// The hosting of components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hosting {
+    /// Each component in a process of its own.
+    Processes,
+    /// Each component in a thread of the launching process, unprotected from one another: for tests and for learning.
+    Threads,
+    /// All components in the thread that launches them, stepped one after the other without waiting for one another. In
+    /// lockstep only: for roll-outs.
+    Inline,
+}
+
+impl Options {
+    fn of(hosting: Hosting, program: PathBuf) -> Self {
+        Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
+    }
+
+    /// Each component in a process of its own, hosted by `program`: the `motorium` command, or one that calls
+    /// [`program::run_worker`](crate::program::run_worker) as that does.
+    pub fn processes(program: PathBuf) -> Self {
+        Self::of(Hosting::Processes, program)
+    }
+
+    /// Each component in a thread of this process.
+    pub fn threads() -> Self {
+        Self::of(Hosting::Threads, PathBuf::new())
+    }
+
+    /// All components in the calling thread.
+    pub fn inline() -> Self {
+        Self::of(Hosting::Inline, PathBuf::new())
+    }
+
+    /// Puts a run in lockstep on one core: several runs at once want one each.
+    #[must_use]
+    pub fn on_core(self, core: usize) -> Self {
+        Self { core: Some(core), ..self }
+    }
+
+    /// Leaves the signals of the process alone: a program that is ended by one leaves the shared memory of its threads
+    /// behind, until `motorium doctor --clean`.
+    #[must_use]
+    pub fn leaving_signals(self) -> Self {
+        Self { catch_signals: false, ..self }
+    }
+
+    /// Takes the place of a component: it is not started, and the program publishes on its topics.
+    #[must_use]
+    pub fn standing_in_for(mut self, component: &str) -> Self {
+        self.stand_in.push(component.to_string());
+        self
+    }
+
+    /// Checks that a plan can run so.
+    pub(super) fn check(&self, plan: &Plan) -> Result<(), LaunchError> {
+        let unsuitable = |what: &str, reason: String, advice| {
+            Err(LaunchError::Unsuitable { what: what.to_string(), reason, advice })
+        };
+        if let Some(name) = self.stand_in.iter().find(|name| plan.components.iter().all(|c| c.name != **name))
+        {
+            let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
+            let reason = format!("the graph has no component `{name}`, but {}", names.join(", "));
+            return unsuitable("standing in for a component", reason, "name one of these");
+        }
+        if self.hosting != Hosting::Inline {
+            return Ok(());
+        }
+        if plan.clock != ClockKind::Lockstep {
+            let reason =
+                format!("graph `{}` runs in real time, where each component waits for itself", plan.name);
+            return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
+        }
+        let is_program = |program: &Program| matches!(program, Program::Exec { .. });
+        if let Some(component) = plan.components.iter().find(|component| is_program(&component.program)) {
+            let reason = format!("component `{}` is a program of its own (`exec`)", component.name);
+            return unsuitable("hosting inline", reason, "host the graph in processes");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,56 @@
+//! The services of a run: everything in shared memory that outlives its components.
+
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
+
+use super::LaunchError;
+use crate::plan::Plan;
+use crate::run_folder::RunFolder;
+use crate::transport::{ParameterService, Shared, TopicMemory, TopicService};
+
+/// Everything in shared memory that must outlive the components.
+#[derive(Default)]
+pub(super) struct Services {
+    pub(super) node: Option<Node<Shared>>,
+    topics: Vec<TopicService>,
+    parameters: Vec<ParameterService>,
+    /// The topics that components wait for.
+    pub(super) waited_for: Vec<Rc<TopicMemory>>,
+}
+
+impl Services {
+    /// Takes back all publications, for a new episode.
+    pub(super) fn clear(&self) {
+        self.topics.iter().for_each(|topic| topic.memory().clear());
+    }
+
+    /// Makes the services of a plan.
+    pub(super) fn create(folder: &RunFolder, plan: &Plan) -> Result<Self, LaunchError> {
+        let node = folder.domain()?.node()?;
+        let mut services = Self::default();
+        for topic in &plan.topics {
+            let service = TopicService::create(&node, topic)?;
+            services.waited_for.extend(service.waited_for());
+            services.topics.push(service);
+        }
+        for component in &plan.components {
+            services.parameters.extend(ParameterService::create(&node, component)?);
+        }
+        services.node = Some(node);
+        Ok(services)
+    }
+}
+
+impl Drop for Services {
+    /// Lets go of the services without a look at their words in shared memory, which a component may have damaged; the files
+    /// and objects are removed by their names.
+    fn drop(&mut self) {
+        self.topics.drain(..).for_each(TopicService::abandon);
+        self.parameters.drain(..).for_each(ParameterService::abandon);
+        if let Some(node) = self.node.take() {
+            node.abandon();
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The error of a session.
+
+use crate::launcher::{Exit, LaunchError};
+use crate::transport::{ParameterError, PortError};
+
+/// The error of driving a run.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The graph did not start; nothing is left behind.
+    #[error(transparent)]
+    Launch(#[from] LaunchError),
+    /// The run has ended: a signal came, or something failed and the actuators went to their safe state. What remains is to
+    /// stop the session.
+    #[error("the run has ended: {}", told(.0))]
+    Ended(Exit),
+    /// Only simulated time can be held, set back or made to pass faster.
+    #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
+    RealTime {
+        /// What was asked for.
+        what: &'static str,
+    },
+    /// A component cannot be reset for a new episode.
+    #[error(
+        "component `{component}` cannot be reset: {advice}",
+        advice = "its kind does not implement `Component::reset`"
+    )]
+    NoReset {
+        /// The component.
+        component: String,
+    },
+    /// A factor of time that is not above zero, or not finite.
+    #[error("simulated time cannot pass {0} times as fast as real time; the factor is above 0")]
+    Pace(f64),
+    /// The graph has no such topic.
+    #[error("the graph has no topic `{topic}`; {advice}")]
+    NoTopic {
+        /// The topic asked for.
+        topic: String,
+        /// The topics there are, or the one that was probably meant.
+        advice: String,
+    },
+    /// A topic that another component writes.
+    #[error(
+        "topic `{topic}` is written by component `{writer}`; to write it launch with \
+         `Options::standing_in_for(\"{writer}\")`"
+    )]
+    NotOurs {
+        /// The topic.
+        topic: String,
+        /// Its writer.
+        writer: String,
+    },
+    /// A topic that cannot be read or written so, or a value that holds a number that is not finite.
+    #[error("topic `{topic}`: {reason}")]
+    Topic {
+        /// The topic.
+        topic: String,
+        /// The reason.
+        reason: String,
+    },
+    /// A port could not be opened.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// A parameter could not be set.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+}
+
+fn told(exit: &Exit) -> String {
+    match exit {
+        Exit::Finished => "all its components have".to_string(),
+        Exit::Interrupted => "a signal asked for it".to_string(),
+        Exit::SafeStop { reason } => format!("safe stop: {reason}"),
+    }
+}

@@ -1,0 +1,433 @@
+//! A run that a program drives: launched, stepped, read, set back and ended by its owner.
+//!
+//! A [`Session`] belongs to one thread. A program may have several at once, each in a thread of its own and on a core of its
+//! choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
+//!
+//! # Time
+//! In lockstep time passes only within [`step_until`](Session::step_until), [`step`](Session::step) and
+//! [`run`](Session::run): as fast as the machine allows, or at a [`pace`](Session::pace). In real time it passes by itself,
+//! `step_until` waits, and the components are supervised while it does.
+//!
+//! # Episodes
+//! [`reset`](Session::reset) sets all components and simulated time back. What an episode publishes depends on its seed, on
+//! parameters, and on what the session publishes and when, on nothing else: with the same it is equal to the last bit.
+//!
+//! # Ending
+//! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
+//! leaves anything in shared memory.
+
+mod error;
+mod pace;
+mod topics;
+
+pub use error::SessionError;
+pub use topics::Value;
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use crate::declare::ParameterValue;
+use crate::launcher::{EpisodeReport, Event, Exit, Launch, LaunchError, Limit, Options, Report};
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, EpisodesPlan, Plan};
+use crate::transport::ParameterTable;
+use crate::worker::Registry;
+use pace::Pace;
+use topics::Ports;
+
+/// Longest time between two looks at a run that is held, ns.
+const LOOK_NS: u64 = 20_000_000;
+
+/// A run that its owner drives. See [the module](self).
+///
+/// ```
+/// use std::time::Duration;
+/// use motorium::launcher::Options;
+/// use motorium::prelude::*;
+/// use motorium::session::Session;
+/// # use motorium::{graph, worker::{Kind, Registry, RobotSource}};
+/// # #[derive(serde::Deserialize, schemars::JsonSchema)]
+/// # struct NoConfig {}
+/// # struct Counter { wrench: Output<Wrench>, step: Parameter<f64>, sum: f64 }
+/// # impl Component for Counter {
+/// #     const KIND: &'static str = "example.counter";
+/// #     const SUMMARY: &'static str = "counts";
+/// #     const RESETS: bool = true;
+/// #     type Config = NoConfig;
+/// #     fn declare(_: &NoConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+/// #         declare.output::<Wrench>("wrench", "the count as a force");
+/// #         declare.float("step", 1.0, 0.0..=10.0, "N", "added in each step");
+/// #         Ok(())
+/// #     }
+/// #     fn configure(_: NoConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+/// #         Ok(Self { wrench: setup.output("wrench")?, step: setup.parameter("step")?, sum: 0.0 })
+/// #     }
+/// #     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+/// #         self.sum += self.step.get();
+/// #         self.wrench.send(&Wrench { force: [0.0, 0.0, self.sum], ..Wrench::default() })
+/// #     }
+/// #     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+/// #         self.sum = 0.0;
+/// #         Ok(())
+/// #     }
+/// # }
+/// # let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Counter>()]);
+/// # let text = r#"
+/// #     name = "count"
+/// #     clock = "lockstep"
+/// #     [component.counter]
+/// #     kind = "example.counter"
+/// #     rate = "1 kHz"
+/// #     publish = { wrench = "count" }
+/// # "#;
+/// # let checked = graph::check("count.toml".as_ref(), text.into(), &[], &registry, &graph::Machine::detect()).unwrap();
+/// // `checked` is a graph with a component `counter` that publishes how often it stepped.
+/// let mut session = Session::launch(checked.plan, &registry, &Options::inline())?;
+/// session.step_until(Duration::from_millis(10))?;
+/// assert_eq!(session.read::<Wrench>("count")?.unwrap().value.force[2], 10.0);
+///
+/// session.set("counter", "step", 2.0)?;
+/// session.reset(7)?;
+/// assert!(session.read::<Wrench>("count")?.is_none());
+/// session.step()?;
+/// assert_eq!(session.read::<Wrench>("count")?.unwrap().value.force[2], 2.0);
+/// assert_eq!(session.stop().episodes.len(), 2);
+/// # Ok::<(), motorium::session::SessionError>(())
+/// ```
+pub struct Session<'o> {
+    ports: Ports,
+    parameters: Option<ParameterTable>,
+    launch: Launch,
+    observe: Box<dyn FnMut(Event<'_>) + 'o>,
+    exit: Option<Exit>,
+    pace: Option<Pace>,
+    /// The present episode, its seed, and the steps done before it.
+    episode: (u64, u64),
+    episodes: Vec<EpisodeReport>,
+}
+
+impl core::fmt::Debug for Session<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let run = self.launch.folder().id();
+        f.debug_struct("Session").field("run", &run).field("time", &self.time()).finish_non_exhaustive()
+    }
+}
+
+impl Session<'static> {
+    /// Launches a plan. All components are configured and connected; none has stepped yet.
+    ///
+    /// # Errors
+    /// The graph did not start; nothing is left behind then.
+    pub fn launch(plan: Plan, registry: &Registry, options: &Options) -> Result<Self, SessionError> {
+        Self::observed(plan, registry, options, |_| {})
+    }
+}
+
+impl<'o> Session<'o> {
+    /// Launches a plan and calls `observe` with every [`Event`]; with a status about 20 times a second while time passes.
+    ///
+    /// # Errors
+    /// As for [`launch`](Session::launch).
+    pub fn observed(
+        plan: Plan,
+        registry: &Registry,
+        options: &Options,
+        observe: impl FnMut(Event<'_>) + 'o,
+    ) -> Result<Self, SessionError> {
+        let mut observe: Box<dyn FnMut(Event<'_>) + 'o> = Box::new(observe);
+        let seed = plan.seed;
+        let (launch, exit) = Launch::start(plan, registry, options, &mut *observe)?;
+        let (ports, episodes) = (Ports::default(), Vec::new());
+        Ok(Self { ports, parameters: None, launch, observe, exit, pace: None, episode: (0, seed), episodes })
+    }
+
+    /// The plan that runs.
+    pub fn plan(&self) -> &Plan {
+        self.launch.plan()
+    }
+
+    /// Name of the run, by which the tools of the command find it.
+    pub fn id(&self) -> &str {
+        self.launch.folder().id()
+    }
+
+    /// Time since the start of the run, or of its present episode: simulated in lockstep.
+    pub fn time(&self) -> Duration {
+        Duration::from_nanos(self.launch.time_ns())
+    }
+
+    /// Number of the present episode, from 0.
+    pub fn episode(&self) -> u64 {
+        self.episode.0
+    }
+
+    /// Whether a component has ended the present episode.
+    pub fn is_episode_over(&self) -> bool {
+        self.launch.region().header().is_episode_over()
+    }
+
+    /// Digest of everything published in the present episode; equal for equal episodes, in lockstep.
+    pub fn state_hash(&self) -> String {
+        self.launch.state_hash()
+    }
+
+    /// Lets time pass until it has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier
+    /// if a component ends the episode.
+    ///
+    /// # Errors
+    /// The run has ended.
+    pub fn step_until(&mut self, time: Duration) -> Result<(), SessionError> {
+        self.check_alive()?;
+        let until_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        let exit = match (self.launch.plan().clock, self.pace) {
+            (ClockKind::Realtime, _) => self.launch.supervise(until_ns, &mut *self.observe),
+            (ClockKind::Lockstep, None) => {
+                self.launch.run_rounds(Limit { until_ns, rounds: u64::MAX }, &mut *self.observe)
+            }
+            (ClockKind::Lockstep, Some(_)) => self.step_paced(until_ns),
+        };
+        self.ended(exit)
+    }
+
+    /// Makes one round: all components that are due at the next time at which one is, in lockstep.
+    ///
+    /// # Errors
+    /// The run is in real time, or has ended.
+    pub fn step(&mut self) -> Result<(), SessionError> {
+        self.in_lockstep("a single step")?;
+        self.check_alive()?;
+        let exit = self.launch.run_rounds(Limit { until_ns: u64::MAX, rounds: 1 }, &mut *self.observe);
+        self.ended(exit)
+    }
+
+    /// Sets all components and simulated time back, for an episode with this seed: the first had that of the plan.
+    ///
+    /// Parameters keep their values. Afterwards there is nothing to read, and time is zero.
+    ///
+    /// # Errors
+    /// The run is in real time or has ended, or a component cannot be reset.
+    pub fn reset(&mut self, seed: u64) -> Result<(), SessionError> {
+        self.in_lockstep("a reset")?;
+        self.check_alive()?;
+        let plan = self.launch.plan();
+        let fixed = |name: &str| !self.launch.stands_in_for(name);
+        if let Some(component) = plan.components.iter().find(|c| !c.resets && fixed(&c.name)) {
+            return Err(SessionError::NoReset { component: component.name.clone() });
+        }
+        self.note_episode();
+        let index = self.episode.0 + 1;
+        let exit = self.launch.reset(index, seed, &mut *self.observe);
+        self.ports.begin_episode(index);
+        self.episode = (index, seed);
+        self.pace = self.pace.map(|pace| pace.anchored(monotonic_ns(), 0));
+        self.ended(exit)
+    }
+
+    /// Sets a parameter of a component, such as `1.5`, `3` or `true`. It takes effect at the component's next step, and stays
+    /// through resets.
+    ///
+    /// # Errors
+    /// There is no such parameter, or the value has another type or is out of range.
+    pub fn set(
+        &mut self,
+        component: &str,
+        parameter: &str,
+        value: impl Into<ParameterValue>,
+    ) -> Result<(), SessionError> {
+        if self.parameters.is_none() {
+            let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
+            self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
+        }
+        if let Some(table) = &self.parameters {
+            table.set(&format!("{component}.{parameter}"), value.into())?;
+        }
+        Ok(())
+    }
+
+    /// Has simulated time pass at this multiple of real time; `None`: as fast as the machine allows.
+    ///
+    /// # Errors
+    /// The run is in real time, or the factor is not above zero.
+    pub fn pace(&mut self, factor: Option<f64>) -> Result<(), SessionError> {
+        self.in_lockstep("a pace")?;
+        let (wall_ns, simulated_ns) = (monotonic_ns(), self.launch.time_ns());
+        self.pace = match factor {
+            None => None,
+            Some(factor) => Some(Pace::new(factor, wall_ns, simulated_ns).ok_or(SessionError::Pace(factor))?),
+        };
+        Ok(())
+    }
+
+    /// Holds simulated time in [`run`](Self::run), or lets it go on; `motorium step` does the same from another terminal.
+    /// [`step`](Self::step) and [`step_until`](Self::step_until) go on in a held run: a program that calls them means it.
+    ///
+    /// # Errors
+    /// The run is in real time, which cannot be held.
+    pub fn pause(&mut self, held: bool) -> Result<(), SessionError> {
+        self.in_lockstep("a pause")?;
+        self.launch.region().header().pause(held);
+        Ok(())
+    }
+
+    /// Runs the plan to its end: its duration, in each of its episodes. How the run ended is in the report of
+    /// [`stop`](Self::stop).
+    ///
+    /// # Errors
+    /// A component cannot be reset between two episodes.
+    pub fn run(&mut self) -> Result<(), SessionError> {
+        let plan = self.launch.plan();
+        let (end, seed) = (plan.duration_ns.map_or(Duration::MAX, Duration::from_nanos), plan.seed);
+        let episodes = plan.episodes.unwrap_or(EpisodesPlan { count: 1, vary_seed: false });
+        for index in 0..episodes.count {
+            if index > 0 && self.exit.is_none() {
+                self.reset(episodes.seed(seed, index))?;
+            }
+            while self.exit.is_none() && self.time() < end && !self.is_episode_over() {
+                let held = self.launch.region().header().is_paused();
+                let went_on = if held { self.step_held() } else { self.run_on(end) };
+                if !matches!(went_on, Ok(()) | Err(SessionError::Ended(_))) {
+                    return went_on;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the run in good order: actuators go to their safe state, components save their results.
+    pub fn stop(mut self) -> Report {
+        let planned = self.launch.plan().episodes.is_some();
+        if self.episode.0 > 0 || planned {
+            self.note_episode();
+        }
+        let exit = self.exit.take().unwrap_or(Exit::Finished);
+        let mut report = self.launch.finish(exit, &mut *self.observe);
+        report.episodes = core::mem::take(&mut self.episodes);
+        report
+    }
+
+    /// Goes on towards `end`, at most so far that a pause is noticed soon.
+    fn run_on(&mut self, end: Duration) -> Result<(), SessionError> {
+        if self.launch.plan().clock == ClockKind::Realtime {
+            return self.step_until(end);
+        }
+        if self.pace.is_some() {
+            return self.step_until(end.min(self.time() + Duration::from_millis(5)));
+        }
+        self.step_until(end.min(self.time() + Duration::from_millis(100)))
+    }
+
+    /// Makes the rounds that were granted to a held run, or waits for such a grant.
+    fn step_held(&mut self) -> Result<(), SessionError> {
+        let header = self.launch.region().header();
+        let taken = header.rounds_taken.load(Relaxed);
+        if header.rounds_granted.load(Relaxed) > taken {
+            self.step()?;
+            self.launch.region().header().rounds_taken.store(taken + 1, Relaxed);
+        } else {
+            let exit = self.launch.wait(monotonic_ns() + LOOK_NS, &mut *self.observe);
+            self.ended(exit)?;
+        }
+        let (wall_ns, simulated_ns) = (monotonic_ns(), self.launch.time_ns());
+        self.pace = self.pace.map(|pace| pace.anchored(wall_ns, simulated_ns));
+        Ok(())
+    }
+
+    /// Runs simulated time at its pace until a time, ns.
+    fn step_paced(&mut self, until_ns: u64) -> Option<Exit> {
+        loop {
+            let next_ns = self.launch.next_round_ns();
+            let Some(pace) = self.pace.filter(|_| next_ns < until_ns && !self.is_episode_over()) else {
+                break;
+            };
+            let (due_ns, now_ns) = (pace.due_ns(next_ns), monotonic_ns());
+            if now_ns < due_ns {
+                let exit = self.launch.wait(due_ns.min(now_ns + LOOK_NS), &mut *self.observe);
+                if exit.is_some() {
+                    return exit;
+                }
+                continue;
+            }
+            if pace.has_fallen_behind(due_ns, now_ns) {
+                self.pace = Some(pace.anchored(now_ns, next_ns));
+            }
+            let exit = self.launch.run_rounds(Limit { until_ns, rounds: 1 }, &mut *self.observe);
+            if exit.is_some() {
+                return exit;
+            }
+        }
+        let over = self.is_episode_over();
+        // The time up to the end of the part passes, too.
+        while let Some(pace) = self.pace.filter(|_| !over && until_ns < u64::MAX) {
+            let (due_ns, now_ns) = (pace.due_ns(until_ns), monotonic_ns());
+            if now_ns >= due_ns {
+                break;
+            }
+            let exit = self.launch.wait(due_ns.min(now_ns + LOOK_NS), &mut *self.observe);
+            if exit.is_some() {
+                return exit;
+            }
+        }
+        if over {
+            return None;
+        }
+        self.launch.run_rounds(Limit { until_ns, rounds: u64::MAX }, &mut *self.observe)
+    }
+
+    /// Adds the present episode to the report.
+    fn note_episode(&mut self) {
+        let (index, seed) = self.episode;
+        let blocks = self.launch.region().components();
+        let steps = |block: &crate::region::ComponentBlock| {
+            block.steps.load(Relaxed).saturating_sub(block.episode_first.load(Relaxed))
+        };
+        self.episodes.push(EpisodeReport {
+            index,
+            seed,
+            duration_s: self.launch.time_ns() as f64 * 1e-9,
+            steps: blocks.iter().map(steps).sum(),
+            state_hash: self.launch.state_hash(),
+        });
+    }
+
+    fn ended(&mut self, exit: Option<Exit>) -> Result<(), SessionError> {
+        self.exit = exit;
+        self.check_alive()
+    }
+
+    fn check_alive(&self) -> Result<(), SessionError> {
+        self.exit.clone().map_or(Ok(()), |exit| Err(SessionError::Ended(exit)))
+    }
+
+    fn in_lockstep(&self, what: &'static str) -> Result<(), SessionError> {
+        match self.launch.plan().clock {
+            ClockKind::Lockstep => Ok(()),
+            ClockKind::Realtime => Err(SessionError::RealTime { what }),
+        }
+    }
+
+    /// The present on the clock of stamps, ns.
+    fn stamp_ns(&self) -> u64 {
+        match self.launch.plan().clock {
+            ClockKind::Lockstep => self.launch.time_ns(),
+            ClockKind::Realtime => monotonic_ns(),
+        }
+    }
+}
+
+/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do not forgive.
+///
+/// `observe` is called with every [`Event`] while the graph runs; with a status about 20 times a second.
+///
+/// # Errors
+/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report says how
+/// it ended.
+pub fn run(
+    plan: Plan,
+    registry: &Registry,
+    options: &Options,
+    observe: &mut dyn FnMut(Event<'_>),
+) -> Result<Report, SessionError> {
+    let mut session = Session::observed(plan, registry, options, observe)?;
+    session.run()?;
+    Ok(session.stop())
+}

@@ -1,0 +1,161 @@
+//! The topics of a session: reading the newest values, and publishing in the place of a component.
+
+use std::any::Any;
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+
+use super::{Session, SessionError};
+use crate::declare::TopicPattern;
+use crate::launcher::LaunchError;
+use crate::nearest::suggest;
+use crate::os::Lock;
+use crate::plan::TopicPlan;
+use crate::state::{Stamp, StateBuffer};
+use crate::transport::latest::{StateReader, TopicMemory};
+use crate::transport::{Context, Output, Shared, first_place};
+
+/// A value of a topic as it was when the session read it.
+///
+/// ```
+/// # use motorium::session::Value;
+/// # use motorium::state::JointState;
+/// fn age_s(value: &Value<JointState>, now_ns: u64) -> f64 {
+///     now_ns.saturating_sub(value.stamp.publish_time) as f64 * 1e-9
+/// }
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Value<T> {
+    /// The time and the publisher of the value.
+    pub stamp: Stamp,
+    /// Its content.
+    pub value: T,
+}
+
+/// The ports of a session, opened when they are first used.
+#[derive(Default)]
+pub(super) struct Ports {
+    node: Option<Node<Shared>>,
+    readers: Vec<(usize, StateReader, Lock)>,
+    writers: Vec<(usize, Box<dyn Any>, Rc<Context>)>,
+}
+
+impl Ports {
+    /// Begins an episode: there is nothing to read, and nothing was published.
+    pub(super) fn begin_episode(&mut self, index: u64) {
+        self.readers.iter_mut().for_each(|(_, reader, _)| reader.begin_episode());
+        self.writers.iter().for_each(|(.., context)| context.begin_episode(index));
+    }
+}
+
+impl Session<'_> {
+    /// The newest value of a topic in this episode; `None` before the first publication.
+    ///
+    /// # Errors
+    /// The graph has no such topic, it holds another type, or it carries a stream, of which there is no newest value.
+    pub fn read<T: StateBuffer>(&mut self, topic: &str) -> Result<Option<Value<T>>, SessionError> {
+        let index = self.topic(topic)?;
+        let plan = &self.launch.plan().topics[index];
+        crate::transport::same_layout::<T>(plan, "the session")?;
+        if plan.pattern != TopicPattern::State {
+            let reason = "it carries a stream; a session reads states".to_string();
+            return Err(SessionError::Topic { topic: topic.to_string(), reason });
+        }
+        let place = match self.ports.readers.iter().position(|(open, ..)| *open == index) {
+            Some(place) => place,
+            None => self.open_reader(index)?,
+        };
+        let (_, reader, _) = &mut self.ports.readers[place];
+        reader.look();
+        Ok(reader.current::<T>().map(|(stamp, value)| Value { stamp: *stamp, value: *value }))
+    }
+
+    /// Publishes a value in the place of the component that writes the topic, at the present time of the run.
+    ///
+    /// Components that the topic triggers step in the next round.
+    ///
+    /// # Errors
+    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the topic holds
+    /// another type, or the value holds a number that is not finite.
+    pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
+        self.check_alive()?;
+        let index = self.topic(topic)?;
+        let now_ns = self.stamp_ns();
+        let place = match self.ports.writers.iter().position(|(open, ..)| *open == index) {
+            Some(place) => place,
+            None => self.open_writer::<T>(index)?,
+        };
+        let refused = |reason: String| SessionError::Topic { topic: topic.to_string(), reason };
+        let (_, output, context) = &mut self.ports.writers[place];
+        let output = output.downcast_mut::<Output<T>>();
+        let output =
+            output.ok_or_else(|| refused("it was published with another type before".to_string()))?;
+        context.enter_step(now_ns, now_ns, u64::MAX);
+        output.send(value).map_err(|error| refused(error.to_string()))?;
+        context.deferred().finish();
+        Ok(())
+    }
+
+    fn topic(&self, name: &str) -> Result<usize, SessionError> {
+        let topics = &self.launch.plan().topics;
+        topics.iter().position(|topic| topic.name == name).ok_or_else(|| SessionError::NoTopic {
+            topic: name.to_string(),
+            advice: suggest(name, topics.iter().map(|topic| topic.name.as_str()), "it has"),
+        })
+    }
+
+    /// The iceoryx2 domain of the run, joined when it is first needed.
+    fn join(&mut self) -> Result<(), SessionError> {
+        if self.ports.node.is_none() {
+            let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
+            self.ports.node = Some(domain.node().map_err(LaunchError::from)?);
+        }
+        Ok(())
+    }
+
+    fn open_reader(&mut self, index: usize) -> Result<usize, SessionError> {
+        self.join()?;
+        let plan = &self.launch.plan().topics[index];
+        let Some(node) = &self.ports.node else { return Err(not_joined(plan)) };
+        let memory = TopicMemory::open(node, plan)?;
+        let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
+        let (file, first) = (domain.lock_file(), first_place(&plan.name));
+        let free = memory
+            .side_pins()
+            .enumerate()
+            .find_map(|(place, pin)| Some((Lock::take(&file, first + place as u32).ok().flatten()?, pin)));
+        let (lock, pin) = free.ok_or_else(|| SessionError::Topic {
+            topic: plan.name.clone(),
+            reason: "its four places for those who look on are taken by programs that run".to_string(),
+        })?;
+        self.ports.readers.push((index, StateReader::new(Rc::new(memory), pin), lock));
+        Ok(self.ports.readers.len() - 1)
+    }
+
+    fn open_writer<T: StateBuffer>(&mut self, index: usize) -> Result<usize, SessionError> {
+        self.join()?;
+        let plan = self.launch.plan();
+        let topic: &TopicPlan = &plan.topics[index];
+        let Some(node) = &self.ports.node else { return Err(not_joined(topic)) };
+        let writer = &plan.components[topic.writer].name;
+        if !self.launch.stands_in_for(writer) {
+            return Err(SessionError::NotOurs { topic: topic.name.clone(), writer: writer.clone() });
+        }
+        let context = Rc::new(Context::new(plan, topic.writer, self.launch.region().clone()));
+        let output = Output::<T>::open(node, (index, topic), "the session", Vec::new(), context.clone())?;
+        let output = output.ending_steps(false);
+        if let Some(port) = output.connection() {
+            let refused = |reason| SessionError::Topic { topic: topic.name.clone(), reason };
+            port.connect().map_err(refused)?;
+        }
+        self.ports.writers.push((index, Box::new(output), context));
+        Ok(self.ports.writers.len() - 1)
+    }
+}
+
+fn not_joined(topic: &TopicPlan) -> SessionError {
+    SessionError::Topic {
+        topic: topic.name.clone(),
+        reason: "the domain of the run was not joined".to_string(),
+    }
+}

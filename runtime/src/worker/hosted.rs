@@ -1,0 +1,81 @@
+//! A component of any type, opened where another loop than its own steps it.
+
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::stepper::{Stepper, Timing};
+use super::{Configured, Failure, configure, connect, failure};
+use crate::component::Component;
+use crate::os;
+use crate::plan::Plan;
+use crate::region::Region;
+use crate::run_folder::RunFolder;
+use crate::transport::{Connect, Context};
+
+/// The run that hosts a component.
+#[derive(Debug)]
+pub(crate) struct Host<'a> {
+    pub(crate) folder: &'a RunFolder,
+    pub(crate) plan: &'a Plan,
+    pub(crate) region: &'a Rc<Region>,
+}
+
+/// A component of any type that the caller steps in simulated time: hosting inline, many in one thread.
+pub(crate) trait Hosted {
+    /// Connects the ports, once those of all components are open.
+    fn connect(&mut self) -> Result<(), Failure>;
+
+    /// Begins the run: steps may follow.
+    fn begin(&mut self);
+
+    /// Runs the step that is due at `time_ns`, which began at `began_ns` on `CLOCK_MONOTONIC`; returns its end there.
+    fn step(&mut self, time_ns: u64, began_ns: u64) -> Result<u64, Failure>;
+
+    /// Resets the component, its ports and its clock for an episode of this index and seed.
+    fn reset(&mut self, index: u64, seed: u64) -> Result<(), Failure>;
+
+    /// Stops the component and saves its result.
+    fn finish(self: Box<Self>, folder: &RunFolder) -> Result<(), Failure>;
+}
+
+/// Configures a component of a run in the calling thread.
+pub(super) fn open<C: Component>(host: &Host<'_>, index: usize) -> Result<Box<dyn Hosted>, Failure> {
+    failure::catch_panic_messages();
+    let context = Rc::new(Context::new(host.plan, index, host.region.clone()));
+    context.block().thread.store(os::thread_id() as u32, Relaxed);
+    let Configured { stepper, ports, trigger: _ } = configure::<C>(host.folder, host.plan, index, context)?;
+    Ok(Box::new(Open { stepper, ports }))
+}
+
+/// A component with its type.
+struct Open<C> {
+    stepper: Stepper<C>,
+    ports: Vec<Rc<dyn Connect>>,
+}
+
+impl<C: Component> Hosted for Open<C> {
+    fn connect(&mut self) -> Result<(), Failure> {
+        let tick = self.stepper.context().block().steps.load(Relaxed);
+        connect(&self.ports).map_err(|message| Failure { tick, message })
+    }
+
+    fn begin(&mut self) {
+        self.stepper.context().clock().begin();
+    }
+
+    fn step(&mut self, time_ns: u64, began_ns: u64) -> Result<u64, Failure> {
+        self.stepper.step(Timing::lockstep(time_ns))?;
+        let ended_ns = os::monotonic_ns();
+        self.stepper.account_inline(ended_ns.saturating_sub(began_ns));
+        Ok(ended_ns)
+    }
+
+    fn reset(&mut self, index: u64, seed: u64) -> Result<(), Failure> {
+        self.ports.iter().for_each(|port| port.begin_episode());
+        self.stepper.reset(index, seed)
+    }
+
+    fn finish(self: Box<Self>, folder: &RunFolder) -> Result<(), Failure> {
+        self.stepper.finish(folder)
+    }
+}

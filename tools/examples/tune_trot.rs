@@ -1,0 +1,314 @@
+//! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
+//!
+//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the place of the
+//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks how far the base went. What
+//! a gait reaches does not depend on the core that tries it, nor on what was tried there before.
+//!
+//! ```console
+//! $ cargo run --release --example tune_trot -- --episodes 200
+//! ```
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use clap::Parser as _;
+use motorium::graph::{self, Machine};
+use motorium::launcher::Options;
+use motorium::plan::Plan;
+use motorium::session::Session;
+use motorium::state::{BaseState, JointCommand};
+use motorium_learners::{CrossEntropy, CrossEntropySettings};
+use motorium_tools::registry;
+
+/// Tune the trot of the quadruped by a black-box search.
+#[derive(Debug, clap::Parser)]
+struct Arguments {
+    /// Gaits to try
+    #[arg(long, default_value_t = 200)]
+    episodes: usize,
+    /// Sessions at a time, one on each core; all cores if not given
+    #[arg(long)]
+    sessions: Option<usize>,
+    /// Simulated time of an episode, s
+    #[arg(long, default_value_t = 3.0)]
+    seconds: f64,
+    /// Seed of the search
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// Candidates of a generation.
+const GENERATION: usize = 20;
+/// The graph, and the topics of the component whose place is taken.
+const GRAPH: &str = "graphs/quadruped-trot.toml";
+const POLICY: &str = "policy";
+const COMMAND: &str = "quadruped/joint_command";
+const BASE: &str = "quadruped/base_state";
+/// Time in which the legs go over from standing to the gait, s.
+const EASE: f64 = 0.5;
+/// Height of the base below which the robot has fallen, m.
+const FALLEN: f64 = 0.12;
+
+/// A gait: what is searched for.
+#[derive(Debug, Clone, Copy)]
+struct Gait {
+    /// Strides per second, Hz.
+    frequency: f64,
+    /// Factor of the amplitudes.
+    amplitude: f64,
+    /// Share of a stride in which a foot stands.
+    duty: f64,
+    /// Phase by which the knees lead, rad.
+    phase: f64,
+}
+
+impl Gait {
+    /// The trot of the graph file.
+    const START: [f64; 4] = [2.0, 1.0, 0.5, 0.0];
+    const DEVIATION: [f64; 4] = [0.6, 0.3, 0.08, 0.4];
+    const BOUNDS: [[f64; 2]; 4] = [[0.5, 4.0], [0.2, 2.0], [0.3, 0.8], [-1.5, 1.5]];
+
+    fn of(numbers: &[f64]) -> Self {
+        let [frequency, amplitude, duty, phase] = [0, 1, 2, 3].map(|i| numbers[i]);
+        Self { frequency, amplitude, duty, phase }
+    }
+
+    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it swings.
+    fn warped(&self, turns: f64) -> f64 {
+        let share = turns.rem_euclid(1.0);
+        if share < self.duty {
+            PI * share / self.duty
+        } else {
+            PI + PI * (share - self.duty) / (1.0 - self.duty)
+        }
+    }
+
+    /// Position of a joint at `time`, rad.
+    fn position(&self, joint: &Joint, time: f64) -> f64 {
+        let lead = if joint.is_knee { self.phase } else { 0.0 };
+        let angle = self.warped(self.frequency * time + joint.leg / TAU) + joint.phase + lead;
+        let eased = (time / EASE).clamp(0.0, 1.0);
+        joint.offset + eased * eased * (3.0 - 2.0 * eased) * self.amplitude * joint.amplitude * angle.cos()
+    }
+}
+
+/// One joint that takes part in the gait, as the graph file configures it.
+#[derive(Debug, Clone, Copy)]
+struct Joint {
+    /// Its place in the commands.
+    index: usize,
+    is_knee: bool,
+    /// Phase of its leg in the trot, rad.
+    leg: f64,
+    offset: f64,
+    amplitude: f64,
+    phase: f64,
+}
+
+/// The joints of the gait and the gains of all joints, from the configuration of the policy.
+#[derive(Debug, Clone)]
+struct Legs {
+    joints: Vec<Joint>,
+    kp: Vec<f64>,
+    kd: Vec<f64>,
+}
+
+impl Legs {
+    fn of(plan: &Plan) -> anyhow::Result<Self> {
+        let policy = plan.components.iter().find(|component| component.name == POLICY);
+        let policy = policy.context("the graph has no policy")?;
+        let robot = policy.robot.as_ref().context("the policy has no robot")?;
+        let model = motorium_robots::load(&robot.urdf, &robot.base)?.model;
+        let numbers = |value: &serde_json::Value| -> Vec<f64> {
+            value.as_array().into_iter().flatten().filter_map(serde_json::Value::as_f64).collect()
+        };
+        let number = |value: &serde_json::Value| value.as_f64().context("a number is missing");
+        let mut joints = Vec::new();
+        let legs = policy.config["legs"].as_array().context("the policy has no legs")?;
+        for (leg, table) in legs.iter().enumerate() {
+            // In a trot the legs of a diagonal move together: front left with hind right.
+            let leg = if leg == 0 || leg == 3 { 0.0 } else { PI };
+            for (place, joint) in table["joints"].as_array().into_iter().flatten().enumerate() {
+                let name = joint["joint"].as_str().context("a joint without a name")?;
+                joints.push(Joint {
+                    index: model.joint_index(name).with_context(|| format!("no joint {name}"))?,
+                    is_knee: place > 0,
+                    leg,
+                    offset: number(&joint["offset"])?,
+                    amplitude: number(&joint["amplitude"])?,
+                    phase: number(&joint["phase"])?,
+                });
+            }
+        }
+        let gains = &policy.config["joint_command"];
+        Ok(Self { joints, kp: numbers(&gains["kp"]), kd: numbers(&gains["kd"]) })
+    }
+
+    /// The command of a gait at `time`, s.
+    fn command(&self, gait: &Gait, time: f64, command: &mut JointCommand) {
+        const DT: f64 = 1e-3;
+        command.set_count(self.kp.len());
+        command.kp_mut().copy_from_slice(&self.kp);
+        command.kd_mut().copy_from_slice(&self.kd);
+        for joint in &self.joints {
+            let position = gait.position(joint, time);
+            command.position_mut()[joint.index] = position;
+            command.velocity_mut()[joint.index] = (gait.position(joint, time + DT) - position) / DT;
+        }
+    }
+}
+
+/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone nowhere.
+fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -> anyhow::Result<f64> {
+    session.reset(session.plan().seed)?;
+    let mut command = JointCommand::default();
+    let end = Duration::from_secs_f64(seconds);
+    let (mut start, mut here) = (None, 0.0);
+    while session.time() < end {
+        legs.command(gait, session.time().as_secs_f64(), &mut command);
+        session.publish(COMMAND, &command)?;
+        session.step()?;
+        let Some(base) = session.read::<BaseState>(BASE)? else { continue };
+        let [x, _, z] = base.value.position;
+        (here, start) = (x, start.or(Some(x)));
+        if z < FALLEN {
+            return Ok(0.0);
+        }
+    }
+    Ok(here - start.unwrap_or(here))
+}
+
+/// Tries gaits on `sessions` cores at once; the distance of each, m.
+struct Trial<'a> {
+    plan: &'a Plan,
+    legs: &'a Legs,
+    sessions: usize,
+    seconds: f64,
+}
+
+impl Trial<'_> {
+    /// Tries whatever `ask` gives until that is nothing, generation by generation.
+    fn run(
+        &self,
+        mut generations: impl FnMut(&mut dyn FnMut(&[Vec<f64>]) -> anyhow::Result<Vec<f64>>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        std::thread::scope(|scope| {
+            let (mut requests, mut answers) = (Vec::new(), Vec::new());
+            for core in 0..self.sessions {
+                let (request, requested) = std::sync::mpsc::channel::<Work>();
+                let (answer, answered) = std::sync::mpsc::channel::<anyhow::Result<()>>();
+                requests.push(request);
+                answers.push(answered);
+                scope.spawn(move || {
+                    let options = Options::inline().on_core(core).standing_in_for(POLICY);
+                    let launched = Session::launch(self.plan.clone(), &registry(), &options);
+                    let mut session = match launched {
+                        Ok(session) => session,
+                        Err(error) => {
+                            let _ = answer.send(Err(error.into()));
+                            return;
+                        }
+                    };
+                    for work in requested {
+                        if answer.send(work.take(&mut session, self.legs, self.seconds)).is_err() {
+                            break;
+                        }
+                    }
+                    session.stop();
+                });
+            }
+            let mut evaluate = |candidates: &[Vec<f64>]| -> anyhow::Result<Vec<f64>> {
+                let work = Work::new(candidates);
+                for request in &requests {
+                    request.send(work.clone()).context("a session has ended")?;
+                }
+                for answered in &answers {
+                    answered.recv().context("a session has ended")??;
+                }
+                Ok(work.distances())
+            };
+            let result = generations(&mut evaluate);
+            drop(requests);
+            result
+        })
+    }
+}
+
+/// A generation that several sessions share: each takes the next gait that nobody has tried.
+#[derive(Clone)]
+struct Work(std::sync::Arc<(Vec<Gait>, AtomicUsize, Mutex<Vec<f64>>)>);
+
+impl Work {
+    fn new(candidates: &[Vec<f64>]) -> Self {
+        let gaits: Vec<Gait> = candidates.iter().map(|numbers| Gait::of(numbers)).collect();
+        let distances = vec![0.0; gaits.len()];
+        Self(std::sync::Arc::new((gaits, AtomicUsize::new(0), Mutex::new(distances))))
+    }
+
+    fn take(&self, session: &mut Session<'_>, legs: &Legs, seconds: f64) -> anyhow::Result<()> {
+        let (gaits, next, distances) = &*self.0;
+        while let Some((index, gait)) =
+            Some(next.fetch_add(1, Relaxed)).and_then(|i| Some((i, gaits.get(i)?)))
+        {
+            let reached = distance(session, legs, gait, seconds)?;
+            distances.lock().unwrap_or_else(std::sync::PoisonError::into_inner)[index] = reached;
+        }
+        Ok(())
+    }
+
+    fn distances(&self) -> Vec<f64> {
+        self.0.2.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
+    }
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(GRAPH);
+    let settings = ["clock=lockstep".parse()?];
+    let text = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
+    let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
+        .map_err(|error| anyhow::anyhow!(error.render(false)))?;
+    let legs = Legs::of(&checked.plan)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let sessions = arguments.sessions.unwrap_or(cores).clamp(1, cores);
+    let seconds = arguments.seconds.max(EASE + 0.5);
+    let trial = Trial { plan: &checked.plan, legs: &legs, sessions, seconds };
+    let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
+    let settings = CrossEntropySettings::default();
+    let mut search = CrossEntropy::new(mean, deviation, Gait::BOUNDS.to_vec(), settings, arguments.seed);
+    let mut first = 0.0;
+    let began = Instant::now();
+    trial.run(|evaluate| {
+        let mut left = arguments.episodes.max(1);
+        while left > 0 {
+            let generation = search.ask(GENERATION.min(left));
+            let distances = evaluate(&generation)?;
+            if left == arguments.episodes.max(1) {
+                first = distances[0];
+            }
+            search.tell(&generation, &distances);
+            left -= generation.len();
+            let best = search.best().map_or(0.0, |(_, distance)| distance);
+            println!("{left:>5} episodes left, best {:.3} m/s", best / seconds);
+        }
+        Ok(())
+    })?;
+    let took = began.elapsed().as_secs_f64();
+    let (best, reached) = search.best().context("no gait was tried")?;
+    let Gait { frequency, amplitude, duty, phase } = Gait::of(best);
+    println!("before: {:.3} m/s", first / seconds);
+    println!(
+        "after:  {:.3} m/s with frequency {frequency:.2} Hz, amplitude {amplitude:.2}, duty factor {duty:.2}, phase {phase:.2} rad",
+        reached / seconds
+    );
+    println!(
+        "{:.2} episodes of {seconds} s per second, {:.1} times real time, {sessions} sessions",
+        arguments.episodes as f64 / took,
+        arguments.episodes as f64 * seconds / took
+    );
+    Ok(())
+}

@@ -1,0 +1,93 @@
+//! `motorium step`: the rounds of a run whose simulated time is held.
+
+use std::process::ExitCode;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use motorium::os::Watch;
+use motorium::plan::ClockKind;
+
+use crate::out::outln;
+use crate::runs::{LivingRun, RunArg};
+
+/// Time given to the run for its rounds, beyond which it is asked whether it is still there.
+const LOOK: Duration = Duration::from_millis(2);
+/// Longest time without a round.
+const ROUND_WITHIN: Duration = Duration::from_secs(10);
+
+/// Step a run in lockstep whose simulated time is held, hold it, or let it go on.
+///
+/// A round is a simulated time at which a component is due: all that are due then step, one after the other. A run is held
+/// from its start by `motorium run --paused`, and later by `--hold`.
+///
+/// Example: motorium step 10
+#[derive(Debug, clap::Args)]
+pub(crate) struct Step {
+    /// Number of rounds
+    #[arg(default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    rounds: u64,
+    /// Hold simulated time
+    #[arg(long, conflicts_with_all = ["rounds", "go"])]
+    hold: bool,
+    /// Let simulated time go on
+    #[arg(long, conflicts_with = "rounds")]
+    go: bool,
+    #[command(flatten)]
+    run: RunArg,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Step {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = self.run.open()?;
+        let header = run.region.header();
+        anyhow::ensure!(
+            run.plan.clock == ClockKind::Lockstep,
+            "graph `{}` runs in real time, which cannot be held; launch it with `--clock lockstep`",
+            run.plan.name
+        );
+        if self.hold || self.go {
+            header.pause(self.hold);
+        } else {
+            anyhow::ensure!(
+                header.is_paused(),
+                "graph `{}` is not held; `motorium step --hold` holds its simulated time",
+                run.plan.name
+            );
+            let before = header.rounds_granted.fetch_add(self.rounds, Relaxed);
+            await_rounds(&run, before + self.rounds)?;
+        }
+        let time_s = header.reached_ns.load(Relaxed) as f64 * 1e-9;
+        let (episode, held) = (header.episode.load(Relaxed), header.is_paused());
+        if self.json {
+            let outcome = serde_json::json!({ "time_s": time_s, "episode": episode, "held": held });
+            outln!("{outcome}");
+        } else {
+            let what = if held { "held" } else { "goes on" };
+            outln!("graph `{}` {what} at {time_s:.6} s of simulated time", run.plan.name);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Waits until the run has made so many rounds since its start.
+fn await_rounds(run: &LivingRun, rounds: u64) -> anyhow::Result<()> {
+    let header = run.region.header();
+    let launcher = Watch::new(header.launcher.load(Relaxed))?;
+    let (mut seen, mut since) = (0, Instant::now());
+    loop {
+        let taken = header.rounds_taken.load(Relaxed);
+        if taken >= rounds {
+            return Ok(());
+        }
+        anyhow::ensure!(!launcher.wait(Some(LOOK)), "the run ended meanwhile");
+        anyhow::ensure!(header.is_paused(), "somebody lets its simulated time go on");
+        if taken != seen {
+            (seen, since) = (taken, Instant::now());
+        }
+        let within = ROUND_WITHIN.as_secs();
+        anyhow::ensure!(since.elapsed() < ROUND_WITHIN, "the run has made no round within {within} s");
+    }
+}
