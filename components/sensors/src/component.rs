@@ -1,5 +1,7 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+pub mod merge;
+
 use std::time::Duration;
 
 use motorium::prelude::*;

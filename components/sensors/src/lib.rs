@@ -4,7 +4,7 @@
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph.
-//! - [`merge`]: `joint.merge`, the joint state of a robot from several writers.
+//! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
 //! The models are plain libraries: of the runtime they use only its unit of time, and only construction allocates.
 //!
@@ -30,8 +30,7 @@
 pub mod component;
 pub mod delay;
 pub mod encoder;
-pub mod merge;
 pub mod noise;
 
 pub use component::JointEncoder;
-pub use merge::JointMerge;
+pub use component::merge::JointMerge;

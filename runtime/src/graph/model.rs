@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 
 use super::defaults;
 use super::diagnostic::Report;
-use super::read::{At, Keys, Read, Value, good};
-use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName, Triple};
-use crate::declare::{BasePose, ParameterValue};
+use super::read::{At, Keys, Read, Value};
+use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
+use crate::declare::ParameterValue;
 use crate::plan::{
     ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
     SafeState,
@@ -19,6 +19,10 @@ macro_rules! take_fields {
         Self { $( $field: $keys.take(stringify!($field)), )* $( $rest: $value )? }
     };
 }
+
+mod robot;
+
+pub(super) use robot::{BaseTable, RobotTable};
 
 /// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
@@ -195,56 +199,6 @@ impl<'i> Read<'i> for TopicTable {
         let mut keys = Keys::read(&format!("topic.{key}"), value, report)?;
         let table = take_fields!(keys, history);
         keys.finish(&format!("topic `{key}`"));
-        Some(table)
-    }
-}
-
-/// A robot.
-#[derive(Debug, JsonSchema)]
-#[schemars(deny_unknown_fields, rename = "Robot")]
-pub(super) struct RobotTable {
-    /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
-    #[schemars(required)]
-    pub urdf: Option<At<String>>,
-    /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
-    pub base: Option<At<BaseTable>>,
-    /// Known keys that misspelt ones probably mean.
-    #[schemars(skip)]
-    pub meant: Vec<&'static str>,
-}
-
-impl<'i> Read<'i> for RobotTable {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = take_fields!(keys, urdf, base; meant: Vec::new());
-        table.meant = keys.finish(&format!("robot `{key}`"));
-        Some(table)
-    }
-}
-
-/// The pose of a robot's base in the world.
-#[derive(Debug, JsonSchema)]
-#[schemars(deny_unknown_fields, rename = "Base")]
-pub(super) struct BaseTable {
-    /// Position of its origin (m).
-    pub position: Option<At<Triple>>,
-    /// Its roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
-    pub rpy: Option<At<Triple>>,
-}
-
-impl BaseTable {
-    /// The same without places.
-    pub(super) fn pose(&self) -> BasePose {
-        let of = |key: &Option<At<Triple>>| good(key).map_or([0.0; 3], |triple| triple.0);
-        BasePose { position: of(&self.position), rpy: of(&self.rpy) }
-    }
-}
-
-impl<'i> Read<'i> for BaseTable {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let mut keys = Keys::read(key, value, report)?;
-        let table = take_fields!(keys, position, rpy);
-        keys.finish("`base`");
         Some(table)
     }
 }

@@ -37,6 +37,8 @@ enum Fault {
     Mute,
     /// The step prints a line.
     Print,
+    /// Stopping takes three seconds.
+    SlowStop,
 }
 
 /// Which fault, and when.
@@ -127,10 +129,17 @@ impl Component for Faulty {
                 Fault::Print => {
                     println!("step {} of one that prints, which is a line of some length", tick.index)
                 }
-                Fault::None | Fault::Configure | Fault::ConfigurePanic => {}
+                Fault::None | Fault::SlowStop | Fault::Configure | Fault::ConfigurePanic => {}
             }
         }
         output.publish()
+    }
+
+    fn stop(&mut self) {
+        if self.config.fault == Fault::SlowStop {
+            std::thread::sleep(std::time::Duration::from_secs(3));
+            println!("stopped after three seconds");
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The values of a graph file: names, numbers, choices, units.
 
 mod scheduling;
+mod triple;
 
 use std::borrow::Cow;
 
@@ -9,7 +10,6 @@ use serde::Serialize;
 use toml::de::DeValue;
 
 use super::diagnostic::Report;
-use super::json::LARGEST;
 use super::read::{At, Read, Value, entries, mismatch, table, text};
 use super::source::Span;
 use crate::declare::ParameterValue;
@@ -20,6 +20,7 @@ use crate::plan::{
 };
 use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use scheduling::{Schedule, Share, SpinChoice};
+pub(super) use triple::Triple;
 
 impl<'i> Read<'i> for String {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
@@ -305,45 +306,6 @@ impl<'i, T: Read<'i>> Read<'i> for Vec<At<T>> {
             At { value: T::read(key, item, report), key: span.clone(), span }
         };
         Some(array.iter().map(|item| element(item, report)).collect())
-    }
-}
-
-/// Three finite numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Triple(pub [f64; 3]);
-
-impl<'i> Read<'i> for Triple {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let number = |item: &Value<'i>| match item.get_ref() {
-            DeValue::Integer(number) if number.radix() == 10 => number.as_str().parse::<f64>().ok(),
-            DeValue::Float(number) => number.as_str().parse().ok(),
-            _ => None,
-        };
-        let numbers: Option<Vec<f64>> =
-            value.get_ref().as_array().and_then(|array| array.iter().map(number).collect());
-        let triple = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
-        if let Some(triple) = triple.filter(|triple| triple.iter().all(|number| number.abs() <= LARGEST)) {
-            return Some(Self(triple));
-        }
-        report
-            .error(format!("`{key}` is not a list of three finite numbers"))
-            .at(&value.span(), "expected three numbers")
-            .advise(format!("write `{key} = [0.0, 0.0, 0.0]`"));
-        None
-    }
-}
-
-impl schemars::JsonSchema for Triple {
-    fn schema_name() -> Cow<'static, str> {
-        "Triple".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 })
     }
 }
 

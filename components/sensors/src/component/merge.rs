@@ -67,6 +67,7 @@ struct Part {
 impl Component for JointMerge {
     const KIND: &'static str = "joint.merge";
     const SUMMARY: &'static str = "puts the joint states of several writers together";
+    const RESETS: bool = true;
     type Config = JointMergeConfig;
 
     fn declare(config: &JointMergeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -121,6 +122,12 @@ impl Component for JointMerge {
         }
         merged.publish()?;
         self.published += 1;
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        (self.published, self.withheld) = (0, 0);
+        self.parts.iter_mut().for_each(|part| part.stale = 0);
         Ok(())
     }
 
