@@ -5,7 +5,10 @@ use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use crate::support::{MOTORIUM, is_root, machine, workspace};
+use motorium::launcher::Exit;
+
+use crate::faults::faulty;
+use crate::support::{Ended, MOTORIUM, is_root, machine, workspace};
 
 fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
@@ -175,4 +178,34 @@ fn a_restart_that_finds_no_memory_names_it() {
     // What is kept for restarts is taken, too: its object cut, the room filled.
     let text = killed_after("truncate -s 0 /dev/shm/mt_*_spare; cat /dev/zero > /dev/shm/fill 2>/dev/null");
     assert!(text.contains("/dev/shm is full"), "{text}");
+}
+
+#[test]
+fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_policy() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\" }";
+    let settings = format!("{restart}\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"");
+    let (_folder, graph) = faulty("{ fault = \"devour\", at = 200, once = true }", &settings);
+    let before = shared_memory();
+    let line = format!("ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 3s", graph.display());
+    let output = shell(&line).output().expect("bash runs");
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    let told = ["`faulty` at tick 200", "memory allocation of", "SIGABRT", "`faulty` steps again after"];
+    assert!(told.iter().all(|words| text.contains(words)), "{text}");
+    assert_eq!(shared_memory(), before, "{text}");
+}
+
+#[test]
+fn a_full_disk_takes_the_report_and_the_events_but_neither_the_run_nor_its_end() {
+    let _machine = machine();
+    let before = shared_memory();
+    let run = "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 500ms --set realtime.lost_steps=1";
+    let events = Ended::of(&shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs"));
+    assert_eq!((events.code, &events.report().exit), (Some(0), &Exit::Finished));
+    let report = shell(&format!("{run} --json >/dev/full")).output().expect("bash runs");
+    let told = text(&report);
+    assert_eq!(report.status.code(), Some(1), "{told}");
+    assert!(told.contains("No space left on device"), "{told}");
+    assert_eq!(shared_memory(), before, "{told}");
 }

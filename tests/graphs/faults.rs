@@ -2,11 +2,13 @@
 
 use std::io::Read as _;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::support::{FAULTY, MOTORIUM, Run, await_end, kill, leftovers, machine, panda_reach, run, signal};
 use motorium::launcher::Exit;
+use motorium::run_folder::RunFolder;
+use rustix::process::Signal;
 
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 
@@ -202,7 +204,11 @@ fn a_component_that_fails_once_is_restarted_and_one_that_fails_always_exhausts_i
 #[test]
 fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
     let _machine = machine();
-    for (fault, words) in [("configure", "configured to fail"), ("configure_panic", "configured to panic")] {
+    for (fault, words) in [
+        ("configure", "configured to fail"),
+        ("configure_panic", "configured to panic"),
+        ("configure_exit", "ended with exit code 7"),
+    ] {
         let (_folder, graph) = faulty(&format!("{{ fault = \"{fault}\" }}"), "");
         let ended = run(&graph, &[]);
         assert_eq!(ended.code, Some(1));
@@ -210,6 +216,47 @@ fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
             ended.stderr.contains("component `faulty` did not start") && ended.stderr.contains(words);
         assert!(reported, "{fault}: {}", ended.stderr);
     }
+}
+
+#[test]
+fn a_component_that_hangs_while_it_is_configured_can_be_interrupted_and_ends_the_launch_in_time() {
+    let _machine = machine();
+    let (_folder, graph) = faulty("{ fault = \"configure_hang\" }", "");
+    let before = runs();
+    let mut command = Command::new(MOTORIUM);
+    command.arg("run").arg(&graph).stdout(Stdio::null()).stderr(Stdio::piped());
+    let started = Instant::now();
+    let interrupted = command.spawn().expect("motorium starts");
+    std::thread::sleep(Duration::from_secs(2));
+    signal(interrupted.id(), Signal::INT);
+    let output = interrupted.wait_with_output().expect("it ends");
+    assert!(started.elapsed() < Duration::from_secs(8), "{:?}", started.elapsed());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let ended = run(&graph, &[]);
+    assert_eq!(ended.code, Some(1));
+    let told = "component `faulty` did not start: it is not ready after 30 s";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    assert_eq!(runs(), before, "nothing is left");
+}
+
+/// The folders of runs.
+fn runs() -> Vec<String> {
+    RunFolder::list().iter().map(|folder| folder.id().to_string()).collect()
+}
+
+#[test]
+fn a_component_that_hangs_while_it_is_configured_again_is_killed_and_follows_the_policy() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\", at_most = 2, within = \"400 ms\" }";
+    let (_folder, graph) = faulty("{ fault = \"configure_hang_again\" }", restart);
+    let run = Run::start(&graph, &["--for", "60 s"]);
+    let id = run.folder.id().to_string();
+    kill(run.pid_of("faulty"));
+    let ended = run.finish();
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    assert!(ended.stderr.contains("not stepping 400 ms after its restart"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
 }
 
 #[test]

@@ -192,6 +192,19 @@ pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
     rustix::process::kill_process(pid, signal).expect("the process is there");
 }
 
+/// Waits until something is so.
+pub(crate) fn await_that(what: &str, is_so: impl Fn() -> bool) {
+    let started = Instant::now();
+    while !is_so() {
+        assert!(started.elapsed() < Duration::from_secs(20), "{what}: not within 20 s");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+pub(crate) fn is_alive(pid: u32) -> bool {
+    Watch::new(pid).is_ok_and(|watch| !watch.has_ended())
+}
+
 /// Waits until a process has ended.
 pub(crate) fn await_end(pid: u32) {
     if let Ok(watch) = Watch::new(pid) {

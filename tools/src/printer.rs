@@ -1,7 +1,7 @@
 //! Printing of a run's events on a thread of its own.
 //!
 //! A terminal that was stopped with Ctrl-S, a pager that nobody scrolls and a pipe that nobody reads hold up whatever
-//! prints to them. The launcher must not wait for them: it looks after a robot. Events go through a queue; what finds no
+//! prints to them. The launcher must not wait for them: it supervises a robot. Events go through a queue; what finds no
 //! room there is dropped, counted and told.
 
 use std::sync::Arc;

@@ -90,9 +90,18 @@ impl Fault {
         self == Self::Pause
     }
 
-    /// True for a fault that ends the process.
-    pub fn ends(self) -> bool {
-        !matches!(self, Self::Hang | Self::Pause)
+    /// True for a fault that ends this process. The guard ignores requests to end: it leaves with the run.
+    pub fn ends(self, victim: &Victim) -> bool {
+        match self {
+            Self::Kill | Self::Abort | Self::Segfault => true,
+            Self::Terminate => *victim != Victim::Guard,
+            Self::Hang | Self::Pause => false,
+        }
+    }
+
+    /// True for a fault that this process survives, and goes on by itself.
+    pub(super) fn is_survived(self, victim: &Victim) -> bool {
+        self.passes() || (self == Self::Terminate && *victim == Victim::Guard)
     }
 
     /// Makes the fault; one that passes lasts for `pause`.

@@ -140,7 +140,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
             let consequence = trial.inject(&settings.program, &victim, fault, pause);
             summary.faults += 1;
             told(summary.faults);
-            launcher_died = victim == Victim::Launcher && fault.ends();
+            launcher_died = victim == Victim::Launcher && fault.ends(&victim);
             let hung = consequence.hung;
             let place = collected.iter_mut().find(|cell| cell.victim == victim && cell.fault == fault);
             match place {

@@ -22,6 +22,9 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// Time between two looks at the run's memory.
 const LOOK: Duration = Duration::from_micros(200);
 
+/// A guard that says so later than this after a fault has survived it, ns.
+const ANSWERED_NS: u64 = 10_000_000;
+
 /// A run under test.
 pub(super) struct Trial {
     child: Child,
@@ -215,15 +218,19 @@ impl Trial {
                         seen.detected_ns = Some(now_ns - injected_ns);
                         return seen;
                     }
-                    if fault.passes() && began.elapsed() > Duration::from_millis(20) {
+                    // It says that it lives every 50 ms.
+                    let alive_ns = self.region.header().guard_alive_ns.load(Relaxed);
+                    if fault.is_survived(victim) && alive_ns > injected_ns + ANSWERED_NS {
                         return seen;
                     }
                 }
                 (Victim::Observer, _) if began.elapsed() > Duration::from_millis(50) => return seen,
-                (Victim::Launcher, _) if !fault.ends() && began.elapsed() > Duration::from_millis(50) => {
+                (Victim::Launcher, _)
+                    if !fault.ends(victim) && began.elapsed() > Duration::from_millis(50) =>
+                {
                     return seen;
                 }
-                (Victim::Launcher, _) if fault.ends() && self.workers_ended() => return seen,
+                (Victim::Launcher, _) if fault.ends(victim) && self.workers_ended() => return seen,
                 _ => {}
             }
             if began.elapsed() > LIMIT {

@@ -116,13 +116,14 @@ impl CrossEntropy {
         }
         let elite = ((self.settings.elite * rewards.len() as f64).round() as usize).clamp(1, rewards.len());
         let (count, weight) = (elite as f64, self.settings.smoothing);
-        for i in 0..self.mean.len() {
+        let before = self.mean.iter_mut().zip(&mut self.deviation).zip(&self.first).enumerate();
+        for (i, ((mean, deviation), first)) in before {
             let values = || order[..elite].iter().map(|index| generation[*index][i]);
-            let mean = values().sum::<f64>() / count;
-            let variance = values().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
-            self.mean[i] = weight * mean + (1.0 - weight) * self.mean[i];
-            let deviation = weight * variance.sqrt() + (1.0 - weight) * self.deviation[i];
-            self.deviation[i] = deviation.max(self.settings.least * self.first[i]);
+            let of_elite = values().sum::<f64>() / count;
+            let variance = values().map(|value| (value - of_elite).powi(2)).sum::<f64>() / count;
+            *mean = weight * of_elite + (1.0 - weight) * *mean;
+            *deviation = weight * variance.sqrt() + (1.0 - weight) * *deviation;
+            *deviation = deviation.max(self.settings.least * first);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::Status;
 use crate::plan::Plan;
+use crate::region::Latch;
 
 /// An event of a run.
 #[derive(Debug)]
@@ -61,6 +62,15 @@ pub enum Event<'a> {
         /// Those in their safe state.
         safe: &'a [&'a str],
     },
+    /// The actuators stay in their safe state until `motorium resume`; the run goes on.
+    Stopped {
+        /// The kind of the stop.
+        latch: Latch,
+        /// Who stopped them.
+        cause: &'a str,
+    },
+    /// The stop was released: the actuators come back to their commands.
+    Resumed,
     /// A component loses more of its steps than the graph allows.
     LosesSteps {
         /// The component.

@@ -109,7 +109,7 @@ fn await_cause(plan: &Plan, region: &Region, folder: &RunFolder, launcher: &Watc
         match &mut silent {
             None if is_silent => {
                 eprintln!(
-                    "motorium: the launcher of {} does not respond (stopped?); the guard looks after the graph",
+                    "motorium: the launcher of {} does not respond (stopped?); the guard monitors the graph",
                     folder.id()
                 );
                 silent = Some(Silence::new(plan, region, folder, now));

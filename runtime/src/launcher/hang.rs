@@ -34,11 +34,11 @@ pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -
 
 impl Launch {
     /// A launcher that was itself held up for long must not take those for hung that were held up with it.
-    pub(super) fn forgive_own_delay(&self, supervision: &mut [Supervision], late: u64, now: u64) {
+    pub(super) fn disregard_own_delay(&self, supervision: &mut [Supervision], late: u64, now: u64) {
         for supervision in supervision {
             if late > supervision.watchdog.hang_after_ns() / 2 {
-                supervision.watchdog.forgive(now);
-                supervision.lost_steps.forgive(now);
+                supervision.watchdog.watch_from(now);
+                supervision.lost_steps.count_from(now);
             }
         }
     }
@@ -63,7 +63,7 @@ impl Launch {
         if self.children[index].end() {
             block.set_failure(tick, &reason);
             // Its end shows in a moment.
-            supervision.watchdog.forgive(now);
+            supervision.watchdog.watch_from(now);
             return None;
         }
         let component = &self.plan.components[index].name;
@@ -110,7 +110,7 @@ impl Launch {
             }
             // Too short a time for the watchdog, and long enough to be told.
             let counters = Counters::read(&self.plan, &self.region, index);
-            let hang = supervision.watchdog.clone().half_as_patient().check(&counters, now);
+            let hang = supervision.watchdog.clone().with_half_the_timeout().check(&counters, now);
             if let Some(hang) = hang.filter(|_| !supervision.is_gone()) {
                 let what = describe(&self.plan, &self.region, index, hang);
                 self.warnings.push(format!("`{name}` did not step at the end: {what}"));

@@ -175,6 +175,7 @@ impl Launch {
         self.relay_output(observe);
         self.monitor_guard(0, observe);
         self.look_at_places(observe);
+        self.tell_stops(observe);
         for (index, supervision) in supervision.iter_mut().enumerate() {
             self.tell_tolerated(index, supervision, observe);
         }

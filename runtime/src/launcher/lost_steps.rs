@@ -24,7 +24,7 @@ impl LostSteps {
     }
 
     /// Begins a new span: the component starts, or the launcher was held up.
-    pub(super) fn forgive(&mut self, now_ns: u64) {
+    pub(super) fn count_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
     }
 

@@ -24,6 +24,7 @@ mod services;
 mod shutdown;
 mod status;
 mod stop_reason;
+mod stops;
 mod supervise;
 mod watchdog;
 
@@ -75,6 +76,8 @@ pub(crate) struct Launch {
     idle_states: IdleStates,
     spare: Spare,
     places: Places,
+    /// The stop that was told last.
+    stop: Option<stops::Stop>,
     cores: Option<CoreWatch>,
     /// The order of the ticks, and the simulated time from which on they are still to be made, ns.
     rounds: Rounds,
@@ -128,6 +131,7 @@ impl Launch {
             idle_states: IdleStates::default(),
             spare: Spare::none(),
             places: Places::default(),
+            stop: None,
             cores: None,
             reached_ns: 0,
             before_ns: 0,

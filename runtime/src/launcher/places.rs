@@ -24,6 +24,10 @@ pub(super) struct Places {
 impl Launch {
     /// Looks for dead processes from time to time, and has their places freed.
     pub(super) fn look_at_places(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        if self.options.program.as_os_str().is_empty() {
+            // Threads of one process: their places are freed when one of them starts again.
+            return;
+        }
         let now = Instant::now();
         if let Some(cleaner) = &mut self.places.cleaner {
             match cleaner.try_wait() {

@@ -24,6 +24,8 @@ pub(super) struct Signals {
     count: Arc<AtomicUsize>,
     forgotten: Cell<usize>,
     stream: UnixStream,
+    /// Without a sender the stream would have ended, and be readable for ever.
+    _sender: UnixStream,
     registered: Vec<signal_hook::SigId>,
 }
 
@@ -35,7 +37,7 @@ impl Signals {
         stream.set_nonblocking(true)?;
         let mut registered = Vec::new();
         if !catch {
-            return Ok(Self { count, forgotten: Cell::new(0), stream, registered });
+            return Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered });
         }
         catchers::enter()?;
         for signal in SIGNALS {
@@ -43,9 +45,9 @@ impl Signals {
             registered.push(signal_hook_registry_count(signal, raised)?);
             registered.push(signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?);
         }
-        // Ctrl-Z must not stop what looks after a robot.
+        // Ctrl-Z must not stop what supervises a robot.
         registered.push(signal_hook::flag::register(SIGTSTP, Arc::default())?);
-        Ok(Self { count, forgotten: Cell::new(0), stream, registered })
+        Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered })
     }
 
     /// Whether a signal has come.

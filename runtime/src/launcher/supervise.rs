@@ -106,7 +106,7 @@ impl Launch {
         let now = monotonic_ns();
         self.region.header().launcher_alive_ns.store(now, Relaxed);
         let late = now.saturating_sub(self.due_ns);
-        self.forgive_own_delay(supervision, late, now);
+        self.disregard_own_delay(supervision, late, now);
         if self.signals.is_raised() {
             return Some(Some(Exit::Interrupted));
         }
@@ -138,6 +138,7 @@ impl Launch {
         }
         self.monitor_guard(late, observe);
         self.look_at_places(observe);
+        self.tell_stops(observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));
@@ -271,8 +272,8 @@ impl Launch {
             let _ = self.spare.take_back();
             supervision.down = None;
             supervision.stepping_since_ns = now;
-            supervision.watchdog.forgive(now);
-            supervision.lost_steps.forgive(now);
+            supervision.watchdog.watch_from(now);
+            supervision.lost_steps.count_from(now);
         } else if is_alive && now.saturating_sub(down.start_ns) > within && !supervision.was_ended {
             supervision.was_ended = true;
             let took = within / 1_000_000;

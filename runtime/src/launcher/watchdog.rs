@@ -103,8 +103,8 @@ impl Watchdog {
         }
     }
 
-    /// Forgives everything before `now_ns`: the component starts, or the watching process itself was held up.
-    pub(super) fn forgive(&mut self, now_ns: u64) {
+    /// Disregards what was before `now_ns`: the component starts, or the watching process itself was held up.
+    pub(super) fn watch_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
         self.due_ns = now_ns;
     }
@@ -124,15 +124,15 @@ impl Watchdog {
         self.trigger.is_some()
     }
 
-    /// The same with half its patience.
-    pub(super) fn half_as_patient(mut self) -> Self {
+    /// The same with half of `hang_after`.
+    pub(super) fn with_half_the_timeout(mut self) -> Self {
         self.hang_after_ns /= 2;
         self
     }
 
     /// Checks a component.
     pub(super) fn check(&mut self, counters: &Counters, now_ns: u64) -> Option<Hang> {
-        match self.judge(counters, now_ns) {
+        match self.evaluate(counters, now_ns) {
             Ok(hang) => Some(hang),
             Err(due_ns) => {
                 self.due_ns = due_ns;
@@ -142,7 +142,7 @@ impl Watchdog {
     }
 
     /// `Err` with the time at which it could have hung at the earliest, ns, unless it has.
-    fn judge(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
+    fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
         let in_step = counters.begun > counters.ended;
         let last_ns = counters.last_step_ns.max(self.since_ns);
         let waits_since = match &mut self.trigger {
@@ -199,63 +199,63 @@ mod tests {
 
     #[test]
     fn a_periodic_component_has_hung_once_it_has_begun_no_step_for_that_time() {
-        let mut dog = watchdog(false);
-        assert_eq!(dog.judge(&stepped(100, 100), 101 * MS), Err(120 * MS + 1));
-        assert_eq!(dog.judge(&stepped(100, 100), 120 * MS), Err(120 * MS + 1));
+        let mut watched = watchdog(false);
+        assert_eq!(watched.evaluate(&stepped(100, 100), 101 * MS), Err(120 * MS + 1));
+        assert_eq!(watched.evaluate(&stepped(100, 100), 120 * MS), Err(120 * MS + 1));
         assert_eq!(
-            dog.judge(&stepped(100, 100), 120 * MS + 1),
+            watched.evaluate(&stepped(100, 100), 120 * MS + 1),
             Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 })
         );
-        assert_eq!(dog.judge(&stepped(101, 121), 122 * MS), Err(141 * MS + 1));
+        assert_eq!(watched.evaluate(&stepped(101, 121), 122 * MS), Err(141 * MS + 1));
     }
 
     #[test]
     fn a_step_that_does_not_end_has_hung_although_nothing_else_is_due() {
         for triggered in [false, true] {
             let inside = Counters { begun: 8, ended: 7, last_step_ns: 8 * MS, published: (8, 8 * MS) };
-            let mut dog = watchdog(triggered);
-            assert_eq!(dog.judge(&inside, 28 * MS), Err(28 * MS + 1));
-            assert_eq!(dog.judge(&inside, 30 * MS), Ok(Hang::InStep { for_ns: 22 * MS }));
+            let mut watched = watchdog(triggered);
+            assert_eq!(watched.evaluate(&inside, 28 * MS), Err(28 * MS + 1));
+            assert_eq!(watched.evaluate(&inside, 30 * MS), Ok(Hang::InStep { for_ns: 22 * MS }));
         }
     }
 
     #[test]
     fn a_triggered_component_whose_source_is_silent_has_not_hung() {
-        let mut dog = watchdog(true);
+        let mut watched = watchdog(true);
         let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
-        assert_eq!(dog.judge(&idle, 10_000 * MS), Err(10_020 * MS));
+        assert_eq!(watched.evaluate(&idle, 10_000 * MS), Err(10_020 * MS));
         // the first publication after ten seconds is its first chance to step
         let woken = Counters { published: (51, 10_015 * MS), ..idle };
-        assert_eq!(dog.judge(&woken, 10_016 * MS), Err(10_035 * MS + 1));
-        assert_eq!(dog.judge(&woken, 10_036 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
+        assert_eq!(watched.evaluate(&woken, 10_016 * MS), Err(10_035 * MS + 1));
+        assert_eq!(watched.evaluate(&woken, 10_036 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
     }
 
     #[test]
     fn the_wait_of_a_triggered_component_begins_with_the_first_publication_that_it_missed() {
-        let mut dog = watchdog(true);
+        let mut watched = watchdog(true);
         let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
-        assert!(dog.judge(&idle, 50 * MS + 1).is_err());
+        assert!(watched.evaluate(&idle, 50 * MS + 1).is_err());
         // stopped since; its source goes on at 1 kHz
         let later = Counters { published: (60, 60 * MS), ..idle };
-        assert_eq!(dog.judge(&later, 60 * MS), Err(71 * MS + 1));
+        assert_eq!(watched.evaluate(&later, 60 * MS), Err(71 * MS + 1));
         let last = Counters { published: (71, 71 * MS), ..idle };
-        assert_eq!(dog.judge(&last, 71 * MS + 1), Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 }));
+        assert_eq!(watched.evaluate(&last, 71 * MS + 1), Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 }));
     }
 
     #[test]
     fn a_component_that_is_only_just_behind_is_given_its_time_anew_with_every_step() {
-        let mut dog = watchdog(true);
+        let mut watched = watchdog(true);
         for ms in 1..200 {
             let behind = Counters { published: (ms + 1, ms * MS + 1), ..stepped(ms, ms) };
-            assert!(dog.judge(&behind, ms * MS + 2).is_err(), "at {ms} ms");
+            assert!(watched.evaluate(&behind, ms * MS + 2).is_err(), "at {ms} ms");
         }
     }
 
     #[test]
-    fn what_was_before_a_restart_or_a_stall_of_the_watching_process_is_forgiven() {
-        let mut dog = watchdog(false);
-        dog.forgive(500 * MS);
-        assert_eq!(dog.judge(&stepped(100, 100), 510 * MS), Err(520 * MS + 1));
-        assert!(dog.judge(&stepped(100, 100), 521 * MS).is_ok());
+    fn what_was_before_a_restart_or_a_stall_of_the_watching_process_does_not_count() {
+        let mut watched = watchdog(false);
+        watched.watch_from(500 * MS);
+        assert_eq!(watched.evaluate(&stepped(100, 100), 510 * MS), Err(520 * MS + 1));
+        assert!(watched.evaluate(&stepped(100, 100), 521 * MS).is_ok());
     }
 }

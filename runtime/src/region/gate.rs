@@ -173,6 +173,11 @@ impl GateBlock {
         }
     }
 
+    /// The latch.
+    pub fn latch(&self) -> Option<Latch> {
+        Latch::from_word(self.latch.load(Relaxed))
+    }
+
     /// The account so far; `None` if the component opened none.
     pub fn report(&self) -> Option<GateReport> {
         let joints = (self.joints.load(Acquire) as usize).min(MAX_JOINTS);
@@ -191,7 +196,7 @@ impl GateBlock {
             .filter_map(|reason| Some(Refused { reason, count: count(&self.refused[reason as usize])? }));
         Some(GateReport {
             state: self.state(),
-            latch: Latch::from_word(self.latch.load(Relaxed)),
+            latch: self.latch(),
             entries: self.entries.load(Relaxed),
             limited: limited.collect(),
             refused: refused.collect(),

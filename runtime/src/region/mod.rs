@@ -6,15 +6,15 @@
 mod blocks;
 mod checkpoint;
 mod gate;
+mod header;
 mod mapping;
 
 pub(crate) use blocks::add;
-pub use blocks::{
-    Command, ComponentBlock, EdgeBlock, Header, LatencyBlock, MissCause, Misses, Phase, Stalls, TopicBlock,
-};
+pub use blocks::{ComponentBlock, EdgeBlock, LatencyBlock, MissCause, Misses, Stalls, TopicBlock};
 pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
 #[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
+pub use header::{Command, Header, Phase};
 pub use mapping::{Region, RegionError};

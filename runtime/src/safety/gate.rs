@@ -188,13 +188,13 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let position = measured.position;
-        let verdict = self.judge(offer, measured, dt, account);
+        let verdict = self.check_command(offer, measured, dt, account);
         self.bound_velocities(position);
         verdict
     }
 
     #[inline]
-    fn judge(
+    fn check_command(
         &mut self,
         offer: Offer<'_>,
         measured: Measured<'_>,
@@ -220,7 +220,7 @@ impl Gate {
                 if !self.in_safe {
                     self.enter_safe(measured.position, measured.velocity, measured.gravity);
                 }
-                self.leave_safe(&offer, measured, dt)
+                self.leave_safe(measured, dt)
             }
             GateState::Resuming => self.approach(measured, dt),
         }
@@ -309,7 +309,7 @@ impl Gate {
         if exceeds && self.settings.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
     }
 
-    /// Applies the command in `next`, as fast as the rates allow.
+    /// Applies the command in `next`, with what is left of the way back, as fast as the rates allow.
     #[inline]
     fn follow(
         &mut self,
@@ -319,7 +319,8 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let over = if offer.is_new { offer.ahead.max(dt) } else { dt };
-        let mut lags = false;
+        let fades = self.resume.fade(&mut self.next, dt);
+        let mut exceeds = false;
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
             let last = &self.setpoints[i];
             // A drive without a gain held no setpoint: it is where it is measured.
@@ -329,41 +330,45 @@ impl Gate {
                 effort: last.effort,
             };
             limits.clamp_rates(next, before, over, |kind| {
-                lags = true;
+                exceeds = true;
                 if offer.is_new {
                     account.limited(i, kind);
                 }
             });
         }
-        if lags && self.settings.limits == LimitPolicy::Refuse {
+        if exceeds && self.settings.limits == LimitPolicy::Refuse {
             if offer.is_new {
                 account.refused(Refusal::Limits);
             }
             return self.make_safe(measured, dt);
         }
         core::mem::swap(&mut self.setpoints, &mut self.next);
-        self.lags = lags;
+        self.lags = fades || exceeds;
         Verdict::Applied
     }
 
     /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way back.
-    fn leave_safe(&mut self, offer: &Offer<'_>, measured: Measured<'_>, dt: f64) -> Verdict {
+    fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
         let joints =
             self.setpoints.iter().enumerate().map(|(i, setpoint)| {
                 (setpoint, joint(measured.position, measured.velocity, 0.0, i, setpoint))
             });
         self.resume.begin(joints);
-        let resume = &self.resume;
         let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
-        let met = |(i, ((next, safe), limits))| resume.is_met(i, next, limits, safe, offer.ahead.max(dt));
-        if self.settings.resume == ResumeRule::AtOnce || pairs.into_iter().all(met) {
-            self.state = GateState::Following;
-            core::mem::swap(&mut self.setpoints, &mut self.next);
-            return Verdict::Applied;
+        let resume = &self.resume;
+        let near = |(i, ((next, safe), limits))| resume.is_near(i, next, limits, safe);
+        if self.settings.resume != ResumeRule::AtOnce {
+            if !pairs.into_iter().all(near) {
+                self.state = GateState::Resuming;
+                return self.approach(measured, dt);
+            }
+            self.resume.begin_fading(&self.next, &self.setpoints);
+            self.lags = self.resume.fade(&mut self.next, dt);
         }
-        self.state = GateState::Resuming;
-        self.approach(measured, dt)
+        self.state = GateState::Following;
+        core::mem::swap(&mut self.setpoints, &mut self.next);
+        Verdict::Applied
     }
 
     /// One step of the way back to the command in `next`.

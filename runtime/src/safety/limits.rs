@@ -2,8 +2,9 @@
 
 use crate::region::LimitKind;
 
-/// Position gain at which a drive gives its full effort at a tenth of a milliradian (or millimetre), per effort limit.
-const KP_PER_EFFORT: f64 = 1e4;
+/// Position gain at which a drive gives its full effort at ten milliradians (or millimetres), per effort limit. A stiffer
+/// joint shakes at full effort, and with it the weaker ones that it carries.
+const KP_PER_EFFORT: f64 = 1e2;
 /// Velocity gain at which a drive gives its full effort at a thousandth of its velocity limit, per effort limit and
 /// velocity limit.
 const KD_PER_EFFORT: f64 = 1e3;
@@ -23,7 +24,7 @@ const ROUNDING: f64 = 1e-6;
 ///
 /// let elbow = JointLimits { lower: -3.07, upper: -0.07, velocity: 2.175, acceleration: 12.5, ..JointLimits::new("elbow") }
 ///     .with_effort(87.0);
-/// assert_eq!(elbow.max_kp, 8.7e5);
+/// assert_eq!(elbow.max_kp, 8.7e3);
 /// assert!(JointLimits::new("wheel").velocity.is_infinite());
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +45,8 @@ pub struct JointLimits {
     pub effort_rate: f64,
     /// Largest position gain, N m/rad or N/m.
     pub max_kp: f64,
-    /// Largest velocity gain, N m s/rad or N s/m.
+    /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the velocity at the
+    /// beginning is stable up to `2 inertia / dt`; one that knows its inertia states that here.
     pub max_kd: f64,
     /// Position gain of the safe states where the last command had none, N m/rad or N/m.
     pub kp: f64,
@@ -193,7 +195,7 @@ impl JointLimits {
     }
 
     /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain that gives the
-    /// full effort at 0.1 mrad (or mm), and a velocity gain that gives it at a thousandth of the velocity limit.
+    /// full effort at 10 mrad (or mm), and a velocity gain that gives it at a thousandth of the velocity limit.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {
         self.effort = effort;

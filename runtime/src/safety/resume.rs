@@ -1,35 +1,66 @@
 //! The way out of a safe state: from the held pose to the commanded setpoint, at limited rates.
+//!
+//! It has two parts. On the *approach* the reference of each joint moves towards its command, within limits of velocity,
+//! acceleration and jerk. When all joints have come near their commands, commands are followed, and what is left of the
+//! difference *fades* over a fixed time, without a step in position, velocity or effort.
 
 use super::limits::{JointLimits, JointSetpoint};
 use super::states::Joint;
 
-/// Share of the limits that the way back uses: the drives follow it with some overshoot.
+/// Share of the limits that the approach uses: a drive overshoots its reference, and joints that turn round at once push
+/// one another.
 const SHARE: f64 = 0.5;
 /// Time constant of the last part of the approach, s.
-const APPROACH: f64 = 0.05;
+const APPROACH: f64 = 0.08;
+/// Speed at which the reference gains on a near command, as a time at the acceleration of the approach, s. A controller
+/// that computes from the measured pose runs ahead of an arm that is slower than it expects, and turns back late: an arm
+/// that gained faster would overshoot, and swing to and fro.
+const GAIN_FOR: f64 = 0.07;
+/// Time constant of the gain on a command that is far, s: farther than a controller runs ahead.
+const FAR: f64 = 0.5;
+/// Time constant of the velocity of the approach, s.
+const VELOCITY_LAG: f64 = 0.02;
+/// Time in which the acceleration of the approach rises to its limit, s.
+const RAMP: f64 = 0.01;
 /// Time over which the feed-forward effort goes over to that of the command, s.
 const EFFORT_BLEND: f64 = 0.5;
 /// Share of the velocity limit, and of the effort limit, by which a setpoint that is met may still differ.
 const MET: f64 = 0.02;
 /// Time for which the setpoint must stay met, s.
 const MET_FOR: f64 = 0.01;
+/// Time in which the rest of the difference fades, s.
+const FADE: f64 = 0.1;
+/// Share of the acceleration limit that the fading may use.
+const FADE_SHARE: f64 = 0.25;
 
 /// The reference of one joint on its way back.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Reference {
-    pub(super) position: f64,
-    pub(super) velocity: f64,
+struct Reference {
+    position: f64,
+    velocity: f64,
+    acceleration: f64,
+}
+
+/// The difference of a setpoint from its command where the approach ends.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Rest {
+    position: f64,
+    velocity: f64,
+    effort: f64,
 }
 
 /// The way back of all joints.
 #[derive(Debug, Clone)]
 pub(super) struct Resume {
     references: Vec<Reference>,
+    rests: Vec<Rest>,
     elapsed: f64,
     met_for: f64,
+    /// Time since the end of the approach, s; infinite where nothing fades.
+    faded_for: f64,
 }
 
-/// Velocity and acceleration of the way back.
+/// Velocity and acceleration of the approach.
 fn rates(limits: &JointLimits) -> (f64, f64) {
     (SHARE * limits.velocity, SHARE * limits.usual_acceleration())
 }
@@ -37,22 +68,21 @@ fn rates(limits: &JointLimits) -> (f64, f64) {
 impl Reference {
     /// The joint's reference in a safe state: where it is held, or where it moves.
     fn of(setpoint: &JointSetpoint, joint: &Joint) -> Self {
-        if setpoint.kp > 0.0 {
-            Self { position: setpoint.position, velocity: setpoint.velocity }
-        } else {
-            Self { position: joint.position, velocity: joint.velocity }
-        }
+        let (position, velocity) = match setpoint.kp > 0.0 {
+            true => (setpoint.position, setpoint.velocity),
+            false => (joint.position, joint.velocity),
+        };
+        Self { position, velocity, acceleration: 0.0 }
     }
 
-    /// Whether the command differs by no more than a step at the limited rates.
-    fn meets(&self, command: &JointSetpoint, limits: &JointLimits, dt: f64) -> bool {
-        let (_, acceleration) = rates(limits);
-        let near = |difference: f64, tolerance: f64| difference.abs() <= tolerance;
-        let position = command.kp == 0.0
-            || near(command.position - self.position, acceleration * APPROACH * dt.max(1e-3));
-        let velocity = command.kd == 0.0
-            || near(command.velocity - self.velocity, (MET * limits.velocity).max(acceleration * dt));
-        position && velocity
+    /// Whether the rest of the difference changes the effort by little, and can fade within the acceleration limit.
+    fn meets(&self, command: &JointSetpoint, limits: &JointLimits) -> bool {
+        let fading = FADE_SHARE * limits.usual_acceleration() * FADE;
+        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its duration.
+        let position = (MET * limits.effort / command.kp).min(fading * FADE / 5.8);
+        let velocity = (MET * limits.velocity).min(fading / 4.0);
+        (command.kp == 0.0 || (command.position - self.position).abs() <= position)
+            && (command.kd == 0.0 || (command.velocity - self.velocity).abs() <= velocity)
     }
 
     /// Moves towards the command for `dt` s. A joint without a gain goes where it goes.
@@ -61,47 +91,88 @@ impl Reference {
             self.position = joint.position;
         }
         if command.kp == 0.0 && command.kd == 0.0 {
-            self.velocity = joint.velocity;
+            (self.velocity, self.acceleration) = (joint.velocity, 0.0);
             return;
         }
-        let (fastest, acceleration) = rates(limits);
+        let (fastest, largest) = rates(limits);
         let commanded = if command.kd > 0.0 { command.velocity } else { 0.0 };
         let distance = if command.kp > 0.0 { command.position - self.position } else { 0.0 };
+        // Actuators with long periods have longer time constants, or they would swing from step to step.
+        let lag = VELOCITY_LAG.max(dt);
+        let approach = APPROACH.max(4.0 * lag);
+        let fastest_gain = (largest * GAIN_FOR).max(distance.abs() / FAR);
         // Half of the deceleration is kept for a setpoint that turns round.
-        let approach = (acceleration * distance.abs()).sqrt().min(distance.abs() / APPROACH);
-        let wanted = (commanded + approach.copysign(distance)).max(-fastest).min(fastest);
-        let change = (wanted - self.velocity).max(-acceleration * dt).min(acceleration * dt);
-        self.velocity += change;
+        let gain = (largest * distance.abs()).sqrt().min(distance.abs() / approach).min(fastest_gain);
+        let velocity = (commanded + gain.copysign(distance)).max(-fastest).min(fastest);
+        let acceleration = ((velocity - self.velocity) / lag).max(-largest).min(largest);
+        let change = largest * (dt / RAMP).min(1.0);
+        self.acceleration += (acceleration - self.acceleration).max(-change).min(change);
+        self.velocity += self.acceleration * dt;
         if command.kp > 0.0 {
             self.position += self.velocity * dt;
         }
     }
 }
 
+impl Rest {
+    /// What is left at the share `s` of the fading: the quintic that begins at this difference and ends at none, at rest
+    /// in acceleration.
+    fn at(&self, s: f64) -> Self {
+        let (s2, left) = (s * s, 1.0 - s);
+        let height = 1.0 - s2 * s * (10.0 - 15.0 * s + 6.0 * s2);
+        let slope = s - s2 * s * (6.0 - 8.0 * s + 3.0 * s2);
+        let height_rate = -30.0 * s2 * left * left;
+        let slope_rate = 1.0 - s2 * (18.0 - 32.0 * s + 15.0 * s2);
+        Self {
+            position: self.position * height + self.velocity * FADE * slope,
+            velocity: self.position * height_rate / FADE + self.velocity * slope_rate,
+            effort: self.effort * left,
+        }
+    }
+}
+
 impl Resume {
     pub(super) fn new(joints: usize) -> Self {
-        Self { references: vec![Reference::default(); joints], elapsed: 0.0, met_for: 0.0 }
+        Self {
+            references: vec![Reference::default(); joints],
+            rests: vec![Rest::default(); joints],
+            elapsed: 0.0,
+            met_for: 0.0,
+            faded_for: f64::INFINITY,
+        }
     }
 
     /// Begins at the setpoints of the safe state.
     pub(super) fn begin<'a>(&mut self, safe: impl Iterator<Item = (&'a JointSetpoint, Joint)>) {
-        (self.elapsed, self.met_for) = (0.0, 0.0);
+        (self.elapsed, self.met_for, self.faded_for) = (0.0, 0.0, f64::INFINITY);
         for (reference, (setpoint, joint)) in self.references.iter_mut().zip(safe) {
             *reference = Reference::of(setpoint, &joint);
         }
     }
 
-    /// Whether a command could be followed from the start without exceeding the rates.
-    pub(super) fn is_met(
+    /// Whether a command is near enough to its setpoint in the safe state that the difference can fade.
+    pub(super) fn is_near(
         &self,
         index: usize,
         command: &JointSetpoint,
         limits: &JointLimits,
         safe: &JointSetpoint,
-        dt: f64,
     ) -> bool {
-        let effort = (command.effort - safe.effort).abs() <= MET * limits.effort;
-        effort && self.references[index].meets(command, limits, dt)
+        (command.effort - safe.effort).abs() <= MET * limits.effort
+            && self.references[index].meets(command, limits)
+    }
+
+    /// Lets the difference of these commands from the safe state fade.
+    pub(super) fn begin_fading(&mut self, commands: &[JointSetpoint], safe: &[JointSetpoint]) {
+        let pairs = commands.iter().zip(safe).zip(&self.references);
+        for (rest, ((command, safe), reference)) in self.rests.iter_mut().zip(pairs) {
+            *rest = Rest {
+                position: reference.position - command.position,
+                velocity: reference.velocity - command.velocity,
+                effort: safe.effort - command.effort,
+            };
+        }
+        self.faded_for = 0.0;
     }
 
     /// One joint's setpoint on the way to `command`; whether it is met.
@@ -122,14 +193,69 @@ impl Resume {
             effort: (1.0 - share) * joint.gravity + share * command.effort,
             ..*command
         };
-        let effort = (command.effort - setpoint.effort).abs() <= MET * limits.effort;
-        (setpoint, effort && reference.meets(command, limits, dt))
+        self.rests[index] = Rest {
+            position: setpoint.position - command.position,
+            velocity: setpoint.velocity - command.velocity,
+            effort: setpoint.effort - command.effort,
+        };
+        let effort = self.rests[index].effort.abs() <= MET * limits.effort;
+        (setpoint, effort && reference.meets(command, limits))
     }
 
-    /// Ends a step of `dt` s in which all joints were met, or not; whether the way back is over.
+    /// Ends a step of `dt` s in which all joints were met, or not; whether the approach is over. The rest fades from then on.
     pub(super) fn end_step(&mut self, all_met: bool, dt: f64) -> bool {
         self.elapsed += dt;
         self.met_for = if all_met { self.met_for + dt } else { 0.0 };
-        self.met_for >= MET_FOR
+        let is_over = self.met_for >= MET_FOR;
+        if is_over {
+            self.faded_for = 0.0;
+        }
+        is_over
+    }
+
+    /// Adds to the commands what has not faded, `dt` s after the step before; whether there is any.
+    pub(super) fn fade(&mut self, commands: &mut [JointSetpoint], dt: f64) -> bool {
+        self.faded_for += dt;
+        if self.faded_for >= FADE {
+            self.faded_for = f64::INFINITY;
+            return false;
+        }
+        for (command, rest) in commands.iter_mut().zip(&self.rests) {
+            let rest = rest.at(self.faded_for / FADE);
+            if command.kp > 0.0 {
+                command.position += rest.position;
+            }
+            if command.kd > 0.0 {
+                command.velocity += rest.velocity;
+            }
+            command.effort += rest.effort;
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_fades_without_a_step_and_its_velocity_is_its_derivative() {
+        let rest = Rest { position: 3e-3, velocity: -0.04, effort: 1.7 };
+        let (begin, end) = (rest.at(0.0), rest.at(1.0));
+        assert_eq!(begin, rest);
+        for left in [end.position, end.velocity, end.effort] {
+            assert!(left.abs() < 1e-15, "{end:?}");
+        }
+        let h = 1e-4;
+        let mut hardest = 0.0_f64;
+        for step in 1..10_000 {
+            let s = f64::from(step) * h;
+            let (before, now, after) = (rest.at(s - h), rest.at(s), rest.at(s + h));
+            let slope = (after.position - before.position) / (2.0 * h * FADE);
+            assert!((slope - now.velocity).abs() < 1e-7, "at {s}: {slope} and {}", now.velocity);
+            hardest = hardest.max(((after.velocity - before.velocity) / (2.0 * h * FADE)).abs());
+        }
+        // the bounds by which a setpoint counts as met
+        assert!(hardest <= 5.8 * 3e-3 / FADE.powi(2) + 4.0 * 0.04 / FADE, "{hardest}");
     }
 }

@@ -28,9 +28,10 @@ pub struct Kind {
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
     pub(crate) run: fn(Worker) -> Outcome,
-    pub(crate) open: fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>,
+    pub(crate) open: OpenFunction,
 }
 
+type OpenFunction = fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>;
 type DeclareFunction = fn(ConfigSource<'_>, Declare) -> Result<Declaration, ConfigProblem>;
 
 /// A configuration that was refused, with its place in the file when it came from one.

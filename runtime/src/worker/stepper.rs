@@ -143,7 +143,7 @@ impl<C: Component> Stepper<C> {
             self.count_allocations(before, after);
         }
         if let Err(wrong) = result {
-            self.judge(wrong, steps)?;
+            self.apply_error_policy(wrong, steps)?;
         }
         Ok(end)
     }
@@ -169,7 +169,7 @@ impl<C: Component> Stepper<C> {
         }
     }
 
-    fn judge(&self, wrong: Wrong, tick: u64) -> Result<(), Failure> {
+    fn apply_error_policy(&self, wrong: Wrong, tick: u64) -> Result<(), Failure> {
         match wrong {
             // A panic leaves the component in an unknown state: it cannot be tolerated.
             Wrong::Panic(message) => Err(Failure { tick, message }),

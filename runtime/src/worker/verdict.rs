@@ -53,7 +53,7 @@ impl Evidence {
     }
 }
 
-/// Counts overruns and forgives them: each late step adds one, each step in time takes one away.
+/// A counter of overruns that falls again: each late step adds one, each step in time takes one away.
 ///
 /// The semantics of Orocos RTT's overrun counter: a component that is late now and then goes on, one that is late more
 /// often than not is stopped.

@@ -1,5 +1,6 @@
 //! Graphs hosted in the process of a test: `motorium::testing`, and what it shows of the runtime.
 
+mod episodes;
 mod example;
 mod kit;
 mod time;

@@ -27,6 +27,14 @@ enum Fault {
     Configure,
     /// Configuring panics.
     ConfigurePanic,
+    /// Configuring never ends.
+    ConfigureHang,
+    /// Configuring never ends after a restart.
+    ConfigureHangAgain,
+    /// The process ends while it is configured.
+    ConfigureExit,
+    /// The step takes more and more memory, until there is none.
+    Devour,
     /// The step allocates.
     Allocate,
     /// The step sleeps for ever.
@@ -47,15 +55,22 @@ enum Fault {
 struct FaultyConfig {
     /// The fault to be made.
     fault: Fault,
-    /// At which step; every step from there on.
+    /// At which step; every step from there on, up to `until`.
     #[serde(default)]
     at: u64,
+    /// From which step on no more.
+    #[serde(default = "for_ever")]
+    until: u64,
     /// Only in the first process, not after a restart.
     #[serde(default)]
     once: bool,
     /// Declares itself an actuator.
     #[serde(default)]
     actuator: bool,
+}
+
+fn for_ever() -> u64 {
+    u64::MAX
 }
 
 struct Faulty {
@@ -87,9 +102,14 @@ impl Component for Faulty {
         match config.fault {
             Fault::Configure => return Err(ConfigureError::failed("configured to fail")),
             Fault::ConfigurePanic => panic!("configured to panic"),
+            Fault::ConfigureExit => std::process::exit(7),
+            Fault::ConfigureHang => hang(),
             _ => {}
         }
         let restarted = setup.checkpoint(1)?.resume().is_some();
+        if restarted && config.fault == Fault::ConfigureHangAgain {
+            hang();
+        }
         setup.checkpoint(1)?.save([1.0]);
         let (input, output) = (setup.input("input")?, setup.output("output")?);
         let stream = setup.output("stream")?;
@@ -104,7 +124,8 @@ impl Component for Faulty {
         value.publish()?;
         let mut output = self.output.loan()?;
         *output = *state;
-        let due = tick.index >= self.config.at && !(self.config.once && self.restarted);
+        let due = (self.config.at..self.config.until).contains(&tick.index)
+            && !(self.config.once && self.restarted);
         if due {
             match self.config.fault {
                 Fault::Panic => panic!("ordered to panic"),
@@ -119,8 +140,9 @@ impl Component for Faulty {
                     }
                 }
                 Fault::Allocate => drop(core::hint::black_box(vec![tick.index])),
-                Fault::Hang => loop {
-                    std::thread::sleep(std::time::Duration::from_secs(1));
+                Fault::Hang => hang(),
+                Fault::Devour => loop {
+                    core::mem::forget(vec![1_u8; 1 << 24]);
                 },
                 Fault::Loop => loop {
                     core::hint::spin_loop();
@@ -129,7 +151,13 @@ impl Component for Faulty {
                 Fault::Print => {
                     println!("step {} of one that prints, which is a line of some length", tick.index)
                 }
-                Fault::None | Fault::SlowStop | Fault::Configure | Fault::ConfigurePanic => {}
+                Fault::None
+                | Fault::SlowStop
+                | Fault::Configure
+                | Fault::ConfigurePanic
+                | Fault::ConfigureExit
+                | Fault::ConfigureHang
+                | Fault::ConfigureHangAgain => {}
             }
         }
         output.publish()
@@ -140,6 +168,12 @@ impl Component for Faulty {
             std::thread::sleep(std::time::Duration::from_secs(3));
             println!("stopped after three seconds");
         }
+    }
+}
+
+fn hang() -> ! {
+    loop {
+        std::thread::sleep(std::time::Duration::from_secs(1));
     }
 }
 

@@ -31,22 +31,22 @@ pub(crate) struct Run {
     /// The clock: as the graph says if not given
     #[arg(long, value_enum)]
     clock: Option<Clock>,
-    /// Where the components run
-    #[arg(long, value_enum, default_value_t)]
+    /// Where the components run: in `processes`, in `threads`, or `inline`, all in one thread
+    #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
     /// The same as `--hosting threads`
-    #[arg(long, conflicts_with = "hosting")]
+    #[arg(long, conflicts_with = "hosting", hide = true)]
     in_process: bool,
     /// In lockstep: the core of everything in the run; as the graph says if not given
     #[arg(long)]
     core: Option<usize>,
-    /// Divide the run into episodes of its duration, each begun by a reset of all components; in lockstep
+    /// Divide the run into so many episodes, each begun by a reset of all components
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
-    /// Give each episode a seed of its own: that of the graph and the number of the episode added
+    /// Give each episode a seed of its own: that of the graph plus its number
     #[arg(long, requires = "episodes")]
     vary_seed: bool,
-    /// Let simulated time pass at this multiple of real time; as fast as the machine allows if not given
+    /// Simulated time per real time; as fast as the machine allows if not given
     #[arg(long, value_name = "FACTOR")]
     pace: Option<f64>,
     /// Hold simulated time at the start, until `motorium step`

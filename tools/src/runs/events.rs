@@ -2,6 +2,7 @@
 
 use motorium::launcher::Event;
 use motorium::plan::ClockKind;
+use motorium::region::Latch;
 
 use crate::style;
 
@@ -48,6 +49,17 @@ pub(crate) fn event_line(event: &Event<'_>) -> Option<String> {
                 parts.join("; ")
             )
         }
+        Event::Stopped { latch, cause } => {
+            let first = match latch {
+                Latch::EmergencyStop => "release the emergency stop, then ",
+                Latch::Stop | Latch::SafeState => "",
+            };
+            format!(
+                "{} the robot stays in its safe state, {cause}; to go on: {first}`motorium resume`",
+                style::warning("stopped:")
+            )
+        }
+        Event::Resumed => "resumed: the robot comes back to its commands".to_string(),
         Event::LosesSteps { component, share } => format!(
             "{} `{component}` lost {:.1} % of its steps in the last second",
             style::warning("warning:"),

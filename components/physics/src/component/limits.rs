@@ -46,3 +46,34 @@ fn default_gains(effort_limit: f64) -> (f64, f64) {
     let kp = if effort_limit.is_finite() { 20.0 * effort_limit } else { 1000.0 };
     (kp, 0.1 * kp)
 }
+
+#[cfg(test)]
+mod tests {
+    use motorium_robots::catalogue;
+
+    use super::*;
+
+    #[test]
+    fn the_gains_of_every_robot_of_the_catalogue_pass_the_command_gate() {
+        let mut robots = 0;
+        for entry in catalogue() {
+            let robot = motorium_robots::load(entry.name, std::path::Path::new(".")).expect("it loads");
+            let Ok(gains) = entry.profile.gains(&robot.model) else { continue };
+            robots += 1;
+            for (i, effort) in robot.model.effort_limit().iter().enumerate() {
+                let velocity = robot.model.velocity_limit()[i];
+                let limits = JointLimits { velocity, ..JointLimits::new("joint") }.with_effort(effort.abs());
+                // twice the gain, as far as `kp_scale` goes
+                let passes = 2.0 * gains.kp[i] <= limits.max_kp && 2.0 * gains.kd[i] <= limits.max_kd;
+                assert!(
+                    passes,
+                    "{} joint {i}: {limits:?}, gains {} and {}",
+                    entry.name, gains.kp[i], gains.kd[i]
+                );
+                let (kp, kd) = default_gains(effort.abs());
+                assert!(kp <= limits.max_kp && kd <= limits.max_kd, "{} joint {i}: {limits:?}", entry.name);
+            }
+        }
+        assert!(robots > 15, "{robots} robots");
+    }
+}

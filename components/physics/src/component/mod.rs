@@ -61,6 +61,8 @@ struct Actuated {
     gate: CommandGate,
     /// Steps in the safe state.
     safe: u64,
+    /// Steps on the way back from it.
+    resuming: u64,
 }
 
 /// Counts of the whole run.
@@ -127,6 +129,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
                 drives: robot.drives,
                 gate,
                 safe: 0,
+                resuming: 0,
             });
         }
         Ok(Self {
@@ -179,7 +182,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         reset.map_err(|error| StepError::failed(error.to_string()))?;
         self.robots.iter_mut().for_each(|robot| {
             robot.gate.reset();
-            robot.safe = 0;
+            (robot.safe, robot.resuming) = (0, 0);
         });
         (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
@@ -190,6 +193,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let mut result = json!({
             "steps": totals.steps,
             "steps_in_safe_state": self.robots.iter().map(|robot| robot.safe).max(),
+            "steps_resuming": self.robots.iter().map(|robot| robot.resuming).max(),
             "steps_with_saturated_drives": totals.saturated,
             "steps_at_a_joint_limit": totals.at_limit,
             "steps_beyond_a_velocity_limit": totals.overspeed,
@@ -242,6 +246,7 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
             };
             let verdict = robot.gate.check(&mut robot.command, measured);
             robot.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
+            robot.resuming += u64::from(verdict == Verdict::Resuming);
             let commands = &mut simulation.commands_mut()[drives];
             for (command, setpoint) in commands.iter_mut().zip(robot.gate.setpoints()) {
                 let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } =

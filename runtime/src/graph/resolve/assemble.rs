@@ -44,7 +44,7 @@ impl Parts<'_, '_> {
             clock: good_or(&graph.clock, defaults::CLOCK),
             duration_ns: good(&graph.duration).map(|duration| duration.ns),
             seed,
-            episodes: good(&graph.episodes).map(|table| episodes(table)),
+            episodes: good(&graph.episodes).map(episodes),
             components: components.collect::<Option<_>>()?,
             topics: topics.collect::<Option<_>>()?,
             latencies: self.latencies.plans,

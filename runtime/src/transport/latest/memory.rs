@@ -145,7 +145,7 @@ pub(crate) struct TopicMemory {
     base: NonNull<u8>,
     dimensions: Dimensions,
     /// Episodes begun as this component has seen them: a reader drops what it holds from another one.
-    era: Cell<u32>,
+    pub(super) era: Cell<u32>,
     _storage: Storage,
 }
 
@@ -187,24 +187,6 @@ impl TopicMemory {
         let fits = storage.size() >= (base - address).saturating_add(dimensions.bytes());
         let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
         Some(Self { base, dimensions, era: Cell::new(0), _storage: storage })
-    }
-
-    /// Episodes begun, as the component of this mapping has seen them.
-    #[inline]
-    pub(crate) fn era(&self) -> u32 {
-        self.era.get()
-    }
-
-    /// Begins an episode for the component of this mapping.
-    pub(crate) fn begin_era(&self) {
-        self.era.set(self.era.get().wrapping_add(1));
-    }
-
-    /// Takes back all publications, for a new episode: while nobody publishes and nobody but taps reads.
-    pub(crate) fn clear(&self) {
-        (0..self.dimensions.slots).for_each(|slot| self.mark(slot).store(0, Relaxed));
-        self.head().times.iter().for_each(|time| time.store(0, Relaxed));
-        self.head().newest.store(0, Release);
     }
 
     /// Has the system find every page now.

@@ -71,7 +71,7 @@ const BOUNDS: [Bound; 6] = [
 
 /// Result for one bound.
 #[derive(Debug, PartialEq)]
-struct Judged {
+struct MeasuredBound {
     /// The median of the rounds.
     ratio: f64,
     rounds: Vec<f64>,
@@ -79,13 +79,13 @@ struct Judged {
 }
 
 /// Takes rounds until the median of enough of them is decided.
-fn judge<E>(at_most: f64, mut round: impl FnMut() -> Result<f64, E>) -> Result<Judged, E> {
+fn measure_bound<E>(at_most: f64, mut round: impl FnMut() -> Result<f64, E>) -> Result<MeasuredBound, E> {
     let mut rounds = Vec::new();
     while rounds.len() < ROUNDS || (rounds.len() < ROUNDS + MORE_ROUNDS && middle(&rounds) > at_most) {
         rounds.push(round()?);
     }
     let ratio = middle(&rounds);
-    Ok(Judged { ratio, rounds, held: ratio <= at_most })
+    Ok(MeasuredBound { ratio, rounds, held: ratio <= at_most })
 }
 
 /// Measures, and compares with the bounds.
@@ -103,7 +103,7 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
         loader: bench.loader.clone(),
     };
     let mut failed = false;
-    // Bounds of the same pair are judged from the same rounds.
+    // Bounds of the same pair are checked from the same rounds.
     for bounds in BOUNDS.chunk_by(|one, next| (one.of, one.to) == (next.of, next.to)) {
         let mut taken: Vec<[Measurement; 2]> = Vec::new();
         for bound in bounds {
@@ -112,7 +112,7 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
                 continue;
             }
             let mut next = 0;
-            let judged = judge(bound.at_most, || {
+            let measured = measure_bound(bound.at_most, || {
                 if next == taken.len() {
                     taken.push(pair(&bench, bound)?);
                 }
@@ -120,13 +120,13 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
                 next += 1;
                 Ok::<_, MeasureError>(ratio(&ours.ns, &floor.ns, bound.share))
             })?;
-            let verdict = if judged.held { style::good("held") } else { style::error("slower") };
-            failed |= !judged.held;
-            let all: Vec<String> = judged.rounds.iter().map(|ratio| format!("{ratio:.4}")).collect();
+            let verdict = if measured.held { style::good("held") } else { style::error("slower") };
+            failed |= !measured.held;
+            let all: Vec<String> = measured.rounds.iter().map(|ratio| format!("{ratio:.4}")).collect();
             outln!(
                 "{verdict} {}: {:.4}, at most {} (rounds: {})",
                 bound.what,
-                judged.ratio,
+                measured.ratio,
                 bound.at_most,
                 all.join(" ")
             );
@@ -161,9 +161,9 @@ mod tests {
     use super::*;
 
     /// The verdict on rounds with these results, one after the other.
-    fn judged(at_most: f64, rounds: &[f64]) -> Judged {
+    fn measured(at_most: f64, rounds: &[f64]) -> MeasuredBound {
         let mut rounds = rounds.iter().copied();
-        judge(at_most, || rounds.next().ok_or("no more rounds than needed")).unwrap()
+        measure_bound(at_most, || rounds.next().ok_or("no more rounds than needed")).unwrap()
     }
 
     #[test]
@@ -174,15 +174,15 @@ mod tests {
 
     #[test]
     fn two_disturbed_rounds_of_five_do_not_fail_it() {
-        let seen = judged(1.8, &[1.1, 50.0, 1.2, 50.0, 1.1]);
+        let seen = measured(1.8, &[1.1, 50.0, 1.2, 50.0, 1.1]);
         assert!(seen.held && seen.rounds.len() == 5, "{seen:?}");
     }
 
     #[test]
     fn where_five_rounds_are_too_slow_more_are_taken_before_it_fails() {
-        let noise = judged(1.8, &[2.0, 2.0, 2.0, 1.1, 1.1, 1.1, 1.2]);
+        let noise = measured(1.8, &[2.0, 2.0, 2.0, 1.1, 1.1, 1.1, 1.2]);
         assert!(noise.held && noise.rounds.len() == 7, "{noise:?}");
-        let slow = judged(1.8, &[2.0; 9]);
+        let slow = measured(1.8, &[2.0; 9]);
         assert!(!slow.held && slow.rounds.len() == 9, "{slow:?}");
     }
 

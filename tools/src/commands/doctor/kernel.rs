@@ -27,14 +27,14 @@ pub(super) fn check() -> Vec<Finding> {
     );
     let resolution = rustix::time::clock_getres(rustix::time::ClockId::Monotonic);
     vec![
-        judge_version(&version),
-        judge_preemption(preemption),
-        judge_resolution(resolution.tv_sec as u64 * 1_000_000_000 + resolution.tv_nsec as u64),
-        judge_clock_source(
+        check_version(&version),
+        check_preemption(preemption),
+        check_resolution(resolution.tv_sec as u64 * 1_000_000_000 + resolution.tv_nsec as u64),
+        check_clock_source(
             &read("/sys/devices/system/clocksource/clocksource0/current_clocksource").unwrap_or_default(),
             &read("/sys/devices/system/clocksource/clocksource0/available_clocksource").unwrap_or_default(),
         ),
-        judge_throttling(
+        check_throttling(
             &read("/proc/sys/kernel/sched_rt_runtime_us").unwrap_or_default(),
             &read("/proc/sys/kernel/sched_rt_period_us").unwrap_or_default(),
         ),
@@ -57,7 +57,7 @@ fn release(version: &str) -> Option<&str> {
     version.split_whitespace().nth(2)
 }
 
-fn judge_version(version: &str) -> Finding {
+fn check_version(version: &str) -> Finding {
     let Some(release) = release(version) else {
         return Finding::warn("kernel", "its version cannot be read", "is /proc mounted?");
     };
@@ -118,7 +118,7 @@ fn preemption(
     }
 }
 
-fn judge_preemption(preemption: Preemption) -> Finding {
+fn check_preemption(preemption: Preemption) -> Finding {
     let name = "preemption";
     let better = "boot with preempt=full on the kernel command line, or install a PREEMPT_RT kernel \
                   (Debian: sudo apt install linux-image-rt-amd64)";
@@ -137,7 +137,7 @@ fn judge_preemption(preemption: Preemption) -> Finding {
     Finding::warn(name, found, better)
 }
 
-fn judge_resolution(resolution_ns: u64) -> Finding {
+fn check_resolution(resolution_ns: u64) -> Finding {
     let name = "timers";
     if resolution_ns <= 1_000 {
         return Finding::pass(name, format!("high resolution ({resolution_ns} ns)"));
@@ -150,7 +150,7 @@ fn judge_resolution(resolution_ns: u64) -> Finding {
     )
 }
 
-fn judge_clock_source(current: &str, available: &str) -> Finding {
+fn check_clock_source(current: &str, available: &str) -> Finding {
     let name = "clock source";
     match current {
         "tsc" | "arch_sys_counter" | "riscv_clocksource" => Finding::pass(name, current),
@@ -170,7 +170,7 @@ fn judge_clock_source(current: &str, available: &str) -> Finding {
     }
 }
 
-fn judge_throttling(runtime: &str, period: &str) -> Finding {
+fn check_throttling(runtime: &str, period: &str) -> Finding {
     let name = "throttling";
     let (Ok(runtime), Ok(period)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
         return Finding::warn(name, "unknown: sched_rt_runtime_us cannot be read", "is /proc mounted?");
@@ -235,10 +235,10 @@ mod tests {
 
     #[test]
     fn only_a_kernel_that_preempts_passes() {
-        assert_eq!(judge_preemption(Preemption::Realtime).verdict, Verdict::Pass);
-        assert_eq!(judge_preemption(Preemption::Full).verdict, Verdict::Pass);
+        assert_eq!(check_preemption(Preemption::Realtime).verdict, Verdict::Pass);
+        assert_eq!(check_preemption(Preemption::Full).verdict, Verdict::Pass);
         for other in [Preemption::Lazy, Preemption::Voluntary, Preemption::None, Preemption::Unknown] {
-            let finding = judge_preemption(other);
+            let finding = check_preemption(other);
             assert_eq!(finding.verdict, Verdict::Warn);
             assert!(finding.fix.unwrap().contains("preempt=full"));
         }
@@ -246,36 +246,36 @@ mod tests {
 
     #[test]
     fn a_kernel_too_old_for_pidfds_fails() {
-        assert_eq!(judge_version("Linux version 4.19.0-27-amd64 (x)").verdict, Verdict::Fail);
-        assert_eq!(judge_version("Linux version 5.4.0 (x)").verdict, Verdict::Pass);
-        assert_eq!(judge_version(DYNAMIC), Finding::pass("kernel", "Linux 6.18.1"));
-        assert_eq!(judge_version("").verdict, Verdict::Warn);
+        assert_eq!(check_version("Linux version 4.19.0-27-amd64 (x)").verdict, Verdict::Fail);
+        assert_eq!(check_version("Linux version 5.4.0 (x)").verdict, Verdict::Pass);
+        assert_eq!(check_version(DYNAMIC), Finding::pass("kernel", "Linux 6.18.1"));
+        assert_eq!(check_version("").verdict, Verdict::Warn);
     }
 
     #[test]
     fn timers_of_the_tick_fail() {
-        assert_eq!(judge_resolution(1).verdict, Verdict::Pass);
-        assert_eq!(judge_resolution(4_000_000).verdict, Verdict::Fail);
+        assert_eq!(check_resolution(1).verdict, Verdict::Pass);
+        assert_eq!(check_resolution(4_000_000).verdict, Verdict::Fail);
     }
 
     #[test]
     fn a_slow_clock_source_is_told_with_the_way_back_to_the_fast_one() {
-        assert_eq!(judge_clock_source("tsc", "tsc hpet").verdict, Verdict::Pass);
-        let finding = judge_clock_source("hpet", "hpet tsc acpi_pm");
+        assert_eq!(check_clock_source("tsc", "tsc hpet").verdict, Verdict::Pass);
+        let finding = check_clock_source("hpet", "hpet tsc acpi_pm");
         assert_eq!(finding.verdict, Verdict::Warn);
         assert!(finding.fix.unwrap().starts_with("echo tsc"));
-        assert!(judge_clock_source("acpi_pm", "acpi_pm").fix.unwrap().contains("tsc=reliable"));
+        assert!(check_clock_source("acpi_pm", "acpi_pm").fix.unwrap().contains("tsc=reliable"));
     }
 
     #[test]
     fn throttling_is_told_in_percent_and_milliseconds() {
-        let usual = judge_throttling("950000", "1000000");
+        let usual = check_throttling("950000", "1000000");
         assert_eq!(usual.verdict, Verdict::Warn);
         assert!(usual.found.contains("95 %") && usual.found.contains("50 ms"), "{}", usual.found);
-        assert_eq!(judge_throttling("-1", "1000000").verdict, Verdict::Pass);
-        assert_eq!(judge_throttling("1000000", "1000000").verdict, Verdict::Pass);
-        assert_eq!(judge_throttling("0", "1000000").verdict, Verdict::Fail);
-        assert_eq!(judge_throttling("100000", "1000000").verdict, Verdict::Fail);
-        assert_eq!(judge_throttling("", "").verdict, Verdict::Warn);
+        assert_eq!(check_throttling("-1", "1000000").verdict, Verdict::Pass);
+        assert_eq!(check_throttling("1000000", "1000000").verdict, Verdict::Pass);
+        assert_eq!(check_throttling("0", "1000000").verdict, Verdict::Fail);
+        assert_eq!(check_throttling("100000", "1000000").verdict, Verdict::Fail);
+        assert_eq!(check_throttling("", "").verdict, Verdict::Warn);
     }
 }

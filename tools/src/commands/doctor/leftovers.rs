@@ -62,9 +62,9 @@ impl Leftovers {
 
     pub(super) fn findings(&self, removed: &[PathBuf]) -> Vec<Finding> {
         vec![
-            judge_place(RunFolder::place()),
-            judge_own(&self.runs, &self.objects, removed),
-            judge_foreign(&self.foreign),
+            check_place(RunFolder::place()),
+            check_own(&self.runs, &self.objects, removed),
+            check_foreign(&self.foreign),
         ]
     }
 }
@@ -111,7 +111,7 @@ fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
     objects.into_iter().filter(|path| !is_known(path)).collect()
 }
 
-fn judge_place(place: Result<PathBuf, RunFolderError>) -> Finding {
+fn check_place(place: Result<PathBuf, RunFolderError>) -> Finding {
     let name = "runs";
     match place {
         Ok(place) => Finding::pass(name, format!("in {}, private to this user", place.display())),
@@ -122,7 +122,7 @@ fn judge_place(place: Result<PathBuf, RunFolderError>) -> Finding {
     }
 }
 
-fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Finding {
+fn check_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Finding {
     let name = "leftovers";
     let gone = match removed.len() {
         0 => String::new(),
@@ -143,7 +143,7 @@ fn judge_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Fi
     )
 }
 
-fn judge_foreign(foreign: &[PathBuf]) -> Finding {
+fn check_foreign(foreign: &[PathBuf]) -> Finding {
     let name = "other iceoryx2";
     let Some(first) = foreign.first() else {
         return Finding::pass(name, "no shared memory of other programs");
@@ -221,10 +221,10 @@ mod tests {
             found: "open to other users (mode 777)".into(),
             advice: "chmod 700".into(),
         };
-        let finding = judge_place(Err(open));
+        let finding = check_place(Err(open));
         assert_eq!((finding.verdict, finding.fix.as_deref()), (Verdict::Fail, Some("chmod 700")));
         assert!(finding.found.contains("/dev/shm/motorium-7 is open to other users"), "{}", finding.found);
-        assert_eq!(judge_place(Ok("/dev/shm/motorium-7".into())).verdict, Verdict::Pass);
+        assert_eq!(check_place(Ok("/dev/shm/motorium-7".into())).verdict, Verdict::Pass);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::read;
 pub(super) fn check() -> Vec<Finding> {
     let governors: Vec<String> = online_cores().into_iter().filter_map(governor).collect();
     vec![
-        judge_virtual(
+        check_virtual(
             is_virtual(),
             &[read("/sys/class/dmi/id/sys_vendor"), read("/sys/class/dmi/id/product_name")]
                 .map(Option::unwrap_or_default),
@@ -22,10 +22,10 @@ pub(super) fn check() -> Vec<Finding> {
                 .iter()
                 .any(|file| Path::new(file).exists()),
         ),
-        judge_cores(&online_cores(), &isolated_cores(), &tickless_cores()),
-        judge_siblings(read("/sys/devices/system/cpu/smt/active").as_deref()),
-        judge_governors(&governors),
-        judge_idle(
+        check_cores(&online_cores(), &isolated_cores(), &tickless_cores()),
+        check_siblings(read("/sys/devices/system/cpu/smt/active").as_deref()),
+        check_governors(&governors),
+        check_idle(
             &idle_states(Path::new("/sys/devices/system/cpu/cpu0/cpuidle")),
             latency_limit(),
             IdleLimit::hold(Duration::from_secs(1)).is_ok(),
@@ -33,7 +33,7 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-fn judge_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Finding {
+fn check_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Finding {
     let name = "machine";
     let inside = if container { ", in a container" } else { "" };
     if hypervisor {
@@ -53,7 +53,7 @@ fn judge_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Fi
     Finding::pass(name, format!("not virtual{inside}"))
 }
 
-fn judge_cores(online: &[usize], isolated: &[usize], tickless: &[usize]) -> Finding {
+fn check_cores(online: &[usize], isolated: &[usize], tickless: &[usize]) -> Finding {
     let name = "cores";
     let Some(last) = online.last() else {
         return Finding::warn(name, "cannot be counted", "is /sys mounted?");
@@ -74,7 +74,7 @@ fn judge_cores(online: &[usize], isolated: &[usize], tickless: &[usize]) -> Find
     Finding::pass(name, format!("{}, isolated {}{tick} ({advice})", online.len(), list(isolated)))
 }
 
-fn judge_siblings(active: Option<&str>) -> Finding {
+fn check_siblings(active: Option<&str>) -> Finding {
     let name = "hyper-threads";
     match active {
         Some("1") => Finding::warn(
@@ -86,7 +86,7 @@ fn judge_siblings(active: Option<&str>) -> Finding {
     }
 }
 
-fn judge_governors(governors: &[String]) -> Finding {
+fn check_governors(governors: &[String]) -> Finding {
     let name = "governor";
     let slow: Vec<&str> =
         governors.iter().map(String::as_str).filter(|governor| *governor != "performance").collect();
@@ -130,7 +130,7 @@ fn latency_limit() -> Option<u64> {
 }
 
 /// `may_limit`: whether this user may keep cores from idle states, as graphs do while they run.
-fn judge_idle(states: &[IdleState], limit_us: Option<u64>, may_limit: bool) -> Finding {
+fn check_idle(states: &[IdleState], limit_us: Option<u64>, may_limit: bool) -> Finding {
     let name = "idle states";
     let allowed = states.iter().filter(|state| limit_us.is_none_or(|limit| state.latency_us <= limit));
     let limit = match limit_us {
@@ -160,47 +160,47 @@ mod tests {
 
     #[test]
     fn a_hypervisor_is_a_warning_and_named_if_it_says_its_name() {
-        let named = judge_virtual(true, &["QEMU".into(), "Standard PC".into()], false);
+        let named = check_virtual(true, &["QEMU".into(), "Standard PC".into()], false);
         assert_eq!(named.verdict, Verdict::Warn);
         assert!(named.found.starts_with("virtual (QEMU Standard PC):"), "{}", named.found);
-        let container = judge_virtual(true, &[String::new(), String::new()], true);
+        let container = check_virtual(true, &[String::new(), String::new()], true);
         assert!(container.found.starts_with("virtual, in a container:"), "{}", container.found);
-        let real = judge_virtual(false, &["Dell".into(), "XPS".into()], false);
+        let real = check_virtual(false, &["Dell".into(), "XPS".into()], false);
         assert_eq!(real, Finding::pass("machine", "not virtual"));
     }
 
     #[test]
     fn without_isolation_the_last_core_is_proposed_as_graphs_choose_it_too() {
-        let finding = judge_cores(&[0, 1, 2, 3], &[], &[]);
+        let finding = check_cores(&[0, 1, 2, 3], &[], &[]);
         assert_eq!(finding.verdict, Verdict::Warn);
         assert_eq!(finding.fix.unwrap(), "boot with isolcpus=3 nohz_full=3 rcu_nocbs=3 irqaffinity=0");
-        let isolated = judge_cores(&[0, 1, 2, 3], &[2, 3], &[2, 3]);
+        let isolated = check_cores(&[0, 1, 2, 3], &[2, 3], &[2, 3]);
         assert_eq!(isolated.verdict, Verdict::Pass);
         assert!(isolated.found.contains("isolated 2,3, without tick"), "{}", isolated.found);
-        assert_eq!(judge_cores(&[0], &[], &[]).verdict, Verdict::Warn);
+        assert_eq!(check_cores(&[0], &[], &[]).verdict, Verdict::Warn);
     }
 
     #[test]
     fn one_core_that_is_not_at_full_speed_is_enough_for_a_warning() {
         let governors = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
-        assert_eq!(judge_governors(&governors(&["performance", "performance"])).verdict, Verdict::Pass);
-        let mixed = judge_governors(&governors(&["performance", "powersave"]));
+        assert_eq!(check_governors(&governors(&["performance", "performance"])).verdict, Verdict::Pass);
+        let mixed = check_governors(&governors(&["performance", "powersave"]));
         assert_eq!(mixed.verdict, Verdict::Warn);
         assert!(mixed.found.contains("powersave on 1 cores"), "{}", mixed.found);
-        assert_eq!(judge_governors(&[]).verdict, Verdict::Pass);
+        assert_eq!(check_governors(&[]).verdict, Verdict::Pass);
     }
 
     #[test]
     fn deep_idle_states_are_a_warning_unless_they_are_forbidden_or_graphs_may_forbid_them() {
         let states = [("POLL", 0), ("C1", 2), ("C6", 133)]
             .map(|(name, latency_us)| IdleState { name: name.into(), latency_us });
-        let free = judge_idle(&states, Some(2_000_000_000), false);
+        let free = check_idle(&states, Some(2_000_000_000), false);
         assert_eq!(free.verdict, Verdict::Warn);
         assert!(free.found.contains("C6") && free.fix.unwrap().contains("cpu_dma_latency"));
-        assert_eq!(judge_idle(&states, Some(2_000_000_000), true).verdict, Verdict::Pass);
-        assert_eq!(judge_idle(&states, Some(0), false).verdict, Verdict::Pass);
-        assert_eq!(judge_idle(&states[..2], None, false).verdict, Verdict::Pass);
-        assert_eq!(judge_idle(&[], None, false).verdict, Verdict::Pass);
+        assert_eq!(check_idle(&states, Some(2_000_000_000), true).verdict, Verdict::Pass);
+        assert_eq!(check_idle(&states, Some(0), false).verdict, Verdict::Pass);
+        assert_eq!(check_idle(&states[..2], None, false).verdict, Verdict::Pass);
+        assert_eq!(check_idle(&[], None, false).verdict, Verdict::Pass);
     }
 
     #[test]

@@ -19,13 +19,13 @@ pub(super) fn check() -> Vec<Finding> {
     let writable = rustix::fs::access(SHARED, Access::READ_OK | Access::WRITE_OK | Access::EXEC_OK).is_ok();
     let free = rustix::fs::statvfs(SHARED).map(|stat| (stat.f_bavail * stat.f_frsize) >> 20).unwrap_or(0);
     vec![
-        judge_shared(mode, writable, free),
-        judge_swap(&read("/proc/swaps").unwrap_or_default()),
-        judge_huge_pages(read("/sys/kernel/mm/transparent_hugepage/enabled").as_deref()),
+        check_shared(mode, writable, free),
+        check_swap(&read("/proc/swaps").unwrap_or_default()),
+        check_huge_pages(read("/sys/kernel/mm/transparent_hugepage/enabled").as_deref()),
     ]
 }
 
-fn judge_shared(mode: Option<u32>, writable: bool, free_mib: u64) -> Finding {
+fn check_shared(mode: Option<u32>, writable: bool, free_mib: u64) -> Finding {
     let name = "shared memory";
     let Some(mode) = mode else {
         let fix = "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm";
@@ -51,7 +51,7 @@ fn judge_shared(mode: Option<u32>, writable: bool, free_mib: u64) -> Finding {
     }
 }
 
-fn judge_swap(swaps: &str) -> Finding {
+fn check_swap(swaps: &str) -> Finding {
     let name = "swap";
     // the first line is a heading
     let areas: Vec<&str> = swaps.lines().skip(1).filter_map(|line| line.split_whitespace().next()).collect();
@@ -62,7 +62,7 @@ fn judge_swap(swaps: &str) -> Finding {
     Finding::warn(name, found, "sudo swapoff -a")
 }
 
-fn judge_huge_pages(enabled: Option<&str>) -> Finding {
+fn check_huge_pages(enabled: Option<&str>) -> Finding {
     let name = "huge pages";
     let chosen = enabled.and_then(|text| text.split_once('[')?.1.split_once(']')).map(|(chosen, _)| chosen);
     match chosen {
@@ -83,31 +83,31 @@ mod tests {
 
     #[test]
     fn shared_memory_must_be_there_writable_and_large_enough() {
-        assert_eq!(judge_shared(Some(0o1777), true, 24_000).verdict, Verdict::Pass);
-        assert_eq!(judge_shared(None, false, 0).verdict, Verdict::Fail);
-        let closed = judge_shared(Some(0o755), false, 24_000);
+        assert_eq!(check_shared(Some(0o1777), true, 24_000).verdict, Verdict::Pass);
+        assert_eq!(check_shared(None, false, 0).verdict, Verdict::Fail);
+        let closed = check_shared(Some(0o755), false, 24_000);
         assert_eq!(
             (closed.verdict, closed.fix.as_deref()),
             (Verdict::Fail, Some("sudo chmod 1777 /dev/shm"))
         );
-        assert_eq!(judge_shared(Some(0o777), true, 24_000).verdict, Verdict::Warn);
-        assert_eq!(judge_shared(Some(0o1777), true, 63).verdict, Verdict::Warn);
-        assert_eq!(judge_shared(Some(0o1777), true, 3).verdict, Verdict::Fail);
+        assert_eq!(check_shared(Some(0o777), true, 24_000).verdict, Verdict::Warn);
+        assert_eq!(check_shared(Some(0o1777), true, 63).verdict, Verdict::Warn);
+        assert_eq!(check_shared(Some(0o1777), true, 3).verdict, Verdict::Fail);
     }
 
     #[test]
     fn swap_areas_are_named() {
         let heading = "Filename\t\t\t\tType\t\tSize\t\tUsed\t\tPriority\n";
-        assert_eq!(judge_swap(heading).verdict, Verdict::Pass);
-        let used = judge_swap(&format!("{heading}/dev/sda2 partition 999 0 -2\n/swapfile file 99 0 -3\n"));
+        assert_eq!(check_swap(heading).verdict, Verdict::Pass);
+        let used = check_swap(&format!("{heading}/dev/sda2 partition 999 0 -2\n/swapfile file 99 0 -3\n"));
         assert_eq!(used.verdict, Verdict::Warn);
         assert!(used.found.starts_with("/dev/sda2, /swapfile:"), "{}", used.found);
     }
 
     #[test]
     fn huge_pages_made_unasked_are_a_warning() {
-        assert_eq!(judge_huge_pages(Some("[always] madvise never")).verdict, Verdict::Warn);
-        assert_eq!(judge_huge_pages(Some("always [madvise] never")), Finding::pass("huge pages", "madvise"));
-        assert_eq!(judge_huge_pages(None).verdict, Verdict::Pass);
+        assert_eq!(check_huge_pages(Some("[always] madvise never")).verdict, Verdict::Warn);
+        assert_eq!(check_huge_pages(Some("always [madvise] never")), Finding::pass("huge pages", "madvise"));
+        assert_eq!(check_huge_pages(None).verdict, Verdict::Pass);
     }
 }

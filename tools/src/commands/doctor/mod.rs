@@ -83,7 +83,7 @@ fn examine(time: Duration, clean: bool) -> Examination {
         format!("{} (all programs of a graph need this one)", PackageVersion::get()),
     ));
     let wakeup = (!time.is_zero()).then(|| wakeup::measure(time)).flatten();
-    findings.extend(wakeup.as_ref().map(wakeup::judge));
+    findings.extend(wakeup.as_ref().map(wakeup::check));
     let fit = findings.iter().all(|finding| finding.verdict != Verdict::Fail);
     Examination { fit, findings, wakeup, removed }
 }

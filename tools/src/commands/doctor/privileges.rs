@@ -27,10 +27,10 @@ pub(super) fn check() -> Vec<Finding> {
         files: getrlimit(Resource::Nofile).current,
     };
     vec![
-        judge_fifo(&try_fifo(), capabilities & 1 << SYS_NICE != 0),
-        judge_deadline(&try_deadline()),
-        judge_memory(&try_locking()),
-        judge_limits(&limits, capabilities),
+        check_fifo(&try_fifo(), capabilities & 1 << SYS_NICE != 0),
+        check_deadline(&try_deadline()),
+        check_memory(&try_locking()),
+        check_limits(&limits, capabilities),
     ]
 }
 
@@ -51,7 +51,7 @@ fn try_fifo() -> Result<u8, String> {
     }
 }
 
-fn judge_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
+fn check_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
     let name = "SCHED_FIFO";
     match tried {
         Ok(priority) => Finding::pass(name, format!("granted and read back (priority {priority})")),
@@ -81,7 +81,7 @@ fn try_deadline() -> Result<(), String> {
     }
 }
 
-fn judge_deadline(tried: &Result<(), String>) -> Finding {
+fn check_deadline(tried: &Result<(), String>) -> Finding {
     let name = "SCHED_DEADLINE";
     match tried {
         Ok(()) => Finding::pass(name, "granted and read back"),
@@ -105,7 +105,7 @@ fn try_locking() -> Result<(), String> {
     }
 }
 
-fn judge_memory(tried: &Result<(), String>) -> Finding {
+fn check_memory(tried: &Result<(), String>) -> Finding {
     let name = "locked memory";
     match tried {
         Ok(()) => Finding::pass(name, "granted and read back"),
@@ -129,7 +129,7 @@ fn effective_capabilities(status: &str) -> u64 {
     line.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
-fn judge_limits(limits: &Limits, capabilities: u64) -> Finding {
+fn check_limits(limits: &Limits, capabilities: u64) -> Finding {
     let name = "limits";
     let has = |capability: u32| capabilities & 1 << capability != 0;
     let number =
@@ -169,28 +169,28 @@ mod tests {
     #[test]
     fn low_limits_are_a_warning_unless_a_capability_passes_over_them() {
         let limits = Limits { priority: Some(0), memory: Some(8 << 20), files: Some(20_000) };
-        let user = judge_limits(&limits, 0);
+        let user = check_limits(&limits, 0);
         assert_eq!(user.verdict, Verdict::Warn);
         assert_eq!(user.found, "rtprio 0, memlock 8192 kB, nofile 20000");
         assert!(user.fix.unwrap().contains("limits.d"));
-        let root = judge_limits(&limits, u64::MAX);
+        let root = check_limits(&limits, u64::MAX);
         assert_eq!(root.verdict, Verdict::Pass);
         assert!(root.found.ends_with("(passed over by CAP_SYS_NICE and CAP_IPC_LOCK)"), "{}", root.found);
         let raised = Limits { priority: Some(98), memory: None, files: None };
-        assert_eq!(judge_limits(&raised, 0).verdict, Verdict::Pass);
+        assert_eq!(check_limits(&raised, 0).verdict, Verdict::Pass);
         let few = Limits { files: Some(256), ..raised };
-        assert_eq!(judge_limits(&few, 0).verdict, Verdict::Warn);
+        assert_eq!(check_limits(&few, 0).verdict, Verdict::Warn);
     }
 
     #[test]
     fn a_denied_priority_says_whether_the_user_or_the_control_group_is_at_fault() {
         let denied = Err("Operation not permitted".to_string());
-        let user = judge_fifo(&denied, false);
+        let user = check_fifo(&denied, false);
         assert_eq!(user.verdict, Verdict::Fail);
         assert!(user.fix.unwrap().contains("rtprio"));
-        let group = judge_fifo(&denied, true);
+        let group = check_fifo(&denied, true);
         assert!(group.found.contains("control group") && group.fix.unwrap().contains("cpu.rt_runtime_us"));
-        assert_eq!(judge_fifo(&Ok(80), false).verdict, Verdict::Pass);
+        assert_eq!(check_fifo(&Ok(80), false).verdict, Verdict::Pass);
     }
 
     /// The scheduling policy out of `/proc/thread-self/stat`: its field 41, as `proc(5)` counts them.

@@ -46,7 +46,7 @@ pub(super) fn measure(time: Duration) -> Option<Measured> {
     })
 }
 
-pub(super) fn judge(measured: &Measured) -> Finding {
+pub(super) fn check(measured: &Measured) -> Finding {
     let name = "wake-up";
     let late = measured.lateness_ns;
     let how = match measured.fifo_priority {
@@ -87,9 +87,9 @@ mod tests {
 
     #[test]
     fn a_tenth_of_the_period_is_the_measure() {
-        assert_eq!(judge(&measured(38_000, 99_000)).verdict, Verdict::Pass);
-        assert_eq!(judge(&measured(38_000, 101_000)).verdict, Verdict::Warn);
-        assert_eq!(judge(&measured(101_000, 300_000)).verdict, Verdict::Fail);
+        assert_eq!(check(&measured(38_000, 99_000)).verdict, Verdict::Pass);
+        assert_eq!(check(&measured(38_000, 101_000)).verdict, Verdict::Warn);
+        assert_eq!(check(&measured(101_000, 300_000)).verdict, Verdict::Fail);
     }
 
     #[test]

@@ -1,0 +1,92 @@
+//! Stops of the robot while the graph runs, as events: `motorium stop --now`, emergency stops, latched safe states.
+
+use super::{Event, Launch};
+use crate::plan::{EMERGENCY_STOP_PORT, Plan};
+use crate::region::{Latch, Region};
+
+impl Launch {
+    /// Tells of a stop that began or ended since the last call.
+    pub(super) fn tell_stops(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let stop = current(&self.plan, &self.region);
+        if stop == self.stop {
+            return;
+        }
+        match stop {
+            Some((latch, component)) => {
+                let cause = cause(&self.plan, latch, component);
+                observe(Event::Stopped { latch, cause: &cause });
+            }
+            None => observe(Event::Resumed),
+        }
+        self.stop = stop;
+    }
+}
+
+/// A stop, and the index of the actuator that latched it, if it was one.
+pub(super) type Stop = (Latch, Option<usize>);
+
+/// The stop of the whole run, or else that of the first actuator whose gate is latched.
+fn current(plan: &Plan, region: &Region) -> Option<Stop> {
+    if let Some(latch) = region.header().latched() {
+        return Some((latch, None));
+    }
+    let blocks = plan.components.iter().zip(region.components()).enumerate();
+    let mut actuators = blocks.filter(|(_, (component, _))| component.actuator);
+    actuators.find_map(|(index, (_, block))| match block.gate.latch() {
+        // The latch of the whole run in a gate that has not stepped since its release.
+        Some(Latch::SafeState) => Some((Latch::SafeState, Some(index))),
+        _ => None,
+    })
+}
+
+/// Who stopped the robot, as text.
+fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
+    match latch {
+        Latch::Stop => "by `motorium stop --now`".to_string(),
+        Latch::EmergencyStop => {
+            let ports = plan.components.iter().filter(|component| component.actuator).flat_map(|c| &c.inputs);
+            let topic = ports.filter(|port| port.port == EMERGENCY_STOP_PORT).find_map(|port| port.topic);
+            topic.map(|topic| &plan.topics[topic]).map_or_else(
+                || "by an emergency stop".to_string(),
+                |topic| {
+                    let writer = &plan.components[topic.writer].name;
+                    format!("by the emergency stop of `{writer}` on `{}`", topic.name)
+                },
+            )
+        }
+        Latch::SafeState => {
+            let actuator = component.map_or("an actuator", |index| &plan.components[index].name);
+            format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::PortPlan;
+    use crate::schedule::tests::graphs::{When, graph, node};
+
+    #[test]
+    fn who_stopped_the_robot_is_named() {
+        let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("button", When::After(0), 1)];
+        let mut plan = graph(&nodes, 0, &[]);
+        assert_eq!(cause(&plan, Latch::Stop, None), "by `motorium stop --now`");
+        assert_eq!(
+            cause(&plan, Latch::SafeState, Some(0)),
+            "since `physics` entered its safe state and `resume` is \"latch\""
+        );
+        plan.components[0].actuator = true;
+        let topic = plan.topics.iter().position(|topic| topic.writer == 1).expect("it writes one");
+        let port = PortPlan {
+            port: EMERGENCY_STOP_PORT.to_string(),
+            topic: Some(topic),
+            ..plan.components[1].outputs[0].clone()
+        };
+        plan.components[0].inputs.push(port);
+        assert_eq!(
+            cause(&plan, Latch::EmergencyStop, None),
+            "by the emergency stop of `button` on `topic/button`"
+        );
+    }
+}

@@ -1,0 +1,84 @@
+//! Safe states: their entry and their law.
+
+use super::*;
+
+#[test]
+fn the_first_step_of_a_gate_enters_the_safe_state_and_so_does_every_later_outage() {
+    let entered = Verdict::Safe { state: SafeState::Hold, entered: true };
+    let mut arm = arm();
+    assert_eq!(arm.silence(), entered, "whatever the process before it left behind");
+    assert_eq!(arm.silence(), Verdict::Safe { state: SafeState::Hold, entered: false });
+    arm.offer(&command([0.5, -0.5], [0.0; 2]));
+    assert_eq!(arm.silence(), entered);
+    // Of two gates, a fresh one has no say in the other's state.
+    let (mut stale, mut fresh) = (Arm::following(), Arm::following());
+    assert_eq!(stale.silence(), entered);
+    for _ in 0..5 {
+        fresh.offer(&command([0.5, -0.5], [0.0; 2]));
+        assert_eq!(stale.silence(), Verdict::Safe { state: SafeState::Hold, entered: false });
+    }
+}
+
+#[test]
+fn hold_brings_a_moving_joint_to_rest_within_its_acceleration_and_its_range() {
+    let mut arm = Arm::following();
+    (arm.position, arm.velocity) = ([0.5, 1.99], [1.0, 2.0]);
+    arm.silence();
+    let (mut before, mut steps) = (1.0, 0);
+    while arm.gate.setpoints()[0].velocity > 0.0 {
+        let velocity = arm.gate.setpoints()[0].velocity;
+        assert!((before - velocity) / DT <= 7.5 + 1e-9);
+        (before, steps) = (velocity, steps + 1);
+        arm.silence();
+        assert!(steps < 1_000, "it does not come to rest");
+    }
+    let rest = arm.gate.setpoints()[0].position;
+    assert!((0.5..0.62).contains(&rest), "{rest}");
+    assert!(arm.gate.setpoints()[1].position <= 2.0, "the other joint would have passed its stop");
+    arm.silence();
+    assert_eq!(arm.gate.setpoints()[0].position, rest, "it stays there");
+}
+
+#[test]
+fn hold_begins_with_the_effort_of_the_moment_before_and_goes_over_to_gravity() {
+    let mut arm = Arm::following();
+    // The joint lags behind its setpoint by 0.01 rad: its drive pulls with 6 N m more than gravity.
+    arm.position[0] = 0.49;
+    arm.silence();
+    let first = arm.gate.setpoints()[0];
+    assert_eq!(first.position, 0.49);
+    assert!((first.effort_at(0.49, 0.0, 87.0) - 27.0).abs() < 1e-9, "{first:?}");
+    for _ in 0..300 {
+        arm.silence();
+    }
+    let last = arm.gate.setpoints()[0];
+    assert!((last.effort - 21.0).abs() < 1e-3, "{last:?}");
+}
+
+#[test]
+fn each_safe_state_is_entered_by_its_law() {
+    let joint = Joint { position: 0.3, velocity: 0.0, gravity: 21.0 };
+    let limits = &limits()[0];
+    let last = JointSetpoint { kp: 100.0, kd: 5.0, ..JointSetpoint::default() };
+    let law = |state| {
+        let JointSetpoint { position, velocity, effort, kp, kd, .. } = enter(state, &joint, limits, &last);
+        (position, velocity, effort, kp, kd)
+    };
+    assert_eq!(law(SafeState::Hold), (0.3, 0.0, 21.0, 100.0, 5.0));
+    assert_eq!(law(SafeState::Damp), (0.3, 0.0, 0.0, 0.0, 40.0));
+    assert_eq!(law(SafeState::ZeroTorque), (0.3, 0.0, 0.0, 0.0, 0.0));
+    assert_eq!(law(SafeState::Brake), (0.3, 0.0, 21.0, 0.0, 1e6));
+    let braked = enter(SafeState::Brake, &Joint { velocity: 1.0, ..joint }, limits, &last);
+    assert_eq!(stay(SafeState::Brake, &Joint { velocity: 0.5, ..joint }, limits, &braked, DT), braked);
+    let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
+    assert_eq!((stands.position, stands.kp, stands.kd, stands.effort), (0.4, 600.0, 40.0, 21.0));
+}
+
+#[test]
+fn a_reading_that_is_not_a_number_is_never_held() {
+    let mut arm = Arm::following();
+    (arm.position, arm.velocity) = ([f64::NAN, -0.5], [f64::INFINITY, 0.0]);
+    arm.silence();
+    assert_eq!(arm.gate.setpoints()[0].position, 0.5, "the last setpoint");
+    assert_eq!(arm.gate.setpoints()[0].velocity, 0.0);
+}

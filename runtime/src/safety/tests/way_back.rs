@@ -1,0 +1,151 @@
+//! The way back from a safe state to the commands, and latches.
+
+use super::*;
+use crate::region::GateState;
+
+/// Largest velocity and acceleration of each setpoint while the arm goes from its safe state to a command far away, and
+/// the number of steps that took.
+fn return_to(arm: &mut Arm, goal: &JointCommand) -> ([f64; 2], [f64; 2], usize) {
+    let (mut fastest, mut hardest) = ([0.0_f64; 2], [0.0_f64; 2]);
+    let mut before: Vec<JointSetpoint> = arm.gate.setpoints().to_vec();
+    for step in 0..10_000 {
+        let verdict = arm.offer(goal);
+        for (i, setpoint) in arm.gate.setpoints().iter().enumerate() {
+            fastest[i] = fastest[i].max((setpoint.position - before[i].position).abs() / DT);
+            hardest[i] = hardest[i].max((setpoint.velocity - before[i].velocity).abs() / DT);
+        }
+        before = arm.gate.setpoints().to_vec();
+        if verdict == Verdict::Applied {
+            return (fastest, hardest, step);
+        }
+    }
+    panic!("the setpoint is never met");
+}
+
+#[test]
+fn after_an_outage_a_far_setpoint_is_approached_at_half_the_limits_and_then_followed() {
+    let mut arm = Arm::following();
+    arm.silence();
+    let goal = command([-1.5, 1.0], [0.0; 2]);
+    let (fastest, hardest, steps) = return_to(&mut arm, &goal);
+    assert!(fastest[0] <= 1.0 + 1e-9 && fastest[1] <= 1.0 + 1e-9, "{fastest:?}");
+    assert!(hardest[0] <= 3.75 + 1e-9 && hardest[1] <= 6.25 + 1e-9, "{hardest:?}");
+    assert!((2_000..4_000).contains(&steps), "2 rad at 1 rad/s took {steps} ms");
+    assert_eq!(arm.gate.state(), GateState::Following);
+    let there = arm.gate.setpoints()[0].position;
+    assert!((there + 1.5).abs() < 3e-3, "{there}");
+    assert!(arm.book.limited.borrow().is_empty(), "an approach is no fault of the command");
+}
+
+#[test]
+fn a_setpoint_within_reach_of_the_held_pose_is_followed_at_once() {
+    let mut arm = Arm::following();
+    arm.silence();
+    assert_eq!(arm.offer(&command([0.500_05, -0.5], [0.001, 0.0])), Verdict::Applied);
+}
+
+#[test]
+fn a_setpoint_that_moves_on_is_met_while_it_moves() {
+    let mut arm = Arm::following();
+    arm.silence();
+    let mut steps = 0;
+    while arm.offer(&command([0.6 + 0.2e-3 * f64::from(steps), -0.5], [0.2, 0.0])) != Verdict::Applied {
+        steps += 1;
+        assert!(steps < 3_000, "the moving setpoint is never met");
+    }
+    let velocity = arm.gate.setpoints()[0].velocity;
+    assert!((velocity - 0.2).abs() < 0.05, "{velocity}");
+}
+
+#[test]
+fn what_is_left_when_a_setpoint_is_met_fades_and_then_commands_pass_to_the_last_bit() {
+    let mut arm = Arm::following();
+    arm.silence();
+    let mut before = arm.gate.setpoints()[0];
+    let mut goal = command([0.5, -0.5], [0.0; 2]);
+    let mut fading = 0;
+    for step in 0..3_000 {
+        // a controller that answers to noise: its setpoint jumps by 1 mrad and 20 mrad/s from step to step
+        let jump = if step % 2 == 0 { 1.0 } else { -1.0 };
+        goal.position_mut()[0] = 0.6 + 0.5e-3 * jump;
+        goal.velocity_mut()[0] = 0.01 * jump;
+        goal.effort_mut()[0] = 22.0;
+        if step > 2_000 {
+            goal.position_mut()[0] = 0.6;
+            goal.velocity_mut()[0] = 0.0;
+        }
+        let verdict = arm.offer(&goal);
+        let now = arm.gate.setpoints()[0];
+        if verdict == Verdict::Applied {
+            fading += usize::from(now.position != goal.position()[0]);
+        } else {
+            assert_eq!(fading, 0);
+            assert!((now.velocity - before.velocity).abs() / DT <= 3.75 + 1e-9);
+        }
+        before = now;
+    }
+    assert!((50..=100).contains(&fading), "{fading} ms");
+    assert_eq!((before.position, before.velocity, before.effort), (0.6, 0.0, 22.0));
+    assert!(arm.book.limited.borrow().iter().all(|(_, kind)| *kind == LimitKind::Acceleration));
+}
+
+#[test]
+fn under_refuse_the_end_of_the_way_back_refuses_nothing() {
+    let mut arm = arm_with(SafeState::Hold, LimitPolicy::Refuse, ResumeRule::Near);
+    arm.silence();
+    // other feed-forward efforts and another pose than those it is held at
+    let mut goal = command([0.7, -0.6], [0.0; 2]);
+    goal.effort_mut().fill(0.0);
+    for _ in 0..3_000 {
+        let verdict = arm.offer(&goal);
+        assert!(!matches!(verdict, Verdict::Safe { .. }), "{:?}", arm.book.refused.borrow());
+    }
+    assert_eq!(arm.gate.state(), GateState::Following);
+    let setpoint = arm.gate.setpoints()[0];
+    assert_eq!((setpoint.position, setpoint.effort), (0.7, 0.0));
+    assert!(arm.book.refused.borrow().is_empty() && arm.book.limited.borrow().is_empty());
+}
+
+#[test]
+fn the_way_back_swings_at_no_period_of_the_actuator() {
+    for period_ms in [0.5, 1.0, 4.0, 10.0, 25.0, 50.0] {
+        let mut arm = Arm::following();
+        arm.silence();
+        let (goal, dt) = (command([-0.4, -0.2], [0.0; 2]), period_ms * 1e-3);
+        let steps = (8.0 / dt) as usize;
+        for _ in 0..steps {
+            let mut gravity = |effort: &mut [f64]| effort.copy_from_slice(&GRAVITY);
+            let measured =
+                Measured { position: &arm.position, velocity: &arm.velocity, gravity: &mut gravity };
+            arm.gate.offer(Offer { command: &goal, is_new: true, ahead: dt }, measured, dt, &arm.book);
+            arm.move_on();
+            let position = arm.gate.setpoints()[0].position;
+            assert!(position > -0.42, "{period_ms} ms: it overshoots to {position}");
+        }
+        assert_eq!(arm.gate.state(), GateState::Following, "{period_ms} ms");
+        assert_eq!(arm.gate.setpoints()[0].position, -0.4, "{period_ms} ms");
+    }
+}
+
+#[test]
+fn at_once_follows_the_first_fresh_command_however_far_it_is() {
+    let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::AtOnce);
+    arm.silence();
+    assert_eq!(arm.offer(&command([-1.5, 1.0], [0.0; 2])), Verdict::Applied);
+    assert_eq!(arm.gate.setpoints()[0].position, -1.5);
+}
+
+#[test]
+fn a_latch_holds_until_it_is_released_and_the_start_of_a_run_is_no_latch() {
+    let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::Latch);
+    arm.silence();
+    let fresh = command([0.5, -0.5], [0.0; 2]);
+    assert_eq!(arm.offer(&fresh), Verdict::Applied, "before the first command nothing failed");
+    arm.silence();
+    for _ in 0..10 {
+        assert_eq!(arm.offer(&fresh), Verdict::Safe { state: SafeState::Hold, entered: false });
+    }
+    assert!(arm.gate.is_latched());
+    arm.gate.release();
+    assert_eq!(arm.offer(&fresh), Verdict::Applied);
+}
