@@ -142,12 +142,14 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
             told(summary.faults);
             launcher_died = victim == Victim::Launcher && fault.ends(&victim);
             let hung = consequence.hung;
+            // With a stopped launcher the guard ends the run at the next fault: it is for no further ones.
+            let is_over = launcher_died || hung || (victim == Victim::Launcher && fault == Fault::Hang);
             let place = collected.iter_mut().find(|cell| cell.victim == victim && cell.fault == fault);
             match place {
                 Some(cell) => cell.consequences.push(consequence),
                 None => collected.push(Collected { victim, fault, consequences: vec![consequence] }),
             }
-            if launcher_died || hung {
+            if is_over {
                 break;
             }
         }

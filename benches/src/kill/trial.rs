@@ -75,6 +75,8 @@ impl Trial {
         };
         let mut command = Command::new(program);
         command.arg("run").arg(graph).args(["--json", "--for", "60 min"]);
+        // What hangs loses steps: no failure of the run here.
+        command.args(["--set", "realtime.lost_steps=1"]);
         for component in components {
             for setting in ["when=always", "at_most=1000000"] {
                 command.args(["--set", &format!("{component}.restart.{setting}")]);

@@ -7,7 +7,7 @@ use std::time::Instant;
 use motorium_control::{
     DifferentialIk, FeedForward, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
-    solver::{ClarabelSettings, ClarabelSolver, QpSolver},
+    solver::{ActiveSetSettings, ActiveSetSolver, QpSolver},
     tasks::{CartesianTask, PostureTask},
 };
 use motorium_robots::{Kinematics, load};
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut posture = PostureTask::new(model, home.as_slice());
     let (position, velocity) = (PositionLimit::default(), VelocityLimit::default());
     let mut ik = DifferentialIk::new(model);
-    let mut solver = ClarabelSolver::new(DifferentialIk::structure(model), ClarabelSettings::default());
+    let mut solver = ActiveSetSolver::new(DifferentialIk::structure(model), ActiveSetSettings::default());
     let mut setpoint = JointSetpoint::new(model, home.as_slice());
     let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81)));
 

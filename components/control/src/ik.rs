@@ -6,7 +6,7 @@ use crate::{
     RobotState,
     limits::Limit,
     solver::{
-        ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
+        ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
         UpdateError,
     },
     tasks::Task,
@@ -48,7 +48,7 @@ pub enum IkError {
 /// The unknown is the velocity, not the step `v dt`: steps are so small that a solver's absolute tolerances would be
 /// as large as the limits.
 #[derive(Debug)]
-pub struct DifferentialIk<S = ClarabelSolver> {
+pub struct DifferentialIk<S = ActiveSetSolver> {
     settings: IkSettings,
     problem: Problem,
     solver: S,
@@ -56,9 +56,9 @@ pub struct DifferentialIk<S = ClarabelSolver> {
 }
 
 impl DifferentialIk {
-    /// For `model`, with default settings and the Clarabel solver.
+    /// For `model`, with default settings and the active-set solver.
     pub fn new(model: &Model) -> Self {
-        let solver = ClarabelSolver::new(Self::structure(model), ClarabelSettings::default());
+        let solver = ActiveSetSolver::new(Self::structure(model), ActiveSetSettings::default());
         Self::with_solver(solver, IkSettings::default())
     }
 

@@ -3,6 +3,9 @@
 use motorium_robots::Model;
 use nalgebra::DVector;
 
+/// Distance outside a position limit that counts as none, rad or m.
+const AT_LIMIT: f64 = 1e-6;
+
 /// Joint positions and velocities to be commanded: the integral of a joint velocity, kept within position limits.
 ///
 /// A setpoint that starts outside its limits is not thrown back at once: it may stay or return, never go farther.
@@ -29,12 +32,17 @@ impl JointSetpoint {
         }
     }
 
-    /// At rest at `q`, wherever it was.
+    /// At rest at `q`, wherever it was. A joint measured outside its limits by no more than a millionth of a rad or m is
+    /// taken to be at the limit: nothing else would lead it back so short a way.
     ///
     /// # Panics
     /// If `q` has not one entry per independent joint.
     pub fn reset(&mut self, q: &[f64]) {
-        self.position.copy_from_slice(q);
+        assert_eq!(q.len(), self.position.len(), "length of q");
+        for (joint, q) in q.iter().enumerate() {
+            let inside = q.max(self.lower[joint]).min(self.upper[joint]);
+            self.position[joint] = if (q - inside).abs() <= AT_LIMIT { inside } else { *q };
+        }
         self.velocity.fill(0.0);
     }
 

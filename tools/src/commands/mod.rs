@@ -11,6 +11,7 @@ mod loading;
 mod new;
 mod param;
 mod primitive;
+mod qp;
 mod reproduce;
 mod robot;
 mod run;
@@ -50,6 +51,7 @@ enum Command {
     Bench(bench::Bench),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
+    Qp(qp::Qp),
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     Library(library::Library),
@@ -75,6 +77,7 @@ impl Cli {
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),
+            Some(Command::Qp(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::Library(command)) => command.run(),

@@ -7,6 +7,7 @@ mod commands;
 mod crates;
 mod primitive;
 mod program;
+mod qp;
 mod robot;
 mod schemas;
 

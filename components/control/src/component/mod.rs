@@ -9,14 +9,13 @@ pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use tasks::*;
 
 use motorium::prelude::*;
-use motorium::telemetry::set_apart;
 use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
 use crate::{
     DifferentialIk, FeedForward, GoalSummary, IkSettings, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
-    solver::{ClarabelSettings, ClarabelSolver},
+    solver::{ActiveSetSettings, ActiveSetSolver},
 };
 use setup::ControllerSetup;
 
@@ -103,7 +102,7 @@ impl Component for QpController {
             .collect::<Result<_, ConfigureError>>()?;
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
-        let solver = ClarabelSolver::new(DifferentialIk::structure(&model), ClarabelSettings::default());
+        let solver = ActiveSetSolver::new(DifferentialIk::structure(&model), ActiveSetSettings::default());
         Ok(Self {
             joint_state: setup.input("joint_state")?,
             joint_command: setup.output("joint_command")?,
@@ -244,7 +243,7 @@ impl QpController {
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);
-        match set_apart(|| self.ik.solve()) {
+        match self.ik.solve() {
             Ok(v) => self.setpoint.integrate(v, dt),
             Err(_) => {
                 self.unsolved += 1;

@@ -8,15 +8,19 @@
 //! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on which
 //! rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each tick; a
 //! [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
+//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference.
 //! [`KktResidual`] checks a claimed solution independently of its solver.
 
+pub mod active_set;
 pub mod clarabel;
 mod error;
 mod kkt;
 mod problem;
+pub mod recorded;
 mod solution;
 mod structure;
 
+pub use self::active_set::{ActiveSetSettings, ActiveSetSolver};
 pub use self::clarabel::{ClarabelSettings, ClarabelSolver};
 pub use error::{Conflict, Constraint, SolveError, UpdateError};
 pub use kkt::KktResidual;

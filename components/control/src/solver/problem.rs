@@ -52,6 +52,19 @@ impl Problem {
         }
     }
 
+    /// Takes the numbers of a problem of the same structure.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.hessian.copy_from(&other.hessian);
+        self.gradient.copy_from(&other.gradient);
+        self.equality_matrix.copy_from(&other.equality_matrix);
+        self.equality_value.copy_from(&other.equality_value);
+        self.row_matrix.copy_from(&other.row_matrix);
+        self.row_lower.copy_from(&other.row_lower);
+        self.row_upper.copy_from(&other.row_upper);
+        self.lower.copy_from(&other.lower);
+        self.upper.copy_from(&other.upper);
+    }
+
     /// Checks that the problem fits `structure` and that its numbers can be worked with.
     ///
     /// # Errors
@@ -83,14 +96,25 @@ fn shape(what: &'static str, found: (usize, usize), expected: (usize, usize)) ->
     if found == expected { Ok(()) } else { Err(UpdateError::Shape { what, found, expected }) }
 }
 
-fn finite<C, S>(
+fn finite<C: nalgebra::Dim>(
     what: &'static str,
-    numbers: &nalgebra::Matrix<f64, nalgebra::Dyn, C, S>,
+    numbers: &nalgebra::OMatrix<f64, nalgebra::Dyn, C>,
 ) -> Result<(), UpdateError>
 where
-    C: nalgebra::Dim,
-    S: nalgebra::storage::Storage<f64, nalgebra::Dyn, C>,
+    nalgebra::DefaultAllocator: nalgebra::allocator::Allocator<nalgebra::Dyn, C>,
 {
+    // A number times zero is zero, infinity times zero is none: eight sums, without a branch.
+    let (blocks, rest) = numbers.as_slice().as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for block in blocks {
+        for (sum, value) in sums.iter_mut().zip(block) {
+            *sum += value * 0.0;
+        }
+    }
+    let sum: f64 = sums.iter().chain(rest).map(|value| value * 0.0).sum();
+    if sum == 0.0 {
+        return Ok(());
+    }
     for column in 0..numbers.ncols() {
         for row in 0..numbers.nrows() {
             let value = numbers[(row, column)];

@@ -2,27 +2,34 @@
 
 use approx::assert_abs_diff_eq;
 use motorium_control::solver::{
-    ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, Side, Sides, Solution,
-    SolveError, Structure, UpdateError,
+    ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem,
+    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
 };
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
-fn solver(structure: &Structure) -> ClarabelSolver {
-    ClarabelSolver::new(structure.clone(), ClarabelSettings::default())
+/// Every solver of the crate.
+fn solvers(structure: &Structure) -> [Box<dyn QpSolver>; 2] {
+    [
+        Box::new(ClarabelSolver::new(structure.clone(), ClarabelSettings::default())),
+        Box::new(ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default())),
+    ]
 }
 
-fn solve(structure: &Structure, problem: &Problem) -> Result<Solution, SolveError> {
-    let mut solver = solver(structure);
-    solver.update(problem).unwrap();
-    solver.solve().cloned()
+fn solve(structure: &Structure, problem: &Problem) -> [Result<Solution, SolveError>; 2] {
+    solvers(structure).map(|mut solver| {
+        solver.update(problem).unwrap();
+        solver.solve().cloned()
+    })
 }
 
-fn assert_solution(structure: &Structure, problem: &Problem, expected: &[f64]) -> Solution {
-    let solution = solve(structure, problem).unwrap();
-    assert_abs_diff_eq!(solution.x.as_slice(), expected, epsilon = 1e-6);
-    let residual = KktResidual::of(problem, &solution);
-    assert!(residual.worst() < 1e-7, "{residual:?}");
-    solution
+fn assert_solution(structure: &Structure, problem: &Problem, expected: &[f64]) -> [Solution; 2] {
+    solve(structure, problem).map(|solution| {
+        let solution = solution.unwrap();
+        assert_abs_diff_eq!(solution.x.as_slice(), expected, epsilon = 1e-6);
+        let residual = KktResidual::of(problem, &solution);
+        assert!(residual.worst() < 1e-7, "{residual:?}");
+        solution
+    })
 }
 
 /// Nocedal and Wright, Numerical Optimization, 2nd ed., example 16.2.
@@ -34,9 +41,10 @@ fn an_equality_constrained_problem_has_its_published_solution_and_multipliers() 
     problem.gradient = dvector![-8.0, -3.0, -3.0];
     problem.equality_matrix = dmatrix![1.0, 0.0, 1.0; 0.0, 1.0, 1.0];
     problem.equality_value = dvector![3.0, 0.0];
-    let solution = assert_solution(&structure, &problem, &[2.0, -1.0, 1.0]);
-    // the book writes the Lagrangian with a minus sign
-    assert_abs_diff_eq!(solution.equality_dual.as_slice(), [-3.0, 2.0].as_slice(), epsilon = 1e-6);
+    for solution in assert_solution(&structure, &problem, &[2.0, -1.0, 1.0]) {
+        // the book writes the Lagrangian with a minus sign
+        assert_abs_diff_eq!(solution.equality_dual.as_slice(), [-3.0, 2.0].as_slice(), epsilon = 1e-6);
+    }
 }
 
 /// Nocedal and Wright, example 16.4.
@@ -49,8 +57,9 @@ fn rows_and_bounds_together_have_their_published_solution() {
     problem.row_matrix = dmatrix![1.0, -2.0; -1.0, -2.0; -1.0, 2.0];
     problem.row_lower = dvector![-2.0, -6.0, -2.0];
     problem.lower = dvector![0.0, 0.0];
-    let solution = assert_solution(&structure, &problem, &[1.4, 1.7]);
-    assert_abs_diff_eq!(solution.row_dual.as_slice(), [-0.8, 0.0, 0.0].as_slice(), epsilon = 1e-6);
+    for solution in assert_solution(&structure, &problem, &[1.4, 1.7]) {
+        assert_abs_diff_eq!(solution.row_dual.as_slice(), [-0.8, 0.0, 0.0].as_slice(), epsilon = 1e-6);
+    }
 }
 
 /// Hock and Schittkowski, Test Examples for Nonlinear Programming Codes, problem 35.
@@ -103,41 +112,44 @@ fn separable(curvature: f64) -> (Structure, Problem) {
 #[test]
 fn a_separable_problem_is_solved_by_clipping() {
     let (structure, problem) = separable(1.0);
-    let solution = assert_solution(&structure, &problem, &[-1.0, 0.5, 2.0, -0.25]);
-    assert_abs_diff_eq!(solution.bound_dual.as_slice(), [-2.0, 0.0, 1.0, 0.0].as_slice(), epsilon = 1e-6);
+    for solution in assert_solution(&structure, &problem, &[-1.0, 0.5, 2.0, -0.25]) {
+        assert_abs_diff_eq!(solution.bound_dual.as_slice(), [-2.0, 0.0, 1.0, 0.0].as_slice(), epsilon = 1e-6);
+    }
 }
 
 #[test]
 fn a_side_may_become_infinite_and_finite_again_between_updates() {
     let (structure, mut problem) = separable(1.0);
-    let mut solver = solver(&structure);
-    for (upper, third) in [(2.0, 2.0), (f64::INFINITY, 3.0), (1e30, 3.0), (1.0, 1.0)] {
-        problem.upper[2] = upper;
-        solver.update(&problem).unwrap();
-        let x = &solver.solve().unwrap().x;
-        assert_abs_diff_eq!(x.as_slice(), [-1.0, 0.5, third, -0.25].as_slice(), epsilon = 1e-7);
+    for mut solver in solvers(&structure) {
+        for (upper, third) in [(2.0, 2.0), (f64::INFINITY, 3.0), (1e30, 3.0), (1.0, 1.0)] {
+            problem.upper[2] = upper;
+            solver.update(&problem).unwrap();
+            let x = &solver.solve().unwrap().x;
+            assert_abs_diff_eq!(x.as_slice(), [-1.0, 0.5, third, -0.25].as_slice(), epsilon = 1e-7);
+        }
     }
 }
 
 #[test]
 fn exact_zeros_that_come_and_go_do_not_shift_other_entries() {
     let structure = Structure::new(3).equalities(1).bounds(Sides::Both);
-    let mut solver = solver(&structure);
-    let mut problem = Problem::new(&structure);
-    problem.equality_value[0] = 1.0;
-    for zero in 0..3 {
-        problem.hessian = dmatrix![3.0, 1.0, 0.5; 1.0, 4.0, 0.25; 0.5, 0.25, 5.0];
-        let other = (zero + 1) % 3;
-        problem.hessian[(zero, other)] = 0.0;
-        problem.hessian[(other, zero)] = 0.0;
-        problem.equality_matrix = dmatrix![1.0, 2.0, 3.0];
-        problem.equality_matrix[(0, zero)] = 0.0;
-        // min x'Px/2 subject to a'x = 1 has x = P^-1 a / (a'P^-1 a)
-        let a = problem.equality_matrix.transpose();
-        let direction = problem.hessian.clone().cholesky().unwrap().solve(&a);
-        let expected = &direction / a.dot(&direction);
-        solver.update(&problem).unwrap();
-        assert_abs_diff_eq!(solver.solve().unwrap().x, expected.column(0).into_owned(), epsilon = 1e-8);
+    for mut solver in solvers(&structure) {
+        let mut problem = Problem::new(&structure);
+        problem.equality_value[0] = 1.0;
+        for zero in 0..3 {
+            problem.hessian = dmatrix![3.0, 1.0, 0.5; 1.0, 4.0, 0.25; 0.5, 0.25, 5.0];
+            let other = (zero + 1) % 3;
+            problem.hessian[(zero, other)] = 0.0;
+            problem.hessian[(other, zero)] = 0.0;
+            problem.equality_matrix = dmatrix![1.0, 2.0, 3.0];
+            problem.equality_matrix[(0, zero)] = 0.0;
+            // min x'Px/2 subject to a'x = 1 has x = P^-1 a / (a'P^-1 a)
+            let a = problem.equality_matrix.transpose();
+            let direction = problem.hessian.clone().cholesky().unwrap().solve(&a);
+            let expected = &direction / a.dot(&direction);
+            solver.update(&problem).unwrap();
+            assert_abs_diff_eq!(solver.solve().unwrap().x, expected.column(0).into_owned(), epsilon = 1e-8);
+        }
     }
 }
 
@@ -149,8 +161,10 @@ fn the_units_of_the_cost_and_of_the_unknowns_do_not_change_the_answer() {
             problem.gradient = DVector::from_column_slice(&[3.0, -0.5, -3.0, 0.25]) * curvature * length;
             problem.lower.fill(-length);
             problem.upper.fill(2.0 * length);
-            let x = solve(&structure, &problem).unwrap().x / length;
-            assert_abs_diff_eq!(x.as_slice(), [-1.0, 0.5, 2.0, -0.25].as_slice(), epsilon = 1e-8);
+            for solution in solve(&structure, &problem) {
+                let x = solution.unwrap().x / length;
+                assert_abs_diff_eq!(x.as_slice(), [-1.0, 0.5, 2.0, -0.25].as_slice(), epsilon = 1e-8);
+            }
         }
     }
 }
@@ -162,8 +176,9 @@ fn a_linear_cost_ends_in_a_corner() {
     problem.gradient = dvector![1e-6, -2e-6];
     problem.lower.fill(-3.0);
     problem.upper.fill(3.0);
-    let x = solve(&structure, &problem).unwrap().x;
-    assert_abs_diff_eq!(x.as_slice(), [-3.0, 3.0].as_slice(), epsilon = 1e-7);
+    for solution in solve(&structure, &problem) {
+        assert_abs_diff_eq!(solution.unwrap().x.as_slice(), [-3.0, 3.0].as_slice(), epsilon = 1e-7);
+    }
 }
 
 #[test]
@@ -176,15 +191,17 @@ fn an_infeasible_problem_names_the_constraints_in_conflict() {
     problem.row_matrix = dmatrix![0.0, 1.0, 0.0];
     problem.row_upper = dvector![10.0];
     problem.upper = dvector![1.0, 1.0, 2.0];
-    let error = solve(&structure, &problem).unwrap_err();
-    let SolveError::Infeasible { conflict } = error else { panic!("{error}") };
-    let mut named: Vec<_> = conflict.constraints().collect();
-    named.sort_by_key(|c| c.to_string());
-    assert_eq!(
-        named,
-        [Constraint::Equality(0), Constraint::Bound(0, Side::Upper), Constraint::Bound(2, Side::Upper)]
-    );
-    assert!(error.to_string().contains("equality 0"), "{error}");
+    for outcome in solve(&structure, &problem) {
+        let error = outcome.unwrap_err();
+        let SolveError::Infeasible { conflict } = error else { panic!("{error}") };
+        let mut named: Vec<_> = conflict.constraints().collect();
+        named.sort_by_key(|c| c.to_string());
+        assert_eq!(
+            named,
+            [Constraint::Equality(0), Constraint::Bound(0, Side::Upper), Constraint::Bound(2, Side::Upper)]
+        );
+        assert!(error.to_string().contains("equality 0"), "{error}");
+    }
 }
 
 #[test]
@@ -194,7 +211,9 @@ fn a_cost_without_end_names_its_variable() {
     problem.hessian[(0, 0)] = 1.0;
     problem.gradient = dvector![1.0, -1.0];
     problem.lower.fill(0.0);
-    assert_eq!(solve(&structure, &problem).unwrap_err(), SolveError::Unbounded { variable: 1 });
+    for outcome in solve(&structure, &problem) {
+        assert_eq!(outcome.unwrap_err(), SolveError::Unbounded { variable: 1 });
+    }
 }
 
 #[test]
@@ -205,6 +224,14 @@ fn too_few_iterations_are_reported_and_the_solver_stays_usable() {
     solver.update(&problem).unwrap();
     assert_eq!(solver.solve().unwrap_err(), SolveError::MaxIterations { iterations: 2 });
     assert_eq!(solver.solve().unwrap_err(), SolveError::MaxIterations { iterations: 2 });
+    // a change of the working set for each of the two bounds
+    let settings = ActiveSetSettings { max_iterations: Some(1), ..ActiveSetSettings::default() };
+    let (structure, problem) = separable(1.0);
+    let mut solver = ActiveSetSolver::new(structure, settings);
+    solver.update(&problem).unwrap();
+    assert_eq!(solver.solve().unwrap_err(), SolveError::MaxIterations { iterations: 1 });
+    // the next solve goes on where it stopped
+    assert_eq!(solver.solve().unwrap().x.as_slice(), [-1.0, 0.5, 2.0, -0.25]);
 }
 
 #[test]
@@ -215,50 +242,55 @@ fn an_infeasible_tick_does_not_spoil_the_next() {
     problem.gradient[0] = -0.5;
     problem.row_matrix[(0, 0)] = 1.0;
     problem.upper[0] = 1.0;
-    let mut solver = solver(&structure);
-    for _ in 0..3 {
-        problem.row_lower[0] = 2.0;
-        solver.update(&problem).unwrap();
-        assert!(matches!(solver.solve(), Err(SolveError::Infeasible { .. })));
-        problem.row_lower[0] = f64::NEG_INFINITY;
-        solver.update(&problem).unwrap();
-        assert_abs_diff_eq!(solver.solve().unwrap().x[0], 0.5, epsilon = 1e-8);
+    for mut solver in solvers(&structure) {
+        for _ in 0..3 {
+            problem.row_lower[0] = 2.0;
+            solver.update(&problem).unwrap();
+            assert!(matches!(solver.solve(), Err(SolveError::Infeasible { .. })));
+            problem.row_lower[0] = f64::NEG_INFINITY;
+            solver.update(&problem).unwrap();
+            assert_abs_diff_eq!(solver.solve().unwrap().x[0], 0.5, epsilon = 1e-8);
+        }
     }
 }
 
 #[test]
 fn numbers_no_solver_could_use_are_refused_by_name() {
     let structure = Structure::new(2).bounds(Sides::Upper);
-    let mut solver = solver(&structure);
-    let good = Problem::new(&structure);
+    for mut solver in solvers(&structure) {
+        let good = Problem::new(&structure);
 
-    let mut problem = good.clone();
-    problem.gradient[1] = f64::NAN;
-    assert!(matches!(
-        solver.update(&problem),
-        Err(UpdateError::NotFinite { what: "q", row: 1, column: 0, .. })
-    ));
-    assert_eq!(solver.solve().unwrap_err(), SolveError::NotUpdated);
+        let mut problem = good.clone();
+        problem.gradient[1] = f64::NAN;
+        assert!(matches!(
+            solver.update(&problem),
+            Err(UpdateError::NotFinite { what: "q", row: 1, column: 0, .. })
+        ));
+        assert_eq!(solver.solve().unwrap_err(), SolveError::NotUpdated);
 
-    let mut problem = good.clone();
-    problem.lower[0] = 0.0;
-    let constraint = Constraint::Bound(0, Side::Lower);
-    assert_eq!(solver.update(&problem), Err(UpdateError::Undeclared { constraint, value: 0.0 }));
+        let mut problem = good.clone();
+        problem.lower[0] = 0.0;
+        let constraint = Constraint::Bound(0, Side::Lower);
+        assert_eq!(solver.update(&problem), Err(UpdateError::Undeclared { constraint, value: 0.0 }));
 
-    let mut problem = good.clone();
-    problem.lower[0] = 1.0;
-    problem.upper[0] = -1.0;
-    assert_eq!(solver.update(&problem), Err(UpdateError::Crossed { constraint, lower: 1.0, upper: -1.0 }));
+        let mut problem = good.clone();
+        problem.lower[0] = 1.0;
+        problem.upper[0] = -1.0;
+        assert_eq!(
+            solver.update(&problem),
+            Err(UpdateError::Crossed { constraint, lower: 1.0, upper: -1.0 })
+        );
 
-    let other = Problem::new(&Structure::new(3));
-    let error = solver.update(&other).unwrap_err();
-    assert!(error.to_string().starts_with("P is 3x3, the solver was built for 2x2"), "{error}");
+        let other = Problem::new(&Structure::new(3));
+        let error = solver.update(&other).unwrap_err();
+        assert!(error.to_string().starts_with("P is 3x3, the solver was built for 2x2"), "{error}");
+    }
 }
 
 #[test]
 fn the_optimality_check_sees_a_wrong_solution() {
     let (structure, problem) = separable(1.0);
-    let good = solve(&structure, &problem).unwrap();
+    let [Ok(good), _] = solve(&structure, &problem) else { panic!("it has a solution") };
     let mut moved = good.clone();
     moved.x[1] += 0.01;
     assert!(KktResidual::of(&problem, &moved).stationarity > 9e-3);

@@ -1,87 +1,40 @@
 //! Consecutive problems of real controllers, from `../shared/qps` where that folder is present.
 
 use motorium_control::solver::{
-    Accuracy, ClarabelSettings, ClarabelSolver, KktResidual, Problem, QpSolver, Sides, Structure,
+    Accuracy, ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, KktResidual, Problem,
+    QpSolver, Structure, recorded,
 };
-use nalgebra::{DMatrix, DVector};
-use serde_json::Value;
 
-fn load(file: &str) -> Vec<Problem> {
+fn load(file: &str) -> Option<(Structure, Vec<Problem>)> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/qps").join(file);
     let Ok(text) = std::fs::read_to_string(path) else {
         eprintln!("skipped: no recorded problems here");
-        return Vec::new();
+        return None;
     };
-    let list: Vec<Value> = serde_json::from_str(&text).unwrap();
-    list.iter().map(parse).collect()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    match value {
-        Value::Array(items) => items.iter().flat_map(numbers).collect(),
-        number => vec![number.as_f64().unwrap()],
-    }
-}
-
-fn parse(value: &Value) -> Problem {
-    let vector = |key: &str| DVector::from_vec(numbers(&value[key]));
-    let n = vector("q").len();
-    let matrix = |key: &str, rows| DMatrix::from_row_slice(rows, n, &numbers(&value[key]));
-    Problem {
-        hessian: matrix("P", n),
-        gradient: vector("q"),
-        equality_matrix: matrix("A", vector("b").len()),
-        equality_value: vector("b"),
-        row_matrix: matrix("G", vector("lg").len()),
-        row_lower: vector("lg"),
-        row_upper: vector("ug"),
-        lower: vector("lb"),
-        upper: vector("ub"),
-    }
-}
-
-/// The sides that are finite in any of the problems.
-fn structure(problems: &[Problem]) -> Structure {
-    let sides = |lower: &dyn Fn(&Problem) -> f64, upper: &dyn Fn(&Problem) -> f64| {
-        let below = problems.iter().any(|p| lower(p) > -Problem::INFINITE);
-        let above = problems.iter().any(|p| upper(p) < Problem::INFINITE);
-        match (below, above) {
-            (true, true) => Sides::Both,
-            (true, false) => Sides::Lower,
-            (false, true) => Sides::Upper,
-            (false, false) => Sides::Neither,
-        }
-    };
-    let first = &problems[0];
-    let mut structure = Structure::new(first.gradient.len()).equalities(first.equality_value.len());
-    for row in 0..first.row_lower.len() {
-        structure = structure.rows(1, sides(&|p| p.row_lower[row], &|p| p.row_upper[row]));
-    }
-    for variable in 0..first.gradient.len() {
-        structure = structure.bound(variable, sides(&|p| p.lower[variable], &|p| p.upper[variable]));
-    }
-    structure
+    Some(recorded::read(&text).unwrap())
 }
 
 /// Residuals of the whole sequence are within `stationarity`, `feasibility` and `complementarity` (each in the
 /// problem's own units), with one solver kept and its numbers updated in place.
 fn assert_sequence_is_optimal(file: &str, stationarity: f64, feasibility: f64, complementarity: f64) {
-    let problems = load(file);
-    if problems.is_empty() {
-        return;
-    }
-    let mut solver = ClarabelSolver::new(structure(&problems), ClarabelSettings::default());
-    for (tick, problem) in problems.iter().enumerate() {
-        solver.update(problem).unwrap();
-        let solution = solver.solve().unwrap_or_else(|e| panic!("{file}[{tick}]: {e}"));
-        assert_eq!(solution.accuracy, Accuracy::Full, "{file}[{tick}]");
-        let residual = KktResidual::of(problem, solution);
-        assert!(
-            residual.stationarity < stationarity
-                && residual.feasibility < feasibility
-                && residual.complementarity < complementarity,
-            "{file}[{tick}]: {residual:?}"
-        );
+    let Some((structure, problems)) = load(file) else { return };
+    let solvers: [Box<dyn QpSolver>; 2] = [
+        Box::new(ClarabelSolver::new(structure.clone(), ClarabelSettings::default())),
+        Box::new(ActiveSetSolver::new(structure, ActiveSetSettings::default())),
+    ];
+    for mut solver in solvers {
+        for (tick, problem) in problems.iter().enumerate() {
+            solver.update(problem).unwrap();
+            let solution = solver.solve().unwrap_or_else(|e| panic!("{file}[{tick}]: {e}"));
+            assert_eq!(solution.accuracy, Accuracy::Full, "{file}[{tick}]");
+            let residual = KktResidual::of(problem, solution);
+            assert!(
+                residual.stationarity < stationarity
+                    && residual.feasibility < feasibility
+                    && residual.complementarity < complementarity,
+                "{file}[{tick}]: {residual:?}"
+            );
+        }
     }
 }
 
@@ -103,11 +56,7 @@ fn talos_inverse_dynamics_is_solved_to_optimality() {
 
 #[test]
 fn a_kept_solver_returns_what_a_new_one_returns() {
-    let problems = load("panda_ik.json");
-    if problems.is_empty() {
-        return;
-    }
-    let structure = structure(&problems);
+    let Some((structure, problems)) = load("panda_ik.json") else { return };
     let mut kept = ClarabelSolver::new(structure.clone(), ClarabelSettings::default());
     for problem in &problems {
         kept.update(problem).unwrap();
@@ -116,4 +65,31 @@ fn a_kept_solver_returns_what_a_new_one_returns() {
         new.update(problem).unwrap();
         assert_eq!(new.solve().unwrap(), &kept);
     }
+}
+
+#[test]
+fn the_active_set_solver_is_as_exact_as_the_reference_made_exact_warm_and_cold() {
+    for file in ["panda_ik.json", "talos_ik.json", "talos_id.json"] {
+        let Some((structure, problems)) = load(file) else { return };
+        for warm_start in [true, false] {
+            let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
+            let mut solver = ActiveSetSolver::new(structure.clone(), settings);
+            let replay = recorded::replay(&structure, &problems, &mut solver, 1);
+            assert_eq!(replay.solved, problems.len(), "{file}");
+            let (violation, distance) = (replay.worst_violation, replay.worst_distance);
+            assert!(violation < 1e-9 && distance < 1e-6, "{file}: {violation} and {distance}");
+            // Where it begins with the constraints of the problem before, it seldom changes any.
+            assert!(!warm_start || replay.iterations.p50 <= 2.0, "{file}: {:?}", replay.iterations);
+        }
+    }
+}
+
+#[test]
+fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
+    let read = |text: &str| recorded::read(text).unwrap_err().to_string();
+    let square = r#"[{ "P": [[1, 0], [0, 1]], "q": [0, 0] }, { "P": [[1, 0]], "q": [0, 0] }]"#;
+    assert_eq!(read(square), "problem 1: `P` is 1 x 2, expected 2 x 2");
+    assert_eq!(read(r#"{ "P": [[1]], "q": [0], "lb": [0, 1] }"#), "problem 0: `lb` is 2 numbers, expected 1");
+    assert_eq!(read("[]"), "it holds no problem");
+    assert!(read(r#"{ "P": [[1]], "q": [0], "H": [] }"#).contains("unknown field `H`"));
 }

@@ -43,3 +43,14 @@ fn a_velocity_that_is_no_number_moves_no_joint() {
     assert_eq!(setpoint.position(), panda.home.as_slice());
     assert!(setpoint.velocity().iter().all(|v| *v == 0.0));
 }
+
+#[test]
+fn a_joint_found_a_hair_outside_its_limit_begins_at_the_limit_and_one_far_outside_where_it_is() {
+    let panda = Panda::new();
+    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut q = panda.home.clone();
+    q[0] = panda.model.upper()[0] + 5e-7;
+    q[1] = panda.model.lower()[1] - 0.01;
+    setpoint.reset(q.as_slice());
+    assert_eq!((setpoint.position()[0], setpoint.position()[1]), (panda.model.upper()[0], q[1]));
+}

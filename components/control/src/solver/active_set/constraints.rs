@@ -1,0 +1,193 @@
+//! The constraints of a problem by number: equalities first, then rows, then bounds.
+
+use super::iterate::Run;
+use super::kernels::Arithmetic;
+use super::working_set::NO_RATE;
+use crate::solver::{Accuracy, Conflict, Constraint, Side, SolveError};
+
+/// Share of the terms of a sum that is rounding.
+const ROUNDING: f64 = 1e-14;
+
+/// The constraint that is violated most.
+pub(super) struct Violated {
+    pub(super) constraint: usize,
+    pub(super) sign: f64,
+    pub(super) value: f64,
+}
+
+impl Run<'_> {
+    #[inline(always)]
+    pub(super) fn equalities(&self) -> usize {
+        self.problem.equality_value.len()
+    }
+
+    /// The value at which a constraint is held at one of its sides.
+    #[inline(always)]
+    pub(super) fn value(&self, constraint: usize, sign: f64) -> f64 {
+        let (m, p) = (self.equalities(), self.problem.row_lower.len());
+        let problem = self.problem;
+        if constraint < m {
+            problem.equality_value[constraint]
+        } else if constraint < m + p {
+            let values = if sign > 0.0 { &problem.row_upper } else { &problem.row_lower };
+            values[constraint - m]
+        } else {
+            let values = if sign > 0.0 { &problem.upper } else { &problem.lower };
+            values[constraint - m - p]
+        }
+    }
+
+    /// Writes the normal of a member that is to be adopted.
+    #[inline(always)]
+    pub(super) fn write_normal(&mut self, member: usize, constraint: usize) {
+        let (m, p) = (self.equalities(), self.problem.row_lower.len());
+        let n = self.problem.gradient.len();
+        let working = &mut self.work.working;
+        if constraint < m {
+            let a = self.problem.equality_matrix.as_slice();
+            for j in 0..n {
+                working.set_normal(j, member, a[j * m + constraint]);
+            }
+        } else if constraint < m + p {
+            let g = self.problem.row_matrix.as_slice();
+            for j in 0..n {
+                working.set_normal(j, member, g[j * p + constraint - m]);
+            }
+        } else {
+            working.set_normal(constraint - m - p, member, 1.0);
+        }
+    }
+
+    /// Writes the normal of a constraint that is to be examined.
+    #[inline(always)]
+    pub(super) fn take_normal(&mut self, constraint: usize) {
+        let (m, p) = (self.equalities(), self.problem.row_lower.len());
+        let n = self.problem.gradient.len();
+        let normal = &mut self.work.working.normal;
+        if constraint < m {
+            let a = self.problem.equality_matrix.as_slice();
+            for j in 0..n {
+                normal[j] = a[j * m + constraint];
+            }
+        } else if constraint < m + p {
+            let g = self.problem.row_matrix.as_slice();
+            for j in 0..n {
+                normal[j] = g[j * p + constraint - m];
+            }
+        } else {
+            normal.fill(0.0);
+            normal[constraint - m - p] = 1.0;
+        }
+    }
+
+    pub(super) fn name(&self, constraint: usize, sign: f64) -> Constraint {
+        let (m, p) = (self.equalities(), self.problem.row_lower.len());
+        let side = if sign > 0.0 { Side::Upper } else { Side::Lower };
+        if constraint < m {
+            Constraint::Equality(constraint)
+        } else if constraint < m + p {
+            Constraint::Row(constraint - m, side)
+        } else {
+            Constraint::Bound(constraint - m - p, side)
+        }
+    }
+
+    /// The conflict between a constraint and the members that it depends on.
+    #[inline(always)]
+    pub(super) fn infeasible(&self, constraint: usize, sign: f64) -> SolveError {
+        let working = &self.work.working;
+        let mut strongest = [(0.0, constraint, sign); Conflict::CAPACITY - 1];
+        let mut found = 0;
+        for (member, r) in working.members.iter().zip(&working.projection) {
+            let weight = r.abs();
+            if weight <= NO_RATE {
+                continue;
+            }
+            let mut place = found.min(strongest.len());
+            while place > 0 && strongest[place - 1].0 < weight {
+                place -= 1;
+            }
+            if place < strongest.len() {
+                strongest[place..].rotate_right(1);
+                strongest[place] = (weight, member.constraint, member.sign);
+                found = (found + 1).min(strongest.len());
+            }
+        }
+        let name = |constraint, sign| self.name(constraint, sign);
+        let others = strongest[..found].iter().map(|(_, constraint, sign)| name(*constraint, *sign));
+        SolveError::Infeasible {
+            conflict: Conflict::new(std::iter::once(name(constraint, sign)).chain(others)),
+        }
+    }
+
+    /// The row or bound that `x` violates most, or the first one.
+    #[inline(always)]
+    pub(super) fn violated<F: Arithmetic>(&mut self, by_number: bool) -> Option<Violated> {
+        let problem = self.problem;
+        let (m, p, n) = (self.equalities(), problem.row_lower.len(), problem.gradient.len());
+        let work = &mut *self.work;
+        let tolerance = self.settings.feasibility;
+        let mut found: Option<Violated> = None;
+        let mut worst = tolerance;
+        let x = &work.x[..n];
+        let is_member = &work.is_member;
+        let mut consider = |constraint: usize, value: f64, lower: f64, upper: f64| {
+            let (above, below) = (value - upper, lower - value);
+            let (excess, sign, side) = if above > below { (above, 1.0, upper) } else { (below, -1.0, lower) };
+            if excess <= worst || is_member[constraint] || by_number && found.is_some() {
+                return;
+            }
+            // What rounding alone makes is no violation.
+            let terms = if constraint < m + p {
+                let i = constraint - m;
+                x.iter().enumerate().map(|(j, x)| (problem.row_matrix[(i, j)] * x).abs()).sum()
+            } else {
+                value.abs()
+            };
+            if excess > tolerance * (1.0 + side.abs()) + ROUNDING * terms {
+                found = Some(Violated { constraint, sign, value: side });
+                worst = excess;
+            }
+        };
+        if p > 0 {
+            work.rows.fill(0.0);
+            for (column, x) in problem.row_matrix.as_slice().chunks_exact(p).zip(x) {
+                for (row, g) in work.rows.iter_mut().zip(column) {
+                    *row = F::multiply_add(*g, *x, *row);
+                }
+            }
+            for i in 0..p {
+                consider(m + i, work.rows[i], problem.row_lower[i], problem.row_upper[i]);
+            }
+        }
+        for (i, x) in x.iter().enumerate() {
+            consider(m + p + i, *x, problem.lower[i], problem.upper[i]);
+        }
+        found
+    }
+
+    /// Writes the solution.
+    #[inline(always)]
+    pub(super) fn write(&mut self) {
+        let (m, p) = (self.equalities(), self.problem.row_lower.len());
+        let n = self.problem.gradient.len();
+        let solution = &mut *self.solution;
+        solution.x.as_mut_slice().copy_from_slice(&self.work.x[..n]);
+        solution.equality_dual.fill(0.0);
+        solution.row_dual.fill(0.0);
+        solution.bound_dual.fill(0.0);
+        for member in &self.work.working.members {
+            let constraint = member.constraint;
+            if constraint < m {
+                solution.equality_dual[constraint] = member.multiplier;
+            } else if constraint < m + p {
+                solution.row_dual[constraint - m] = member.multiplier;
+            } else {
+                solution.bound_dual[constraint - m - p] = member.multiplier;
+                solution.x[constraint - m - p] = member.value;
+            }
+        }
+        solution.iterations = self.work.iterations;
+        solution.accuracy = Accuracy::Full;
+    }
+}

@@ -1,0 +1,339 @@
+//! The iterations of the dual active-set method.
+
+use pulp::{Simd, WithSimd};
+
+use super::constraints::Violated;
+use super::kernels::{Arithmetic, Fused, Separate, add_scaled, largest};
+use super::rounds::Next;
+use super::working_set::{Member, NO_RATE};
+use super::{ActiveSetSettings, Work};
+use crate::solver::{Problem, Solution, SolveError};
+
+/// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
+const SINGULAR: f64 = 1e-12;
+/// Wrong signs of multipliers up to this share of the largest are rounding.
+const SIGN: f64 = 1e-13;
+/// Largest number of refinements of a candidate.
+const REFINEMENTS: usize = 4;
+/// Share of the solution up to which a correction is the last.
+const CONVERGED: f64 = 1e-7;
+
+/// One solve.
+pub(super) struct Run<'a> {
+    pub(super) problem: &'a Problem,
+    pub(super) settings: ActiveSetSettings,
+    pub(super) work: &'a mut Work,
+    pub(super) solution: &'a mut Solution,
+}
+
+impl WithSimd for Run<'_> {
+    type Output = Result<(), SolveError>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+        if S::F64_LANES > 2 { self.solve::<Fused>() } else { self.solve::<Separate>() }
+    }
+}
+
+impl Run<'_> {
+    /// Solves the problem; one whose Hessian is singular by a sequence of problems in which the distance to the solution
+    /// before costs something.
+    #[inline(always)]
+    fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
+        self.work.iterations = 0;
+        self.work.shift = 0.0;
+        self.work.centre.fill(0.0);
+        let mut factorize = true;
+        let mut round = 0;
+        loop {
+            if factorize && !self.factorize::<F>() {
+                self.shift();
+                continue;
+            }
+            for (i, q) in self.problem.gradient.iter().enumerate() {
+                self.work.gradient[i] = q - self.work.shift * self.work.centre[i];
+            }
+            // Not in a closure, which would not be compiled for these instructions.
+            let outcome = match self.start::<F>() {
+                Ok(()) => self.iterate::<F>(),
+                Err(error) => Err(error),
+            };
+            if outcome.is_ok() && self.work.shift == 0.0 {
+                self.write();
+                return Ok(());
+            }
+            match self.next_round(outcome, round)? {
+                Next::Done => {
+                    self.write();
+                    return Ok(());
+                }
+                Next::Solve { factorize: again } => factorize = again,
+            }
+            round += 1;
+        }
+    }
+
+    /// Factorises the Hessian with the shift; false if it is singular.
+    #[inline(always)]
+    fn factorize<F: Arithmetic>(&mut self) -> bool {
+        let n = self.problem.gradient.len();
+        let hessian = self.problem.hessian.as_slice();
+        let lower = &mut self.work.hessian;
+        for (i, column) in hessian.chunks_exact(n.max(1)).enumerate() {
+            let row = lower.row_mut(i);
+            row[..i].copy_from_slice(&column[..i]);
+            row[i..].fill(0.0);
+            lower.set_diagonal(i, column[i] + self.work.shift);
+        }
+        lower.factorize::<F>(n, SINGULAR) == n
+    }
+
+    /// `g = L^-1 q`, and the working set of the solve before, or the equalities alone.
+    #[inline(always)]
+    fn start<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
+        let m = self.equalities();
+        let n = self.problem.gradient.len();
+        let warm = self.settings.warm_start;
+        let work = &mut *self.work;
+        work.g[..n].copy_from_slice(&work.gradient[..n]);
+        work.g[n..].fill(0.0);
+        work.hessian.solve::<F>(&mut work.g, 0);
+
+        work.previous.clear();
+        if warm {
+            work.previous.extend(work.working.members.iter().filter(|member| member.constraint >= m));
+        }
+        work.working.clear();
+        work.is_member.fill(false);
+        work.implied.clear();
+        for constraint in 0..m.min(n) {
+            let value = self.problem.equality_value[constraint];
+            work.working.members.push(Member { constraint, sign: 0.0, value, multiplier: 0.0 });
+        }
+        for i in 0..self.work.previous.len() {
+            let member = self.work.previous[i];
+            let value = self.value(member.constraint, member.sign);
+            if value.abs() < Problem::INFINITE && self.work.working.len() < n {
+                self.work.working.members.push(Member { value, ..member });
+            }
+        }
+        for i in 0..self.work.working.len() {
+            let constraint = self.work.working.members[i].constraint;
+            self.write_normal(i, constraint);
+        }
+        let wanted = self.work.working.len();
+        let work = &mut *self.work;
+        let taken = work.working.adopt::<F>(&work.hessian, &work.g);
+        for member in &work.working.members {
+            work.is_member[member.constraint] = true;
+        }
+        if taken < wanted || m > n {
+            // Equalities that are nearly, or fully, combinations of others.
+            for constraint in taken.min(m)..m {
+                self.add_equality::<F>(constraint)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds an equality that may depend on the members: then it must agree with them, or members must go.
+    #[inline(always)]
+    fn add_equality<F: Arithmetic>(&mut self, constraint: usize) -> Result<(), SolveError> {
+        loop {
+            self.take_normal(constraint);
+            let work = &mut *self.work;
+            let independent = work.working.examine::<F>(&work.hessian);
+            let value = self.problem.equality_value[constraint];
+            let work = &mut *self.work;
+            if independent {
+                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0 };
+                work.working.push::<F>(member, &work.g);
+                work.is_member[constraint] = true;
+                return Ok(());
+            }
+            // Inequalities that it depends on make way; they come back if they are violated.
+            let members = &work.working.members;
+            let projection = &work.working.projection;
+            let blocking = (0..members.len())
+                .filter(|i| members[*i].sign != 0.0)
+                .max_by(|a, b| projection[*a].abs().total_cmp(&projection[*b].abs()));
+            let largest = largest(&projection[..members.len()]);
+            if let Some(i) = blocking.filter(|i| projection[*i].abs() > NO_RATE * (1.0 + largest)) {
+                self.remove::<F>(i);
+                continue;
+            }
+            if work.working.contradicts(1.0, value) || work.working.contradicts(-1.0, value) {
+                return Err(self.infeasible(constraint, 1.0));
+            }
+            return Ok(());
+        }
+    }
+
+    /// Changes the working set until all multipliers have the right sign and no constraint is violated.
+    #[inline(always)]
+    fn iterate<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
+        let n = self.problem.gradient.len();
+        let all = self.work.is_member.len() + n;
+        let limit = self.settings.max_iterations.unwrap_or(10 * all as u32 + 50);
+        // From here on ties are broken by number: no working set comes again for ever.
+        let careful = self.work.iterations + 3 * all as u32;
+        loop {
+            let iterations = self.work.iterations;
+            let at_limit = iterations >= limit;
+            let by_number = self.work.iterations >= careful;
+            self.work.working.solve::<F>();
+            if self.drop_wrong::<F>(by_number) {
+                if at_limit {
+                    return Err(SolveError::MaxIterations { iterations });
+                }
+                self.work.iterations += 1;
+                continue;
+            }
+            let work = &mut *self.work;
+            work.working.keep_multipliers();
+            work.working.scaled_minimum::<F>(&work.g, &mut work.x);
+            work.hessian.solve_transposed::<F>(&mut work.x);
+            let mut violated = self.violated::<F>(by_number);
+            if violated.is_none() {
+                self.refine::<F>();
+                if self.drop_wrong::<F>(by_number) {
+                    if at_limit {
+                        return Err(SolveError::MaxIterations { iterations });
+                    }
+                    self.work.iterations += 1;
+                    continue;
+                }
+                violated = self.violated::<F>(by_number);
+            }
+            let Some(violated) = violated else {
+                self.work.working.keep_multipliers();
+                return if self.is_feasible() { Ok(()) } else { Err(SolveError::Numerical { iterations }) };
+            };
+            if at_limit {
+                return Err(SolveError::MaxIterations { iterations });
+            }
+            self.add::<F>(&violated)?;
+            self.work.iterations += 1;
+        }
+    }
+
+    /// Moves the multipliers towards those of the minimum; lets the first member go whose multiplier would change its sign.
+    #[inline(always)]
+    fn drop_wrong<F: Arithmetic>(&mut self, by_number: bool) -> bool {
+        let working = &mut self.work.working;
+        let largest = working.solved[..working.members.len()].iter().fold(0.0_f64, |l, s| l.max(s.abs()));
+        let (mut step, mut which, mut worst) = (f64::INFINITY, usize::MAX, 0.0);
+        for (i, (member, solved)) in working.members.iter().zip(&working.solved).enumerate() {
+            let (from, to) = (member.sign * member.multiplier, member.sign * solved);
+            if member.sign == 0.0 || to >= -SIGN * largest {
+                continue;
+            }
+            let fraction = from.max(0.0) / (from.max(0.0) - to);
+            let better = match () {
+                () if fraction < step => true,
+                () if fraction > step => false,
+                () if by_number => member.constraint < working.members[which].constraint,
+                () => to < worst,
+            };
+            if better {
+                (step, which, worst) = (fraction, i, to);
+            }
+        }
+        if which == usize::MAX {
+            return false;
+        }
+        for (member, solved) in working.members.iter_mut().zip(&working.solved) {
+            member.multiplier += step * (solved - member.multiplier);
+        }
+        self.remove::<F>(which);
+        true
+    }
+
+    /// Adds a violated constraint. If it depends on members, one of them makes way.
+    #[inline(always)]
+    fn add<F: Arithmetic>(&mut self, violated: &Violated) -> Result<(), SolveError> {
+        self.take_normal(violated.constraint);
+        let mut multiplier = 0.0;
+        loop {
+            let work = &mut *self.work;
+            if work.working.examine::<F>(&work.hessian) {
+                let Violated { constraint, sign, value } = *violated;
+                work.working.push::<F>(Member { constraint, sign, value, multiplier }, &work.g);
+                work.is_member[constraint] = true;
+                return Ok(());
+            }
+            // a = N r: what the members say of it decides, not the x computed from them.
+            if !work.working.contradicts(violated.sign, violated.value) {
+                work.implied.push(violated.constraint);
+                work.is_member[violated.constraint] = true;
+                return Ok(());
+            }
+            // As its multiplier grows by s, those of the members change by -r s, and nothing else does.
+            let working = &mut work.working;
+            let largest =
+                working.projection[..working.members.len()].iter().fold(0.0_f64, |l, r| l.max(r.abs()));
+            let (mut step, mut which) = (f64::INFINITY, None);
+            for (i, (member, r)) in working.members.iter().zip(&working.projection).enumerate() {
+                let rate = -violated.sign * r * member.sign;
+                if member.sign == 0.0 || rate >= -NO_RATE * largest {
+                    continue;
+                }
+                let length = (member.sign * member.multiplier).max(0.0) / -rate;
+                if length < step {
+                    (step, which) = (length, Some(i));
+                }
+            }
+            let Some(which) = which else { return Err(self.infeasible(violated.constraint, violated.sign)) };
+            for (member, r) in working.members.iter_mut().zip(&working.projection) {
+                member.multiplier -= violated.sign * step * r;
+            }
+            multiplier += violated.sign * step;
+            self.remove::<F>(which);
+        }
+    }
+
+    /// Lets a member go, and with it what was implied.
+    #[inline(always)]
+    fn remove<F: Arithmetic>(&mut self, which: usize) {
+        let work = &mut *self.work;
+        work.is_member[work.working.members[which].constraint] = false;
+        work.working.remove::<F>(which);
+        for constraint in work.implied.drain(..) {
+            work.is_member[constraint] = false;
+        }
+    }
+
+    /// Corrects the minimum and the multipliers by their residuals in the numbers of the problem.
+    #[inline(always)]
+    fn refine<F: Arithmetic>(&mut self) {
+        let n = self.problem.gradient.len();
+        let hessian = self.problem.hessian.as_slice();
+        for _ in 0..REFINEMENTS {
+            let work = &mut *self.work;
+            // r = -(P x + q), from the upper triangle.
+            for i in 0..n {
+                work.residual[i] = -work.gradient[i];
+            }
+            work.residual[n..].fill(0.0);
+            for (j, column) in hessian.chunks_exact(n).enumerate() {
+                let x = work.x[j];
+                let mut sum = F::multiply_add(column[j] + work.shift, x, 0.0);
+                for ((p, xi), r) in column[..j].iter().zip(&work.x).zip(&mut work.residual) {
+                    *r = F::multiply_add(-*p, x, *r);
+                    sum = F::multiply_add(*p, *xi, sum);
+                }
+                work.residual[j] -= sum;
+            }
+            work.working.residuals::<F>(&work.x, &mut work.residual, &mut work.gaps);
+            work.hessian.solve::<F>(&mut work.residual, 0);
+            work.working.correct::<F>(&mut work.residual, &work.gaps);
+            work.hessian.solve_transposed::<F>(&mut work.residual);
+            add_scaled::<F>(1.0, &work.residual, &mut work.x);
+            // The next correction would be smaller by the same factor once more.
+            let (step, size) = (largest(&work.residual), largest(&work.x));
+            if step <= CONVERGED * size {
+                break;
+            }
+        }
+    }
+}

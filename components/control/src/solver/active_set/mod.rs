@@ -1,0 +1,167 @@
+//! A dense dual active-set solver, behind [`QpSolver`]: what a control loop uses.
+//!
+//! It keeps a working set of constraints that are held as equalities, and multipliers of the right sign for them. While
+//! the minimum on the working set violates a constraint, that constraint joins; a member whose multiplier would change its
+//! sign on the way leaves. Every change raises the dual cost, so no working set comes again; should rounding undo that,
+//! ties are broken by the number of the constraint (Bland's rule) until the iterations are used up.
+//!
+//! With `P = L L'` and the normals `N` of the members, `B = L^-1 N`, the minimum on the working set is
+//!
+//! ```text
+//! B'B mu = -(b + B'g),   g = L^-1 q,   L'x = -(g + B mu)
+//! ```
+//!
+//! The Cholesky factor of `B'B` is kept and changed by one row at a time; a row is computed by repeated projection, so that
+//! it is as exact as that of an orthogonal factorisation. A solve begins with the working set and the multipliers of the one
+//! before, all at once: along a smooth motion most solves change nothing. The result is refined with the residuals of the
+//! problem's own numbers.
+//!
+//! A Hessian that is singular, or so badly conditioned that no solution was found, is solved as a sequence of
+//! well-conditioned problems (proximal point method), whose certificates tell *infeasible* from *unbounded*.
+//!
+//! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*, 1983; Arnström,
+//! Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using recursive LDL' updates*, 2022;
+//! Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the Gram-Schmidt QR
+//! factorization*, 1976.
+
+mod constraints;
+mod iterate;
+mod kernels;
+mod rounds;
+mod working_set;
+
+use super::{Problem, QpSolver, Solution, SolveError, Structure, UpdateError};
+use kernels::{Lower, padded};
+use working_set::{Member, WorkingSet};
+
+/// Settings of [`ActiveSetSolver`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActiveSetSettings {
+    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. Default 1e-10.
+    pub feasibility: f64,
+    /// Largest number of changes of the working set in one solve, the bound of its time. Default: `None`, ten times the
+    /// number of constraints and variables, and 50.
+    pub max_iterations: Option<u32>,
+    /// Whether a solve begins with the working set of the one before. Default true.
+    pub warm_start: bool,
+}
+
+impl Default for ActiveSetSettings {
+    fn default() -> Self {
+        Self { feasibility: 1e-10, max_iterations: None, warm_start: true }
+    }
+}
+
+/// A [`QpSolver`] that keeps its working set from solve to solve.
+///
+/// ```
+/// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};
+///
+/// // the point of the box [0, 1] x [0, 1] that is nearest to (2, 0.5)
+/// let structure = Structure::new(2).bounds(Sides::Both);
+/// let mut problem = Problem::new(&structure);
+/// problem.hessian.fill_with_identity();
+/// problem.gradient.copy_from_slice(&[-2.0, -0.5]);
+/// problem.lower.fill(0.0);
+/// problem.upper.fill(1.0);
+/// let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+/// solver.update(&problem)?;
+/// assert_eq!(solver.solve()?.x.as_slice(), [1.0, 0.5]);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ActiveSetSolver {
+    structure: Structure,
+    settings: ActiveSetSettings,
+    instructions: pulp::Arch,
+    problem: Problem,
+    updated: bool,
+    work: Work,
+    solution: Solution,
+}
+
+/// Everything that a solve works on but the problem.
+#[derive(Debug)]
+struct Work {
+    /// The Cholesky factor of the Hessian.
+    hessian: Lower,
+    working: WorkingSet,
+    /// What is added to the diagonal of the Hessian; 0 if it is well conditioned.
+    shift: f64,
+    /// The point the distance to which costs `shift`.
+    centre: Vec<f64>,
+    /// `q - shift centre`.
+    gradient: Vec<f64>,
+    /// `L^-1 gradient`.
+    g: Vec<f64>,
+    x: Vec<f64>,
+    residual: Vec<f64>,
+    gaps: Vec<f64>,
+    /// `G x`.
+    rows: Vec<f64>,
+    /// Whether a constraint is a member, or implied by the members.
+    is_member: Vec<bool>,
+    /// Constraints that the members imply.
+    implied: Vec<usize>,
+    /// The members of the solve before.
+    previous: Vec<Member>,
+    iterations: u32,
+}
+
+impl ActiveSetSolver {
+    /// Builds the solver for `structure`; everything that it needs is allocated here.
+    pub fn new(structure: Structure, settings: ActiveSetSettings) -> Self {
+        let n = structure.variables();
+        let all = structure.equality_count() + structure.row_sides().len() + n;
+        let row = || vec![0.0; padded(n)];
+        let work = Work {
+            hessian: Lower::new(n),
+            working: WorkingSet::new(n),
+            shift: 0.0,
+            centre: row(),
+            gradient: row(),
+            g: row(),
+            x: row(),
+            residual: row(),
+            gaps: row(),
+            rows: vec![0.0; structure.row_sides().len()],
+            is_member: vec![false; all],
+            implied: Vec::with_capacity(all),
+            previous: Vec::with_capacity(n),
+            iterations: 0,
+        };
+        Self {
+            problem: Problem::new(&structure),
+            solution: Solution::new(&structure),
+            structure,
+            settings,
+            instructions: pulp::Arch::new(),
+            updated: false,
+            work,
+        }
+    }
+}
+
+impl QpSolver for ActiveSetSolver {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn update(&mut self, problem: &Problem) -> Result<(), UpdateError> {
+        self.updated = false;
+        problem.check(&self.structure)?;
+        self.problem.copy_from(problem);
+        self.updated = true;
+        Ok(())
+    }
+
+    fn solve(&mut self) -> Result<&Solution, SolveError> {
+        if !self.updated {
+            return Err(SolveError::NotUpdated);
+        }
+        let (problem, settings) = (&self.problem, self.settings);
+        let run = iterate::Run { problem, settings, work: &mut self.work, solution: &mut self.solution };
+        self.instructions.dispatch(run)?;
+        Ok(&self.solution)
+    }
+}

@@ -1,0 +1,147 @@
+//! Problems whose Hessian is singular, or nearly so, as a sequence of well-conditioned ones.
+
+use super::iterate::Run;
+use super::kernels::largest;
+use crate::solver::{Problem, SolveError};
+
+/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not believed.
+const POOR: f64 = 1e-3;
+/// First share of the largest diagonal entry that is added to a singular Hessian.
+const FIRST_SHIFT: f64 = 1e-4;
+/// Solves with one shift, the factor of the next one, and solves in all.
+const ROUNDS_A_SHIFT: usize = 10;
+const LOWER_SHIFT: f64 = 0.1;
+const ROUNDS: usize = 60;
+/// Share of the solution by which it may still move.
+const CLOSE: f64 = 1e-10;
+/// Share of its size up to which a rate of change along a direction is none.
+const RECESSION: f64 = 1e-9;
+/// Violation, as a share of one and of the value, that only a breakdown of the arithmetic leaves.
+const GROSS: f64 = 1e-6;
+
+/// What follows on a round.
+pub(super) enum Next {
+    /// It was the last.
+    Done,
+    /// Another one.
+    Solve {
+        /// With another shift.
+        factorize: bool,
+    },
+}
+
+impl Run<'_> {
+    /// Decides what follows on a round that is not the solution yet.
+    #[inline(never)]
+    pub(super) fn next_round(
+        &mut self,
+        outcome: Result<(), SolveError>,
+        round: usize,
+    ) -> Result<Next, SolveError> {
+        let n = self.problem.gradient.len();
+        if let Err(error) = outcome {
+            let (curvature, slope) = (self.largest_curvature(), self.problem.gradient.amax());
+            let poor = self.work.hessian.weakest() <= POOR || curvature <= POOR * POOR * slope;
+            let at_limit = matches!(error, SolveError::MaxIterations { .. });
+            if self.work.shift > 0.0 || !poor || at_limit && self.settings.max_iterations.is_some() {
+                return Err(error);
+            }
+            self.work.iterations = 0;
+            // A poor condition may be the reason: the same problem, solved in well-conditioned steps, decides.
+            self.work.working.clear();
+            self.shift();
+            return Ok(Next::Solve { factorize: true });
+        }
+        for i in 0..n {
+            self.work.residual[i] = self.work.x[i] - self.work.centre[i];
+        }
+        self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
+        if largest(&self.work.residual[..n]) <= CLOSE * (1.0 + largest(&self.work.centre[..n])) {
+            return Ok(Next::Done);
+        }
+        if let Some(variable) = self.recession() {
+            return Err(SolveError::Unbounded { variable });
+        }
+        if round >= ROUNDS {
+            return Err(SolveError::MaxIterations { iterations: self.work.iterations });
+        }
+        let factorize = round % ROUNDS_A_SHIFT == ROUNDS_A_SHIFT - 1;
+        if factorize {
+            self.work.shift *= LOWER_SHIFT;
+        }
+        Ok(Next::Solve { factorize })
+    }
+
+    fn largest_curvature(&self) -> f64 {
+        let hessian = &self.problem.hessian;
+        (0..hessian.nrows()).fold(0.0_f64, |largest, i| largest.max(hessian[(i, i)].abs()))
+    }
+
+    /// Sets the share of the largest numbers of the problem that is added to the diagonal of the Hessian.
+    pub(super) fn shift(&mut self) {
+        let largest = self.largest_curvature().max(self.problem.gradient.amax());
+        self.work.shift = if largest > 0.0 { FIRST_SHIFT * largest } else { FIRST_SHIFT };
+    }
+
+    /// Whether the cost falls for ever along `residual`, the last step: the variable with its largest share.
+    pub(super) fn recession(&self) -> Option<usize> {
+        let problem = self.problem;
+        let n = problem.gradient.len();
+        let d = &self.work.residual[..n];
+        let size = largest(d);
+        let nothing = |value: f64, scale: f64| value.abs() <= RECESSION * scale * size;
+        let product = |matrix: &nalgebra::DMatrix<f64>, row: usize| {
+            let entries = (0..n).map(|j| (matrix[(row, j)], d[j]));
+            entries.fold((0.0, 0.0_f64), |(sum, most), (a, d)| (sum + a * d, most.max(a.abs())))
+        };
+        let largest_curvature = self.largest_curvature();
+        for i in 0..n {
+            let curvature: f64 = (0..n).map(|j| problem.hessian[(i.min(j), i.max(j))] * d[j]).sum();
+            if !nothing(curvature, largest_curvature) {
+                return None;
+            }
+        }
+        let slope: f64 = problem.gradient.iter().zip(d).map(|(q, d)| q * d).sum();
+        if slope >= -RECESSION * size * problem.gradient.amax() {
+            return None;
+        }
+        let escapes = |rate: f64, scale: f64, lower: f64, upper: f64| {
+            (upper >= Problem::INFINITE || rate <= RECESSION * scale * size)
+                && (lower <= -Problem::INFINITE || rate >= -RECESSION * scale * size)
+        };
+        for i in 0..self.equalities() {
+            let (rate, scale) = product(&problem.equality_matrix, i);
+            if !nothing(rate, scale) {
+                return None;
+            }
+        }
+        for i in 0..problem.row_lower.len() {
+            let (rate, scale) = product(&problem.row_matrix, i);
+            if !escapes(rate, scale, problem.row_lower[i], problem.row_upper[i]) {
+                return None;
+            }
+        }
+        for (i, d) in d.iter().enumerate() {
+            if !escapes(*d, 1.0, problem.lower[i], problem.upper[i]) {
+                return None;
+            }
+        }
+        (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))
+    }
+
+    /// Whether `x`, whose rows were computed last, satisfies all constraints, those that members imply too.
+    pub(super) fn is_feasible(&self) -> bool {
+        let problem = self.problem;
+        let within = |value: f64, lower: f64, upper: f64| {
+            value >= lower - GROSS * (1.0 + lower.abs()) && value <= upper + GROSS * (1.0 + upper.abs())
+        };
+        let all_within = |values: &[f64], lower: &[f64], upper: &[f64]| {
+            values
+                .iter()
+                .zip(lower.iter().zip(upper))
+                .all(|(value, (lower, upper))| within(*value, *lower, *upper))
+        };
+        all_within(&self.work.rows, problem.row_lower.as_slice(), problem.row_upper.as_slice())
+            && all_within(&self.work.x, problem.lower.as_slice(), problem.upper.as_slice())
+    }
+}

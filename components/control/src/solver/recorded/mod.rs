@@ -1,0 +1,149 @@
+//! Recorded quadratic programs: what a user sends with a bad solve, and what solvers are compared on.
+//!
+//! A file holds one problem, or a list of consecutive problems of the same size, as JSON objects:
+//!
+//! ```text
+//! { "P": [[...], ...], "q": [...],                      1/2 x'Px + q'x
+//!   "A": [[...], ...], "b": [...],                      A x = b
+//!   "G": [[...], ...], "lg": [...], "ug": [...],        lg <= G x <= ug
+//!   "lb": [...], "ub": [...] }                          lb <= x <= ub
+//! ```
+//!
+//! Matrices are lists of rows. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
+
+mod replay;
+
+pub use replay::{Each, Record, Replay, Status, replay};
+
+use nalgebra::{DMatrix, DVector};
+use serde::Deserialize;
+
+use super::{Problem, Sides, Structure};
+
+/// Error of reading recorded problems.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordedError {
+    /// It is no JSON of the expected form.
+    #[error("expected one problem or a list of them, each with P and q: {0}")]
+    Syntax(#[from] serde_json::Error),
+    /// The list is empty.
+    #[error("it holds no problem")]
+    Empty,
+    /// A matrix or vector has another size than the others ask for.
+    #[error("problem {problem}: `{key}` is {found}, expected {expected}")]
+    Size {
+        /// Number of the problem, from 0.
+        problem: usize,
+        /// The key.
+        key: &'static str,
+        /// The size found.
+        found: String,
+        /// The size expected.
+        expected: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Numbers {
+    #[serde(rename = "P")]
+    p: Vec<Vec<f64>>,
+    q: Vec<f64>,
+    #[serde(rename = "A", default)]
+    a: Vec<Vec<f64>>,
+    #[serde(default)]
+    b: Vec<f64>,
+    #[serde(rename = "G", default)]
+    g: Vec<Vec<f64>>,
+    lg: Option<Vec<f64>>,
+    ug: Option<Vec<f64>>,
+    lb: Option<Vec<f64>>,
+    ub: Option<Vec<f64>>,
+}
+
+/// Reads the problems of a file, and the structure that all of them fit.
+///
+/// ```
+/// use motorium_control::solver::recorded;
+///
+/// let text = r#"{ "P": [[2.0, 0.0], [0.0, 2.0]], "q": [-2.0, -5.0], "lb": [0.0, 0.0] }"#;
+/// let (structure, problems) = recorded::read(text)?;
+/// assert_eq!((structure.variables(), problems.len()), (2, 1));
+/// # Ok::<_, recorded::RecordedError>(())
+/// ```
+///
+/// # Errors
+/// [`RecordedError`] names the problem and the key.
+pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
+    let all: Vec<Numbers> = if text.trim_start().starts_with('[') {
+        serde_json::from_str(text)?
+    } else {
+        vec![serde_json::from_str(text)?]
+    };
+    let first = all.first().ok_or(RecordedError::Empty)?;
+    let sizes = (first.q.len(), first.b.len(), first.g.len());
+    let problems: Vec<Problem> = all
+        .into_iter()
+        .enumerate()
+        .map(|(problem, numbers)| numbers.problem(problem, sizes))
+        .collect::<Result<_, _>>()?;
+    Ok((structure(&problems), problems))
+}
+
+impl Numbers {
+    fn problem(self, problem: usize, (n, m, p): (usize, usize, usize)) -> Result<Problem, RecordedError> {
+        let vector = |key, numbers: Vec<f64>, expected: usize| {
+            let found = numbers.len();
+            if found == expected {
+                return Ok(DVector::from_vec(numbers));
+            }
+            let (found, expected) = (format!("{found} numbers"), format!("{expected}"));
+            Err(RecordedError::Size { problem, key, found, expected })
+        };
+        let matrix = |key, rows: Vec<Vec<f64>>, expected: usize| {
+            let found = match rows.iter().find(|row| row.len() != n) {
+                Some(row) => format!("a matrix with a row of {}", row.len()),
+                None if rows.len() != expected => format!("{} x {n}", rows.len()),
+                None => return Ok(DMatrix::from_row_iterator(expected, n, rows.into_iter().flatten())),
+            };
+            Err(RecordedError::Size { problem, key, found, expected: format!("{expected} x {n}") })
+        };
+        let side = |key, numbers: Option<Vec<f64>>, count, infinite: f64| {
+            vector(key, numbers.unwrap_or_else(|| vec![infinite; count]), count)
+        };
+        Ok(Problem {
+            hessian: matrix("P", self.p, n)?,
+            gradient: vector("q", self.q, n)?,
+            equality_matrix: matrix("A", self.a, m)?,
+            equality_value: vector("b", self.b, m)?,
+            row_matrix: matrix("G", self.g, p)?,
+            row_lower: side("lg", self.lg, p, f64::NEG_INFINITY)?,
+            row_upper: side("ug", self.ug, p, f64::INFINITY)?,
+            lower: side("lb", self.lb, n, f64::NEG_INFINITY)?,
+            upper: side("ub", self.ub, n, f64::INFINITY)?,
+        })
+    }
+}
+
+/// The structure with the sides that are finite in any of the problems.
+fn structure(problems: &[Problem]) -> Structure {
+    let first = &problems[0];
+    let sides = |lower: fn(&Problem) -> &DVector<f64>, upper: fn(&Problem) -> &DVector<f64>, i: usize| {
+        let below = problems.iter().any(|problem| lower(problem)[i] > -Problem::INFINITE);
+        let above = problems.iter().any(|problem| upper(problem)[i] < Problem::INFINITE);
+        match (below, above) {
+            (true, true) => Sides::Both,
+            (true, false) => Sides::Lower,
+            (false, true) => Sides::Upper,
+            (false, false) => Sides::Neither,
+        }
+    };
+    let mut structure = Structure::new(first.gradient.len()).equalities(first.equality_value.len());
+    for row in 0..first.row_lower.len() {
+        structure = structure.rows(1, sides(|p| &p.row_lower, |p| &p.row_upper, row));
+    }
+    for variable in 0..first.gradient.len() {
+        structure = structure.bound(variable, sides(|p| &p.lower, |p| &p.upper, variable));
+    }
+    structure
+}
