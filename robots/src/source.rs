@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{LoadError, LoadOptions, Loaded, load_with};
+use crate::{BasePose, LoadError, LoadOptions, Loaded, load_with};
 
 /// A robot as a graph file refers to it.
 ///
@@ -10,13 +10,13 @@ use crate::{LoadError, LoadOptions, Loaded, load_with};
 /// # use std::path::Path;
 /// use motorium_robots::RobotSource;
 ///
-/// let arm = RobotSource { name: "arm", text: "panda", base: Path::new(".") };
+/// let arm = RobotSource { name: "arm", text: "panda", base: Path::new("."), pose: None };
 /// assert_eq!(arm.load().unwrap().model.nv(), 8);
 ///
 /// let wrong = RobotSource { text: "pnada", ..arm };
 /// assert!(wrong.load().unwrap_err().to_string().starts_with("robot `arm`: "));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotSource<'a> {
     /// Name of the robot in the graph.
     pub name: &'a str,
@@ -24,6 +24,8 @@ pub struct RobotSource<'a> {
     pub text: &'a str,
     /// Folder that a relative path in `text` starts from: that of the graph file.
     pub base: &'a Path,
+    /// Pose of its base in the world, where the graph says.
+    pub pose: Option<BasePose>,
 }
 
 /// A robot of a graph that cannot be loaded.
@@ -37,7 +39,7 @@ pub struct RobotSourceError {
 }
 
 impl RobotSource<'_> {
-    /// Loads the robot as its files say.
+    /// Loads the robot as its files say, its base where the graph has it.
     ///
     /// # Errors
     ///
@@ -52,7 +54,11 @@ impl RobotSource<'_> {
     ///
     /// As [`load`](Self::load).
     pub fn load_with(&self, options: &LoadOptions) -> Result<Loaded, RobotSourceError> {
-        load_with(self.text, self.base, options)
-            .map_err(|source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) })
+        let mut loaded = load_with(self.text, self.base, options)
+            .map_err(|source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) })?;
+        if let Some(pose) = self.pose {
+            loaded.model = loaded.model.placed(&pose.isometry());
+        }
+        Ok(loaded)
     }
 }

@@ -62,6 +62,24 @@ impl Srdf {
         Ok(rules)
     }
 
+    /// The rules for a robot whose links are called `prefix` and their names.
+    pub fn prefixed(&self, prefix: &str) -> Self {
+        let named = |link: &String| format!("{prefix}{link}");
+        let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| (named(a), named(b))).collect();
+        Self {
+            disabled: pairs(&self.disabled),
+            enabled: pairs(&self.enabled),
+            disabled_links: self.disabled_links.iter().map(named).collect(),
+        }
+    }
+
+    /// Adds the rules of another robot in the same world.
+    pub fn extend(&mut self, other: Self) {
+        self.disabled.extend(other.disabled);
+        self.enabled.extend(other.enabled);
+        self.disabled_links.extend(other.disabled_links);
+    }
+
     /// Links that the rules name.
     pub fn links(&self) -> HashSet<&str> {
         let pairs = self.disabled.iter().chain(&self.enabled);

@@ -39,7 +39,9 @@ fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
 
 #[test]
 fn a_robot_of_a_graph_that_cannot_be_loaded_is_named_with_the_cause() {
-    let error = RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere") }.load().unwrap_err();
+    let error = RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere"), pose: None }
+        .load()
+        .unwrap_err();
     assert!(matches!(*error.source, LoadError::NotFound { .. }));
     assert!(
         error.to_string().starts_with("robot `left`: robot \"pnada\" is neither in the catalogue"),

@@ -88,7 +88,11 @@ pub fn describe(kind: &Kind) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let declared = kind.declare(ConfigSource::Json(request.config), request.robot);
+    let config = ConfigSource::Json(request.config);
+    let declared = match request.robots.is_empty() {
+        true => kind.declare(config, request.robot),
+        false => kind.declare_for(config, request.robots),
+    };
     let (declaration, error) = match declared {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),

@@ -326,3 +326,14 @@ fn allocations_in_a_step_are_counted() {
     let faulty = ended.report().components.iter().find(|c| c.name == "faulty").expect("it is reported");
     assert_eq!(faulty.allocations, Some(faulty.steps - 100), "{faulty:?}");
 }
+
+#[test]
+fn a_component_that_stops_slowly_is_killed_unless_it_is_given_the_time() {
+    let _machine = machine();
+    for (settings, stops) in [("", false), ("stop_within = \"10 s\"", true)] {
+        let (_folder, graph) = faulty("{ fault = \"slow_stop\" }", settings);
+        let ended = run(&graph, &["--for", "500 ms"]);
+        let told = ended.stderr.contains("stopped after three seconds");
+        assert_eq!(told, stops, "{settings}: {}", ended.stderr);
+    }
+}

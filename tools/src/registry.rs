@@ -21,6 +21,7 @@ fn kinds() -> Vec<Kind> {
         Kind::of::<motorium_physics::ArticulatedPhysics>(),
         Kind::of::<motorium_physics::RapierPhysics>(),
         Kind::of::<motorium_sensors::JointEncoder>(),
+        Kind::of::<motorium_sensors::JointMerge>(),
         Kind::of::<motorium_control::QpController>(),
         Kind::of::<motorium_policies::CpgPolicy>(),
         Kind::of::<motorium_policies::DmpPolicy>(),

@@ -11,7 +11,8 @@ use motorium_physics::{
     ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator, Simulator,
     World,
 };
-use motorium_robots::load;
+use motorium_robots::{Model, Placed, load};
+use nalgebra::Isometry3;
 
 const DT: f64 = 1e-3;
 const STEPS: usize = 20_000;
@@ -40,19 +41,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let block = with_block()?;
     let worlds = [("empty world", &empty, 0.0), ("ground", &ground, 0.0), ("ground, cube", &with_cube, 0.0)];
     for (name, world, lean) in worlds {
-        measure(&format!("articulated, {name}"), Engine::Articulated, world, Options::default(), lean)?;
+        measure(&format!("articulated, {name}"), Engine::Articulated, world, Options::default(), lean, 1)?;
+    }
+    for count in [2, 4] {
+        let name = format!("articulated, empty world, {count} arms");
+        measure(&name, Engine::Articulated, &empty, Options::default(), 0.0, count)?;
     }
     for iterations in [1, 2, 4] {
         let options = Options { contact_iterations: iterations, ..Options::default() };
         let name = format!("articulated, hand on a block, {iterations} iterations");
-        measure(&name, Engine::Articulated, &block, options, -0.12)?;
+        measure(&name, Engine::Articulated, &block, options, -0.12, 1)?;
     }
     for iterations in [1, 2, 4] {
         let options = Options { contact_iterations: iterations, ..Options::default() };
         let worlds = [("empty world", &empty, 0.0), ("ground, cube", &with_cube, 0.0)];
         for (name, world, lean) in worlds.into_iter().chain([("hand on a block", &block, -0.12)]) {
             let name = format!("rapier, {name}, {iterations} iterations");
-            measure(&name, Engine::Rapier, world, options, lean)?;
+            measure(&name, Engine::Rapier, world, options, lean, 1)?;
         }
     }
     Ok(())
@@ -78,6 +83,17 @@ fn with_block() -> Result<World, Box<dyn std::error::Error>> {
     Ok(World { ground: Some(Ground::default()), objects: vec![block], ..World::default() })
 }
 
+/// So many Pandas side by side, out of reach of one another.
+fn arms(panda: &Model, count: usize) -> Result<Model, Box<dyn std::error::Error>> {
+    let prefixes: Vec<String> = (0..count).map(|arm| format!("{arm}/")).collect();
+    let placed = prefixes.iter().enumerate().map(|(arm, prefix)| Placed {
+        model: panda,
+        prefix,
+        placement: Isometry3::translation(0.0, 2.5 * arm as f64, 0.0),
+    });
+    Ok(if count == 1 { panda.clone() } else { Model::world("arms", &placed.collect::<Vec<_>>())? })
+}
+
 /// Swings every joint about home, or presses down by bending the shoulder by `-lean`.
 fn measure(
     name: &str,
@@ -85,12 +101,13 @@ fn measure(
     world: &World,
     options: Options,
     lean: f64,
+    count: usize,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let panda = load("panda", Path::new("."))?;
     let profile = panda.profile.ok_or("the catalogue's panda has a profile")?;
     let home = profile.home(&panda.model)?;
     let gains = profile.gains(&panda.model)?;
-    let (model, world, q) = (panda.model, world.clone(), home.as_slice());
+    let (model, world, q) = (arms(&panda.model, count)?, world.clone(), &home.as_slice().repeat(count));
     let mut simulation: Box<dyn Simulator> = match engine {
         Engine::Articulated => Box::new(ArticulatedSimulator::new(model, world, q, options)?),
         Engine::Rapier => Box::new(RapierSimulator::new(model, world, q, options)?),
@@ -100,6 +117,7 @@ fn measure(
     for step in 0..STEPS {
         let swing = if lean == 0.0 { 0.15 * (step as f64 * 2.0 * DT).sin() } else { 0.0 };
         for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
+            let i = i % home.len();
             let goal = home[i] + if i < 7 { swing } else { 0.0 } - if i == 1 { lean } else { 0.0 };
             *command = JointCommand::hold(goal, gains.kp[i], gains.kd[i]);
         }

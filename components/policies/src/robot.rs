@@ -1,13 +1,18 @@
 //! Loading the robot of a component.
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::{EndEffectorError, FrameId, Loaded, RobotSource};
+use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
 
 /// The robot of a component.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
-    RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base }
-        .load()
-        .map_err(|error| ConfigError::new(error.to_string()))
+    RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+    }
+    .load()
+    .map_err(|error| ConfigError::new(error.to_string()))
 }
 
 /// The controlled frame: the one configured under `key`, else that of the robot's only end effector.

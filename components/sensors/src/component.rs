@@ -1,5 +1,7 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+pub mod merge;
+
 use std::time::Duration;
 
 use motorium::prelude::*;
@@ -106,7 +108,7 @@ impl Component for JointEncoder {
 }
 
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
-    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base }
+    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose: None }
         .load()
         .map_err(|error| ConfigError::new(error.to_string()))?;
     // a joint state holds no pose of a floating base, but the rotors that fly it

@@ -4,6 +4,7 @@
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph.
+//! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
 //! The models are plain libraries: of the runtime they use only its unit of time, and only construction allocates.
 //!
@@ -32,3 +33,4 @@ pub mod encoder;
 pub mod noise;
 
 pub use component::JointEncoder;
+pub use component::merge::JointMerge;

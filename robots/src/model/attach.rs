@@ -140,6 +140,42 @@ impl Model {
         Ok(world)
     }
 
+    /// The robot with its base elsewhere: `pose` is that of its root frame in the world. A base that floats starts there
+    /// in the neutral configuration; all that is fixed to the world moves with a fixed one.
+    ///
+    /// ```
+    /// use motorium_robots::{Kinematics, load};
+    /// use nalgebra::Isometry3;
+    ///
+    /// let here = load("planar-3r", std::path::Path::new("."))?.model;
+    /// let there = here.placed(&Isometry3::translation(0.5, 0.0, 0.2));
+    /// let tip = here.frame(&here.frames().last().unwrap().name)?;
+    /// let poses = [&here, &there].map(|model| {
+    ///     let mut kinematics = Kinematics::new(model);
+    ///     kinematics.update(model, &model.neutral());
+    ///     kinematics.pose(model, tip).translation.vector
+    /// });
+    /// assert!((poses[1] - poses[0] - nalgebra::Vector3::new(0.5, 0.0, 0.2)).norm() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn placed(&self, pose: &Isometry3<f64>) -> Self {
+        let (mut base, mut bodies, mut frames) =
+            (self.base.clone(), self.bodies.clone(), self.frames.clone());
+        if base.floating {
+            base.neutral = *pose;
+            return Self::new(self.name.clone(), base, bodies, frames);
+        }
+        base.inertia = base.inertia.moved(pose);
+        base.shapes = base.shapes.into_iter().map(|shape| shape.moved(pose)).collect();
+        for body in bodies.iter_mut().filter(|body| body.parent.is_none()) {
+            body.joint.placement = pose * body.joint.placement;
+        }
+        for frame in frames.iter_mut().filter(|frame| frame.body.is_none()) {
+            frame.placement = pose * frame.placement;
+        }
+        Self::new(self.name.clone(), base, bodies, frames)
+    }
+
     /// A model of one frame and no body.
     fn of_frame(name: &str, frame: &str) -> Self {
         let base = Base {

@@ -300,17 +300,39 @@ fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
     Some(ends)
 }
 
+/// The next column to the left that a column of the factored mass matrix meets; itself if there is none.
 fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Vec<usize> {
-    // A chain of all columns is right for any matrix; coupled joints can fill it.
+    if coupled {
+        return chains(nodes, floating, nv);
+    }
     let mut above: Vec<usize> = (0..nv).map(|column| column.saturating_sub(1)).collect();
-    if !coupled {
-        for node in nodes {
-            above[node.column] = match node.parent {
-                0 if floating => 5,
-                0 => node.column,
-                parent => nodes[parent - 1].column,
-            };
-        }
+    for node in nodes {
+        above[node.column] = match node.parent {
+            0 if floating => 5,
+            0 => node.column,
+            parent => nodes[parent - 1].column,
+        };
     }
     above
+}
+
+/// Coupled joints can fill the matrix, but not between trees that only the fixed base joins: a chain of the columns of
+/// each tree.
+fn chains(nodes: &[Node], floating: bool, nv: usize) -> Vec<usize> {
+    let whole = || (0..nv).map(|column| column.saturating_sub(1)).collect();
+    if floating {
+        return whole();
+    }
+    let mut roots: Vec<usize> = Vec::with_capacity(nodes.len());
+    let mut trees = vec![None; nv];
+    for (index, node) in nodes.iter().enumerate() {
+        let root = node.parent.checked_sub(1).map_or(index, |parent| roots[parent]);
+        roots.push(root);
+        // a joint that follows one of another tree couples both
+        if *trees[node.column].get_or_insert(root) != root {
+            return whole();
+        }
+    }
+    let last = |column: usize| (0..column).rev().find(|other| trees[*other] == trees[column]);
+    (0..nv).map(|column| last(column).unwrap_or(column)).collect()
 }

@@ -118,6 +118,9 @@ pub trait Component: Sized + 'static {
     /// One line for lists and completions.
     const SUMMARY: &'static str;
 
+    /// The configuration has a key `world`, in whose place the graph's `[world]` comes where there is one.
+    const READS_WORLD: bool = false;
+
     /// The `config` table of the component in the graph file. Use `#[serde(deny_unknown_fields)]`, so that a
     /// misspelt key is an error.
     type Config: serde::de::DeserializeOwned + schemars::JsonSchema;

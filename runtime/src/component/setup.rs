@@ -103,6 +103,11 @@ impl Setup {
         })
     }
 
+    /// The robots the graph gives this component by `robots`; empty where it gives it one by `robot`, or none.
+    pub fn robots(&self) -> &[RobotReference] {
+        &self.component().robots
+    }
+
     /// Nominal time between two steps.
     pub fn period(&self) -> Duration {
         Duration::from_nanos(self.component().period_ns())
@@ -237,6 +242,15 @@ impl Setup {
             .ending_steps(self.plan.stays_on_core(topic.0));
         self.ports.extend(output.connection());
         Ok(output)
+    }
+
+    /// Opens a declared output whose name is made at run time, such as that of one of several robots.
+    ///
+    /// # Errors
+    /// As [`output`](Self::output).
+    pub fn named_output<T: StateBuffer>(&mut self, port: &str) -> Result<Output<T>, PortError> {
+        // Errors of the hot path name their port and hold no heap memory: the few bytes stay for the process's life.
+        self.output(Box::leak(port.to_owned().into_boxed_str()))
     }
 
     /// A declared parameter.

@@ -1,9 +1,10 @@
 //! The declaration of a component: its ports, its parameters, its needs.
 
-use std::path::PathBuf;
+use core::cell::Cell;
 
 use serde::{Deserialize, Serialize};
 
+use super::RobotReference;
 use crate::state::{StateBuffer, TypeLayout};
 
 /// The direction of a port.
@@ -183,17 +184,6 @@ impl ParameterDeclaration {
     }
 }
 
-/// The robot of a component, as the runtime knows it: its name and the place of its model.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RobotReference {
-    /// Its name in the graph file.
-    pub name: String,
-    /// The value of `urdf` in the graph file: a catalogue name, a folder or a URDF file.
-    pub urdf: String,
-    /// Folder against which a relative path is resolved: that of the graph file.
-    pub base: PathBuf,
-}
-
 /// Everything a component declares.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Declaration {
@@ -229,12 +219,25 @@ pub struct Declaration {
 pub struct Declare {
     pub(crate) declaration: Declaration,
     robot: Option<RobotReference>,
+    robots: Vec<RobotReference>,
+    /// The component asked for them: it can work on several.
+    takes_several: Cell<bool>,
 }
 
 impl Declare {
     /// An empty declaration for a component that works on `robot`.
     pub fn new(robot: Option<RobotReference>) -> Self {
-        Self { declaration: Declaration::default(), robot }
+        Self {
+            declaration: Declaration::default(),
+            robot,
+            robots: Vec::new(),
+            takes_several: Cell::new(false),
+        }
+    }
+
+    /// An empty declaration for a component that works on several robots.
+    pub fn of_robots(robots: Vec<RobotReference>) -> Self {
+        Self { robots, ..Self::new(None) }
     }
 
     /// The collected declaration.
@@ -245,6 +248,18 @@ impl Declare {
     /// The robot the graph file gives this component, if any.
     pub fn robot(&self) -> Option<&RobotReference> {
         self.robot.as_ref()
+    }
+
+    /// The robots the graph file gives this component by `robots`; empty where it gives it one by `robot`, or none. A
+    /// component that never asks works on one robot at most, and `robots` is refused.
+    pub fn robots(&self) -> &[RobotReference] {
+        self.takes_several.set(true);
+        &self.robots
+    }
+
+    /// True unless the graph file gives several robots to a component that works on one at most.
+    pub(crate) fn robots_fit(&self) -> bool {
+        self.robots.is_empty() || self.takes_several.get()
     }
 
     /// An input that the graph must wire: the newest value of a topic.

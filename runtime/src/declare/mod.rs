@@ -2,9 +2,11 @@
 
 mod declaration;
 mod error;
+mod robot;
 
 pub use declaration::{
     Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
-    RobotReference, TopicPattern,
+    TopicPattern,
 };
 pub use error::{ConfigError, StepError};
+pub use robot::{BasePose, RobotReference};

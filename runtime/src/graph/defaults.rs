@@ -38,6 +38,7 @@ pub(super) const RESTART_WHEN: RestartWhen = RestartWhen::Never;
 pub(super) const RESTART_AT_MOST: u32 = 5;
 pub(super) const RESTART_WINDOW: TimeSpan = TimeSpan { ns: 10 * SECOND };
 pub(super) const RESTART_WITHIN: TimeSpan = TimeSpan { ns: SECOND };
+pub(super) const STOP_WITHIN: TimeSpan = TimeSpan { ns: crate::plan::STOP_WITHIN_NS };
 pub(super) const ON_MISS: OnMiss = OnMiss::Warn;
 pub(super) const STALE_AFTER: TimeSpan = TimeSpan { ns: 5 * MILLISECOND };
 pub(super) const SAFE_STATE: SafeState = SafeState::Hold;

@@ -8,7 +8,7 @@ use super::read::{Value, entries};
 use super::source::Span;
 
 /// Largest number of a configuration: what is beyond overflows in the first product, and is a slip of the keyboard.
-const LARGEST: f64 = 1e15;
+pub(super) const LARGEST: f64 = 1e15;
 
 /// A TOML value as JSON; what JSON cannot hold is reported.
 pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {

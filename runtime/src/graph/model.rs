@@ -20,6 +20,10 @@ macro_rules! take_fields {
     };
 }
 
+mod robot;
+
+pub(super) use robot::{BaseTable, RobotTable};
+
 /// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
@@ -47,6 +51,9 @@ pub(super) struct GraphTable<'i> {
     pub cores: Option<At<CoresTable>>,
     /// Settings of real time.
     pub realtime: Option<At<RealtimeTable>>,
+    /// The world around the robots, which all components that simulate or see it share: gravity, ground, objects. Poses
+    /// are in the world, z up.
+    pub world: Option<At<AnyTable<'i>>>,
     /// Robots, by name.
     pub robot: Option<At<Named<RobotTable>>>,
     /// Components, by name: each runs as a process of its own.
@@ -64,7 +71,7 @@ pub(super) struct GraphTable<'i> {
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 14] = [
+pub(super) const TOP_KEYS: [&str; 15] = [
     "extends",
     "remove",
     "name",
@@ -74,6 +81,7 @@ pub(super) const TOP_KEYS: [&str; 14] = [
     "episodes",
     "cores",
     "realtime",
+    "world",
     "robot",
     "component",
     "topic",
@@ -85,8 +93,8 @@ impl<'i> GraphTable<'i> {
     pub(super) fn read(value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
-            keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, robot, component, topic, latency, safety;
-            meant: Vec::new()
+            keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, world, robot, component,
+            topic, latency, safety; meant: Vec::new()
         );
         // those of files have been followed: these are of the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
@@ -195,27 +203,6 @@ impl<'i> Read<'i> for TopicTable {
     }
 }
 
-/// A robot.
-#[derive(Debug, JsonSchema)]
-#[schemars(deny_unknown_fields, rename = "Robot")]
-pub(super) struct RobotTable {
-    /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
-    #[schemars(required)]
-    pub urdf: Option<At<String>>,
-    /// Known keys that misspelt ones probably mean.
-    #[schemars(skip)]
-    pub meant: Vec<&'static str>,
-}
-
-impl<'i> Read<'i> for RobotTable {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = take_fields!(keys, urdf; meant: Vec::new());
-        table.meant = keys.finish(&format!("robot `{key}`"));
-        Some(table)
-    }
-}
-
 /// A component: its program, its activation, its wiring, and the consequences of its failure.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Component")]
@@ -226,6 +213,9 @@ pub(super) struct ComponentTable<'i> {
     pub exec: Option<At<String>>,
     /// The robot it works on: a name from `[robot]`.
     pub robot: Option<At<String>>,
+    /// Several robots in place of one, for kinds that take them: names from `[robot]`, each once. A port `PORT` of robot
+    /// `NAME` is then called `NAME.PORT`.
+    pub robots: Option<At<Vec<At<String>>>>,
     /// Steps at fixed times.
     pub rate: Option<At<Rate>>,
     /// Steps whenever this topic is published; the component must subscribe to it.
@@ -274,6 +264,9 @@ pub(super) struct ComponentTable<'i> {
     pub on_failure: Option<At<OnFailure>>,
     /// Restart policy.
     pub restart: Option<At<RestartTable>>,
+    /// Time that it may take to stop, at the end of a run, before it is killed.
+    #[schemars(extend("default" = defaults::STOP_WITHIN))]
+    pub stop_within: Option<At<TimeSpan>>,
     /// True: the component may end an episode before its time. One component of a graph, of a kind that can.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
@@ -286,8 +279,9 @@ impl<'i> Read<'i> for ComponentTable<'i> {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
-            keys, kind, exec, robot, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
-            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, ends_episode; meant: Vec::new()
+            keys, kind, exec, robot, robots, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
+            params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
+            ends_episode; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)
@@ -376,6 +370,10 @@ pub(super) struct SafetyTable {
     /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
     /// `motorium resume`.
     pub emergency_stop: Option<At<TopicName>>,
+    /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
+    /// each one stops by itself.
+    #[schemars(extend("default" = false))]
+    pub stop_together: Option<At<bool>>,
 }
 
 impl<'i> Read<'i> for SafetyTable {
@@ -389,7 +387,8 @@ impl<'i> Read<'i> for SafetyTable {
             source_stale_after,
             limits,
             resume,
-            emergency_stop
+            emergency_stop,
+            stop_together
         );
         keys.finish("`[safety]`");
         Some(table)

@@ -38,6 +38,7 @@ pub fn schema(registry: &Registry) -> Schema {
             })
         }));
         whole_graph(&mut schema, rules);
+        world(&mut schema, registry);
     }
     schema
 }
@@ -63,6 +64,23 @@ fn whole_graph(schema: &mut Schema, rules: Vec<Json>) {
     schema.insert("if".into(), condition);
     schema.insert("then".into(), json!({}));
     schema.insert("else".into(), whole);
+}
+
+/// The `[world]` of a graph is what its kinds read as their `world`.
+fn world(schema: &mut Schema, registry: &Registry) {
+    let Some(kind) = registry.kinds().iter().find(|kind| kind.reads_world) else { return };
+    let mut generator = SchemaSettings::draft07().for_deserialize().into_generator();
+    let config = kind.schema(&mut generator).to_value();
+    let name = config["$ref"].as_str().and_then(|path| path.rsplit('/').next()).unwrap_or_default();
+    let world = schema.pointer(&format!("/definitions/{name}/properties/world")).cloned();
+    let Some(Json::Object(world)) = world else { return };
+    if let Some(place) = schema.pointer_mut("/properties/world").and_then(Json::as_object_mut) {
+        // the description stays that of the graph
+        let described = place.remove("description");
+        *place = world;
+        place.remove("default");
+        place.extend(described.map(|text| ("description".to_string(), text)));
+    }
 }
 
 fn exactly_one(one: &str, other: &str) -> Json {

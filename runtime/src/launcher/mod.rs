@@ -299,5 +299,5 @@ impl Drop for Launch {
 
 /// Time within which components must be configured.
 const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
-/// Time within which components must end after the command to stop.
-const STOP_WITHIN: Duration = Duration::from_secs(2);
+/// Time within which a component must end after the command to stop, where the graph does not say.
+const STOP_WITHIN: Duration = Duration::from_nanos(crate::plan::STOP_WITHIN_NS);

@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
-use super::{Event, Launch, STOP_WITHIN};
+use super::{Event, Launch};
 use crate::os::monotonic_ns;
-use crate::plan::ClockKind;
+use crate::plan::{ClockKind, STOP_WITHIN_NS};
 use crate::region::{Command, ComponentBlock, Phase};
 
 /// The signals that end a run.
@@ -243,8 +243,10 @@ impl Launch {
         }
         self.region.header().order(Command::Stop);
         self.ended_ns = Some(monotonic_ns());
-        let until = Instant::now() + STOP_WITHIN;
+        let ordered = Instant::now();
         for index in 0..self.children.len() {
+            let within_ns = self.plan.components[index].stop_within_ns.unwrap_or(STOP_WITHIN_NS);
+            let until = ordered + Duration::from_nanos(within_ns);
             self.children[index].finish(&self.region.components()[index], &self.folder);
             while self.children[index].ended().is_none() && Instant::now() < until {
                 self.wake_triggered();

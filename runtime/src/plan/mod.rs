@@ -236,6 +236,9 @@ pub struct ComponentPlan {
     pub config: serde_json::Value,
     /// The robot it works on.
     pub robot: Option<RobotReference>,
+    /// The robots it works on, where the graph gives it several by `robots`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub robots: Vec<RobotReference>,
     /// True if it applies commands to a robot.
     pub actuator: bool,
     /// Seed of its random numbers, derived from the run's seed and its name.
@@ -258,9 +261,15 @@ pub struct ComponentPlan {
     pub on_failure: OnFailure,
     /// Its restart policy.
     pub restart: RestartPlan,
+    /// Time that it may take to stop before it is killed; without it [`STOP_WITHIN_NS`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_within_ns: Option<u64>,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
     pub order: usize,
 }
+
+/// Time that a component may take to stop where the graph does not say, ns.
+pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
     /// The component that can keep its core from another for longest by computing without end, and the limit at which the

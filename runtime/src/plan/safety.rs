@@ -57,6 +57,9 @@ pub struct SafetyPlan {
     pub safe_state: SafeState,
     /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
+    /// A robot whose commands fail takes the other robots of its actuator into their safe state.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub stop_together: bool,
 }
 
 impl SafetyPlan {
@@ -70,6 +73,7 @@ impl SafetyPlan {
             resume: ResumeRule::Near,
             safe_state: SafeState::Hold,
             settle_ns: 0,
+            stop_together: false,
         }
     }
 }

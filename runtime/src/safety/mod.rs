@@ -19,6 +19,7 @@
 
 mod freshness;
 mod gate;
+mod group;
 mod limits;
 mod port;
 mod resume;

@@ -5,12 +5,13 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::freshness::{Age, Freshness, SuspendClock};
 use super::gate::{Account as _, Gate, GateSettings, Measured, Offer, Verdict};
+use super::group::Group;
 use super::limits::{JointLimits, JointSetpoint};
 use crate::component::{ConfigureError, Setup};
 use crate::os::{boottime_ns, monotonic_ns};
 use crate::plan::EMERGENCY_STOP_PORT;
 use crate::region::{Command, GateState, Latch, MissCause};
-use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
+use crate::state::{EmergencyStop, Field as _, JointCommand, MAX_JOINTS, Stamp};
 use crate::transport::{Context, Input};
 
 /// The gate through which the commands of an actuator pass, at every step.
@@ -62,6 +63,9 @@ pub struct CommandGate {
     period_ns: u64,
     stepped_ns: u64,
     shown: Option<(GateState, Option<Latch>)>,
+    /// The gates of the same actuator, and this one's place among them.
+    group: Rc<Group>,
+    place: usize,
 }
 
 impl Setup {
@@ -71,17 +75,41 @@ impl Setup {
     /// # Errors
     /// There are no joints or more than a command holds, or the emergency-stop topic cannot be joined.
     pub fn command_gate(&mut self, joints: Vec<JointLimits>) -> Result<CommandGate, ConfigureError> {
-        if joints.is_empty() || joints.len() > MAX_JOINTS {
-            let message = format!("a command gate for {} joints, expected 1 to {MAX_JOINTS}", joints.len());
+        Ok(self.command_gates(vec![joints])?.swap_remove(0))
+    }
+
+    /// The gates of the command inputs of an actuator that moves several robots, for the joints of each. A stale command
+    /// stops its own robot, or, as `[safety] stop_together` has it, all of them.
+    ///
+    /// # Errors
+    /// As [`command_gate`](Self::command_gate); and all gates have more joints than a command holds.
+    pub fn command_gates(
+        &mut self,
+        robots: Vec<Vec<JointLimits>>,
+    ) -> Result<Vec<CommandGate>, ConfigureError> {
+        let total: usize = robots.iter().map(Vec::len).sum();
+        if robots.is_empty() || robots.iter().any(Vec::is_empty) || total > MAX_JOINTS {
+            let message = format!("command gates for {total} joints, expected 1 to {MAX_JOINTS}");
             return Err(ConfigureError::failed(message));
         }
+        self.context().block().gate.open(robots.iter().flatten().map(|joint| joint.name.as_str()));
+        let group = Rc::new(Group::new(robots.iter().map(Vec::len), self.plan().safety.stop_together));
+        let gates = robots.into_iter().enumerate();
+        gates.map(|(place, joints)| self.gate_of(joints, group.clone(), place)).collect()
+    }
+
+    fn gate_of(
+        &mut self,
+        joints: Vec<JointLimits>,
+        group: Rc<Group>,
+        place: usize,
+    ) -> Result<CommandGate, ConfigureError> {
         let emergency_stop =
             if self.has_input(EMERGENCY_STOP_PORT) { Some(self.input(EMERGENCY_STOP_PORT)?) } else { None };
         let safety = &self.plan().safety;
         let settings =
             GateSettings { safe_state: safety.safe_state, limits: safety.limits, resume: safety.resume };
         let context = self.context().clone();
-        context.block().gate.open(joints.iter().map(|joint| joint.name.as_str()));
         let mut gate = Gate::new(joints, settings);
         if context.restart_count() > 0 {
             // The robot was without its actuator: under `resume = "latch"` a person decides.
@@ -99,6 +127,8 @@ impl Setup {
             stepped_ns: 0,
             shown: None,
             context,
+            group,
+            place,
         })
     }
 }
@@ -119,6 +149,7 @@ impl CommandGate {
         self.gate.reset();
         self.freshness.reset();
         self.armed = false;
+        self.group.set_good(self.place, false);
         (self.offered, self.stepped_ns, self.shown) = (None, 0, None);
     }
 
@@ -143,7 +174,10 @@ impl CommandGate {
     /// Offers the newest command, if it is fresh.
     #[inline]
     fn offer(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
-        let Some(reading) = input.latest() else { return self.gate.make_safe(measured, dt) };
+        let Some(reading) = input.latest() else {
+            self.group.set_good(self.place, false);
+            return self.gate.make_safe(measured, dt);
+        };
         let stamp = reading.stamp();
         let before = self.offered.replace(stamp);
         let is_same = |before: &Stamp| {
@@ -164,12 +198,16 @@ impl CommandGate {
         if self.clock.is_from_before(stamp.publish_time) && !clock.is_lockstep() {
             age = Age::Stale;
         }
+        let fits = || reading.check().is_ok() && reading.count() == self.gate.joints().len();
+        self.group.set_good(self.place, age == Age::Fresh && (self.group.is_alone() || fits()));
         match age {
+            Age::Fresh if self.group.holds(self.place) => self.gate.make_safe(measured, dt),
             Age::Fresh => {
                 let ahead_ns = before.map_or(0, |before| stamp.state_time.saturating_sub(before.state_time));
                 let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
                 let offer = Offer { command: &reading, is_new, ahead };
-                self.gate.offer(offer, measured, dt, block)
+                let account = self.group.account(self.place, block);
+                self.gate.offer(offer, measured, dt, &account)
             }
             Age::Stale => self.gate.make_safe(measured, dt),
             Age::Refused(reason) => {
@@ -220,11 +258,12 @@ impl CommandGate {
         }
         self.shown = show;
         let block = self.context.block();
+        let (state, latch) = self.group.show(self.place, state, latch);
         block.gate.set(state, latch);
         // Of this process: its predecessor may have been killed in the safe state and left the flag set.
         if let Verdict::Safe { entered: true, .. } = verdict {
             block.safe_since_ns.store(monotonic_ns(), Relaxed);
         }
-        block.safe.store(u32::from(safe), Relaxed);
+        block.safe.store(u32::from(state == GateState::Safe), Relaxed);
     }
 }

@@ -6,16 +6,23 @@
 //!
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
 
+mod bus;
 mod content;
+mod counted;
 mod decode;
 mod emergency;
 mod encode;
 mod field;
 mod joint;
 mod layout;
+mod learning;
 mod motion;
+mod numbers;
+mod people;
+mod sensing;
 mod stamp;
 
+pub use bus::{BusHealth, CanFrame};
 pub use content::{ContentCheck, ContentDefect, UnknownKind};
 pub use decode::{DecodeError, Decoded, Decoder, FieldValue, Number};
 pub use emergency::EmergencyStop;
@@ -23,7 +30,11 @@ pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
-pub use motion::{BaseState, ImuSample, Phase, PoseTarget, Wrench};
+pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Reward, Weights};
+pub use motion::{BaseState, ImuSample, Phase, PoseTarget, TwistTarget, Wrench};
+pub use numbers::{number, numbered};
+pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
+pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
 pub use stamp::Stamp;
 
 #[doc(hidden)]
@@ -41,23 +52,14 @@ pub trait StateBuffer: Field + __ZeroCopySend {
     fn layout() -> TypeLayout;
 }
 
-/// The layouts of all state buffers that the runtime defines, by name.
+/// The layouts of all state buffers that the runtime defines, in the order of their numbers.
 ///
 /// ```
 /// let names: Vec<String> = motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();
 /// assert!(names.contains(&"motorium.JointState".to_string()));
 /// ```
 pub fn built_in() -> Vec<TypeLayout> {
-    vec![
-        JointState::layout(),
-        JointCommand::layout(),
-        BaseState::layout(),
-        PoseTarget::layout(),
-        Wrench::layout(),
-        ImuSample::layout(),
-        Phase::layout(),
-        EmergencyStop::layout(),
-    ]
+    numbered().into_iter().map(|(_, layout)| layout).collect()
 }
 
 /// Defines a state buffer.
@@ -167,8 +169,16 @@ mod tests {
 
     #[test]
     fn every_state_of_the_runtime_is_in_the_list() {
-        let sources =
-            [include_str!("joint.rs"), include_str!("motion.rs"), include_str!("emergency.rs")].concat();
+        let sources = [
+            include_str!("bus.rs"),
+            include_str!("emergency.rs"),
+            include_str!("joint.rs"),
+            include_str!("learning.rs"),
+            include_str!("motion.rs"),
+            include_str!("people.rs"),
+            include_str!("sensing.rs"),
+        ]
+        .concat();
         let mut defined: Vec<&str> =
             sources.split(" as \"motorium.").skip(1).filter_map(|rest| rest.split('"').next()).collect();
         let layouts = built_in();

@@ -19,6 +19,23 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
+    /// The target velocity of a frame, expressed in the world frame.
+    ///
+    /// ```
+    /// use motorium::state::TwistTarget;
+    ///
+    /// let up = TwistTarget { linear: [0.0, 0.0, 0.05], ..TwistTarget::default() };
+    /// assert_eq!(up.angular, [0.0; 3]);
+    /// ```
+    pub struct TwistTarget as "motorium.TwistTarget" {
+        /// Linear velocity of the frame's origin, m/s.
+        pub linear: [f64; 3],
+        /// Angular velocity, rad/s.
+        pub angular: [f64; 3],
+    }
+}
+
+crate::state_buffer! {
     /// Pose and velocity of the base of a robot: with the joints' state, the whole state of a robot whose base
     /// moves freely.
     ///

@@ -22,6 +22,9 @@ pub struct DescribeRequest {
     pub config: serde_json::Value,
     /// The robot the graph gives the component.
     pub robot: Option<RobotReference>,
+    /// The robots that the graph gives it by `robots`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub robots: Vec<RobotReference>,
 }
 
 /// The description of a component: JSON on standard output.

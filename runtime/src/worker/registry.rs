@@ -23,6 +23,8 @@ pub struct Kind {
     pub name: &'static str,
     /// One line of explanation.
     pub summary: &'static str,
+    /// Its configuration has a key `world`: the graph's `[world]` takes its place.
+    pub reads_world: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
     pub(crate) run: fn(Worker) -> Outcome,
@@ -30,7 +32,7 @@ pub struct Kind {
 }
 
 type OpenFunction = fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>;
-type DeclareFunction = fn(ConfigSource<'_>, Option<RobotReference>) -> Result<Declaration, ConfigProblem>;
+type DeclareFunction = fn(ConfigSource<'_>, Declare) -> Result<Declaration, ConfigProblem>;
 
 /// A configuration that was refused, with its place in the file when it came from one.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +49,7 @@ impl Kind {
         Self {
             name: C::KIND,
             summary: C::SUMMARY,
+            reads_world: C::READS_WORLD,
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
             run: super::run::<C>,
@@ -63,7 +66,19 @@ impl Kind {
         config: ConfigSource<'_>,
         robot: Option<RobotReference>,
     ) -> Result<Declaration, ConfigProblem> {
-        (self.declare)(config, robot)
+        (self.declare)(config, Declare::new(robot))
+    }
+
+    /// As [`declare`](Self::declare), for several robots.
+    ///
+    /// # Errors
+    /// The configuration cannot work, or a component of this kind works on one robot at most.
+    pub fn declare_for(
+        &self,
+        config: ConfigSource<'_>,
+        robots: Vec<RobotReference>,
+    ) -> Result<Declaration, ConfigProblem> {
+        (self.declare)(config, Declare::of_robots(robots))
     }
 
     /// The JSON Schema of the `config` table.
@@ -74,7 +89,7 @@ impl Kind {
 
 fn declare<C: Component>(
     config: ConfigSource<'_>,
-    robot: Option<RobotReference>,
+    mut declare: Declare,
 ) -> Result<Declaration, ConfigProblem> {
     use serde::Deserialize as _;
     let config = match config {
@@ -86,8 +101,13 @@ fn declare<C: Component>(
         ConfigSource::Json(value) => serde_json::from_value(value)
             .map_err(|error| ConfigProblem { span: None, error: ConfigError::new(error.to_string()) })?,
     };
-    let mut declare = Declare::new(robot);
-    C::declare(&config, &mut declare).map_err(|error| ConfigProblem { span: None, error })?;
+    let declared = C::declare(&config, &mut declare);
+    if !declare.robots_fit() {
+        let error = ConfigError::key("robots", format!("`{}` works on one robot at most", C::KIND))
+            .advise("give it one by `robot = \"NAME\"`, and each of the others a component of its own");
+        return Err(ConfigProblem { span: None, error });
+    }
+    declared.map_err(|error| ConfigProblem { span: None, error })?;
     Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
 }
 

@@ -22,6 +22,9 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Realtime.lost_steps", &["realtime.lost_steps=0.2"]),
     ("Realtime.on_denied", &["realtime.on_denied=warn"]),
     ("Robot.urdf", &["robot.panda.urdf=ur5"]),
+    ("Robot.base", &["robot.panda.base={ position = [1.0, 0.0, 0.0] }"]),
+    ("Base.position", &["robot.panda.base.position=[0.0, 0.0, 0.5]"]),
+    ("Base.rpy", &["robot.panda.base.rpy=[0.0, 0.0, 1.5]"]),
     ("Topic.history", &["topic.target.history=9"]),
     ("Component.kind", &["phases.kind=log.recorder", "phases.subscribe={ episodes = \"episodes\" }"]),
     ("Component.robot", &["robot.second.urdf=panda", "controller.robot=second"]),
@@ -62,6 +65,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Component.on_error", &["physics.on_error=fail"]),
     ("Component.on_failure", &["policy.on_failure=safe_stop"]),
     ("Component.restart", &["physics.restart={}"]),
+    ("Component.stop_within", &["physics.stop_within=5 s"]),
     ("Restart.when", &["physics.restart.when=failure"]),
     ("Restart.at_most", &["physics.restart.at_most=4"]),
     ("Restart.window", &["physics.restart.window=2 s"]),
@@ -76,11 +80,14 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.source_stale_after", &["safety.source_stale_after=90 ms"]),
     ("Safety.limits", &["safety.limits=refuse"]),
     ("Safety.resume", &["safety.resume=latch"]),
+    ("Safety.stop_together", &["safety.stop_together=true"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, those of episodes
-/// (the kinds of this test cannot be reset), and those by which files are laid over one another.
-const TABLES: [&str; 15] = [
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
+/// `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
+const TABLES: [&str; 17] = [
+    "Graph.world",
+    "Component.robots",
     "Graph.episodes",
     "Episodes.count",
     "Episodes.vary_seed",
@@ -117,9 +124,18 @@ fn the_list_of_keys_is_complete() {
         keys.extend(properties.keys().map(|key| format!("{table}.{key}")));
     };
     take("Graph", &document);
-    for table in
-        ["Episodes", "Cores", "Realtime", "Robot", "Component", "Topic", "Restart", "Latency", "Safety"]
-    {
+    for table in [
+        "Episodes",
+        "Cores",
+        "Realtime",
+        "Robot",
+        "Base",
+        "Component",
+        "Topic",
+        "Restart",
+        "Latency",
+        "Safety",
+    ] {
         take(table, &document["definitions"][table]);
     }
     let listed = OTHER_VALUES.iter().map(|(key, _)| *key).chain(TABLES).map(str::to_string).collect();

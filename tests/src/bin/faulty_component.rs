@@ -45,6 +45,8 @@ enum Fault {
     Mute,
     /// The step prints a line.
     Print,
+    /// Stopping takes three seconds.
+    SlowStop,
 }
 
 /// Which fault, and when.
@@ -150,6 +152,7 @@ impl Component for Faulty {
                     println!("step {} of one that prints, which is a line of some length", tick.index)
                 }
                 Fault::None
+                | Fault::SlowStop
                 | Fault::Configure
                 | Fault::ConfigurePanic
                 | Fault::ConfigureExit
@@ -158,6 +161,13 @@ impl Component for Faulty {
             }
         }
         output.publish()
+    }
+
+    fn stop(&mut self) {
+        if self.config.fault == Fault::SlowStop {
+            std::thread::sleep(std::time::Duration::from_secs(3));
+            println!("stopped after three seconds");
+        }
     }
 }
 

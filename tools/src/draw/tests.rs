@@ -47,6 +47,8 @@ fn component(
         parameters: Vec::new(),
         config: serde_json::Value::Null,
         robot: None,
+        robots: Vec::new(),
+        stop_within_ns: None,
         actuator,
         seed: 0,
         on_overrun: OnOverrun::Skip,
@@ -107,6 +109,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
             resume: ResumeRule::Near,
             safe_state: SafeState::Hold,
             settle_ns: 0,
+            stop_together: false,
         },
     }
 }

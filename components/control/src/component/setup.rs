@@ -1,7 +1,7 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, RobotSource};
+use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSource};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
@@ -24,7 +24,12 @@ pub(super) struct ControllerSetup {
 impl ControllerSetup {
     /// Loads the robot and checks everything but the tasks' own tables.
     pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
-        let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base };
+        let source = RobotSource {
+            name: &robot.name,
+            text: &robot.urdf,
+            base: &robot.base,
+            pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+        };
         let Loaded { model, profile, .. } =
             source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
         if model.base().floating {

@@ -162,6 +162,9 @@ impl Format {
 
     fn field(&self, line: &mut String, name: &str, value: &FieldValue) -> fmt::Result {
         write!(line, "  {name} ")?;
+        if let FieldValue::Text(words) = value {
+            return write!(line, "{words:?}");
+        }
         let many = matches!(value, FieldValue::Many(_));
         line.push_str(if many { "[" } else { "" });
         for (i, number) in value.numbers().iter().enumerate() {

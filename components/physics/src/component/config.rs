@@ -1,5 +1,7 @@
 //! The `config` table of the physics kinds.
 
+use std::collections::BTreeMap;
+
 use motorium::declare::ConfigError;
 use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
@@ -22,10 +24,22 @@ pub struct PhysicsConfig {
     pub floating: Option<bool>,
     /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
     pub base: Option<BaseStart>,
-    /// Gravity, ground and objects around the robot.
+    /// Starts of several robots, by their names. Default: `pose`, or the home pose of each.
+    pub start: BTreeMap<String, RobotStart>,
+    /// Gravity, ground and objects around the robot, in a graph without a `[world]`.
     pub world: World,
     /// Settings of the engine.
     pub solver: Options,
+}
+
+/// Start of one of several robots.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RobotStart {
+    /// Named pose to start in.
+    pub pose: Option<String>,
+    /// Joint positions to start at (rad or m). Instead of `pose`.
+    pub position: Option<Vec<f64>>,
 }
 
 /// Start pose of a floating base.
@@ -50,7 +64,16 @@ impl PhysicsConfig {
     }
 
     /// Start pose of a floating base, where the configuration, the profile or the SRDF gives one.
-    pub(super) fn base_start(&self, robot: &Loaded) -> Result<Option<Isometry3<f64>>, ConfigError> {
+    /// `placed` where the graph says where the robot stands: the model then begins there.
+    pub(super) fn base_start(
+        &self,
+        robot: &Loaded,
+        placed: bool,
+    ) -> Result<Option<Isometry3<f64>>, ConfigError> {
+        if placed && self.base.is_some() {
+            return Err(ConfigError::key("base", "the graph says where the robot stands already")
+                .advise("keep `base` of the robot, and leave this one out"));
+        }
         if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
             if !robot.model.base().floating {
                 return Err(ConfigError::key("base", "a start pose for a base that is fixed to the world")
@@ -61,6 +84,9 @@ impl PhysicsConfig {
             }
             let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
             return Ok(Some(Isometry3::from_parts(Translation3::new(x, y, z), rotation)));
+        }
+        if placed {
+            return Ok(Some(robot.model.base().neutral));
         }
         let profile = robot.profile.as_ref();
         let pose = |profile: &&motorium_robots::Profile| match (&self.pose, &self.position) {

@@ -4,15 +4,13 @@ use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
 use motorium_robots::{Loaded, ProfileError};
 
-use crate::Simulator;
-
-/// Limits and gains of every drive: the joints of the model, then the rotors.
+/// Limits and gains of every drive of a robot: the joints of its model, then its rotors, called `names`.
 ///
 /// Position, velocity and effort limits are those of the model, acceleration limits, those of the effort's rate of change and the gains of the safe states those
 /// of the profile. A robot without gains is given full effort at a twentieth of a radian (or metre), and a tenth of that
 /// per second.
-pub(super) fn of_drives(simulator: &dyn Simulator, robot: &Loaded) -> Result<Vec<JointLimits>, ConfigError> {
-    let model = simulator.model();
+pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLimits>, ConfigError> {
+    let model = &robot.model;
     let profile = robot.profile.as_ref();
     let refused = |error: ProfileError| ConfigError::new(error.to_string());
     let acceleration =
@@ -41,7 +39,7 @@ pub(super) fn of_drives(simulator: &dyn Simulator, robot: &Loaded) -> Result<Vec
         };
         limits.with_effort(effort)
     };
-    Ok(simulator.joint_names().iter().enumerate().map(joint).collect())
+    Ok(names.iter().enumerate().map(joint).collect())
 }
 
 fn default_gains(effort_limit: f64) -> (f64, f64) {

@@ -4,6 +4,8 @@ mod build;
 mod config;
 mod limits;
 
+use core::ops::Range;
+
 use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
@@ -14,7 +16,7 @@ use serde_json::json;
 
 use crate::{Articulated, JointCommand, Rapier, Simulation, Simulator, StepReport};
 pub use build::PhysicsEngine;
-use build::build;
+use build::{Built, build};
 pub use config::PhysicsConfig;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
@@ -25,7 +27,7 @@ pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
 /// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
-/// too.
+/// too. Or several robots with fixed bases in one world, each with ports and a command gate of its own.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time since the last
 /// step, and publishes the state at its end. When steps were skipped the simulation makes up for up to
@@ -33,10 +35,8 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 ///
 /// After a crash the robot goes on from its last published state, the objects from the start.
 pub struct PhysicsComponent<E> {
-    command: Input<state::JointCommand>,
-    state: Output<JointState>,
+    robots: Vec<Actuated>,
     base_state: Option<Output<BaseState>>,
-    gate: CommandGate,
     simulation: Simulation<E>,
     dynamics: Dynamics,
     gravity: Vec<f64>,
@@ -50,6 +50,21 @@ pub struct PhysicsComponent<E> {
     totals: Totals,
 }
 
+/// One robot of the simulation, with its ports.
+struct Actuated {
+    /// Its name in the graph, where there are several.
+    name: Option<String>,
+    /// Its drives among those of the simulation.
+    drives: Range<usize>,
+    command: Input<state::JointCommand>,
+    state: Output<JointState>,
+    gate: CommandGate,
+    /// Steps in the safe state.
+    safe: u64,
+    /// Steps on the way back from it.
+    resuming: u64,
+}
+
 /// Counts of the whole run.
 #[derive(Clone, Copy, Debug)]
 struct Totals {
@@ -58,8 +73,6 @@ struct Totals {
     at_limit: u64,
     overspeed: u64,
     near_contact: u64,
-    safe: u64,
-    resuming: u64,
     /// Height of the base \[m\].
     lowest: f64,
     highest: f64,
@@ -71,28 +84,28 @@ const CATCH_UP: u64 = 4;
 impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     const KIND: &'static str = E::KIND;
     const SUMMARY: &'static str = E::SUMMARY;
+    const READS_WORLD: bool = true;
     const RESETS: bool = true;
     type Config = PhysicsConfig;
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.actuator();
-        declare.input::<state::JointCommand>("joint_command", "commands of the drives");
-        declare.output::<JointState>("joint_state", "positions, velocities and efforts after the step");
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("it simulates a robot, but the component names none")
-                .advise("add `robot = \"NAME\"`")
-        })?;
         // Everything that could be refused later is refused now.
-        let (_, robot) = build::<E>(config, robot)?;
-        if robot.model.base().floating {
+        let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
+        for robot in &robots {
+            declare.input::<state::JointCommand>(&robot.port("joint_command"), "commands of the drives");
+            let doc = "positions, velocities and efforts after the step";
+            declare.output::<JointState>(&robot.port("joint_state"), doc);
+        }
+        if simulation.model().base().floating {
             declare.output::<BaseState>("base_state", "pose and velocity of the base after the step");
         }
         Ok(())
     }
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let robot = setup.robot()?.clone();
-        let (mut simulation, robot) = build::<E>(&config, &robot)?;
+        let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
+        let Built { mut simulation, robots } = build::<E>(&config, one.as_ref(), &several)?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
         let start = simulation.base_pose().translation.vector.into();
@@ -102,12 +115,26 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             simulation.reset(q, v).map_err(ConfigureError::failed)?;
         }
         let floating = simulation.model().base().floating;
-        let limits = limits::of_drives(&simulation, &robot).map_err(ConfigureError::Config)?;
+        let names = simulation.joint_names();
+        let limits =
+            robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
+        let limits: Result<Vec<_>, ConfigError> = limits.collect();
+        let gates = setup.command_gates(limits.map_err(ConfigureError::Config)?)?;
+        let mut actuated = Vec::new();
+        for (robot, gate) in robots.into_iter().zip(gates) {
+            actuated.push(Actuated {
+                command: setup.input(&robot.port("joint_command"))?,
+                state: setup.named_output(&robot.port("joint_state"))?,
+                name: robot.name,
+                drives: robot.drives,
+                gate,
+                safe: 0,
+                resuming: 0,
+            });
+        }
         Ok(Self {
-            command: setup.input("joint_command")?,
-            state: setup.output("joint_state")?,
+            robots: actuated,
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
-            gate: setup.command_gate(limits)?,
             dynamics: Dynamics::new(simulation.model()),
             gravity: vec![0.0; nv],
             start,
@@ -121,7 +148,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.apply_command();
+        self.apply_commands();
         let steps = self.steps_due(tick);
         for _ in 0..steps {
             let report =
@@ -138,20 +165,25 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             base.angular_velocity.copy_from_slice(&v[3..6]);
             base.publish()?;
         }
-        let mut state = self.state.loan()?;
-        let positions = self.simulation.positions();
-        state.set_count(positions.len());
-        state.position_mut().copy_from_slice(positions);
-        state.velocity_mut().copy_from_slice(self.simulation.velocities());
-        state.effort_mut().copy_from_slice(self.simulation.efforts());
-        state.publish()?;
+        for robot in &mut self.robots {
+            let (simulation, drives) = (&self.simulation, robot.drives.clone());
+            let mut state = robot.state.loan()?;
+            state.set_count(drives.len());
+            state.position_mut().copy_from_slice(&simulation.positions()[drives.clone()]);
+            state.velocity_mut().copy_from_slice(&simulation.velocities()[drives.clone()]);
+            state.effort_mut().copy_from_slice(&simulation.efforts()[drives]);
+            state.publish()?;
+        }
         Ok(())
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         let reset = self.simulation.reset(&self.start_q, &self.start_v);
         reset.map_err(|error| StepError::failed(error.to_string()))?;
-        self.gate.reset();
+        self.robots.iter_mut().for_each(|robot| {
+            robot.gate.reset();
+            (robot.safe, robot.resuming) = (0, 0);
+        });
         (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
     }
@@ -160,8 +192,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let totals = &self.totals;
         let mut result = json!({
             "steps": totals.steps,
-            "steps_in_safe_state": totals.safe,
-            "steps_resuming": totals.resuming,
+            "steps_in_safe_state": self.robots.iter().map(|robot| robot.safe).max(),
+            "steps_resuming": self.robots.iter().map(|robot| robot.resuming).max(),
             "steps_with_saturated_drives": totals.saturated,
             "steps_at_a_joint_limit": totals.at_limit,
             "steps_beyond_a_velocity_limit": totals.overspeed,
@@ -169,6 +201,13 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "joint_position": self.simulation.positions(),
             "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
+        for robot in &self.robots {
+            let Some(name) = &robot.name else { continue };
+            result["robots"][name] = json!({
+                "steps_in_safe_state": robot.safe,
+                "joint_position": self.simulation.positions()[robot.drives.clone()],
+            });
+        }
         if self.base_state.is_some() {
             let pose = self.simulation.base_pose();
             let position = pose.translation.vector;
@@ -186,29 +225,34 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 }
 
 impl<E: PhysicsEngine> PhysicsComponent<E> {
-    /// Applies the newest command as far as its gate lets it pass, or the safe state.
-    fn apply_command(&mut self) {
-        let Self { simulation, dynamics, gravity, .. } = self;
-        let model = simulation.model();
-        let (q, g) = (simulation.configuration(), simulation.gravity());
-        let mut of_drives = |effort: &mut [f64]| {
-            dynamics.gravity(model, q, g, gravity);
-            let joints = model.joints_of_v(gravity);
-            effort[..joints.len()].copy_from_slice(joints);
-            // A rotor holds nothing.
-            effort[joints.len()..].fill(0.0);
-        };
-        let measured = Measured {
-            position: simulation.positions(),
-            velocity: simulation.velocities(),
-            gravity: &mut of_drives,
-        };
-        let verdict = self.gate.check(&mut self.command, measured);
-        self.totals.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
-        self.totals.resuming += u64::from(verdict == Verdict::Resuming);
-        for (command, setpoint) in self.simulation.commands_mut().iter_mut().zip(self.gate.setpoints()) {
-            let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
-            *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+    /// Applies the newest command of each robot as far as its gate lets it pass, or the safe state.
+    fn apply_commands(&mut self) {
+        let Self { simulation, dynamics, gravity, robots, .. } = self;
+        for robot in robots {
+            let (drives, model) = (robot.drives.clone(), simulation.model());
+            let (q, g) = (simulation.configuration(), simulation.gravity());
+            let mut of_drives = |effort: &mut [f64]| {
+                dynamics.gravity(model, q, g, gravity);
+                let joints = model.joints_of_v(gravity);
+                for (effort, drive) in effort.iter_mut().zip(drives.clone()) {
+                    // A rotor holds nothing.
+                    *effort = joints.get(drive).copied().unwrap_or(0.0);
+                }
+            };
+            let measured = Measured {
+                position: &simulation.positions()[drives.clone()],
+                velocity: &simulation.velocities()[drives.clone()],
+                gravity: &mut of_drives,
+            };
+            let verdict = robot.gate.check(&mut robot.command, measured);
+            robot.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
+            robot.resuming += u64::from(verdict == Verdict::Resuming);
+            let commands = &mut simulation.commands_mut()[drives];
+            for (command, setpoint) in commands.iter_mut().zip(robot.gate.setpoints()) {
+                let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } =
+                    *setpoint;
+                *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+            }
         }
     }
 
@@ -229,8 +273,6 @@ impl Totals {
         at_limit: 0,
         overspeed: 0,
         near_contact: 0,
-        safe: 0,
-        resuming: 0,
         lowest: f64::INFINITY,
         highest: f64::NEG_INFINITY,
     };

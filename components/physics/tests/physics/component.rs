@@ -114,7 +114,7 @@ impl Component for Watcher {
     }
 }
 
-fn registry() -> Registry {
+pub(crate) fn registry() -> Registry {
     let check = |urdf: &str, base: &Path| {
         motorium_robots::load(urdf, base)
             .map(|_| Vec::new())

@@ -268,8 +268,12 @@ fn movements_are_made_straight_from_recordings() {
 /// The type of the target is that of the other policies.
 #[test]
 fn a_hand_is_led_by_pose_targets() {
-    let robot =
-        RobotReference { name: "panda".into(), urdf: "panda".into(), base: std::env::current_dir().unwrap() };
+    let robot = RobotReference {
+        name: "panda".into(),
+        urdf: "panda".into(),
+        base: std::env::current_dir().unwrap(),
+        pose: None,
+    };
     let config = serde_json::json!({ "library": "letters", "movements": ["a"], "end_effector": { "origin": [0.4, 0.0, 0.4] } });
     let declared = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap();
     let target = declared.ports.iter().find(|port| port.name == "target").unwrap();

@@ -38,6 +38,11 @@ pub(crate) fn refusal<C: Component>(
     robot: Option<&str>,
     base: &Path,
 ) -> ConfigError {
-    let robot = robot.map(|urdf| RobotReference { name: "arm".into(), urdf: urdf.into(), base: base.into() });
+    let robot = robot.map(|urdf| RobotReference {
+        name: "arm".into(),
+        urdf: urdf.into(),
+        base: base.into(),
+        pose: None,
+    });
     Kind::of::<C>().declare(ConfigSource::Json(config), robot).unwrap_err().error
 }

@@ -93,8 +93,12 @@ fn a_differentiated_velocity_does_not_jitter_with_the_times_of_publication() {
 }
 
 fn declare(config: serde_json::Value, robot: bool) -> Result<Vec<String>, (Option<String>, String)> {
-    let robot =
-        robot.then(|| RobotReference { name: "rod".into(), urdf: "pendulum".into(), base: ".".into() });
+    let robot = robot.then(|| RobotReference {
+        name: "rod".into(),
+        urdf: "pendulum".into(),
+        base: ".".into(),
+        pose: None,
+    });
     Kind::of::<JointEncoder>()
         .declare(ConfigSource::Json(config), robot)
         .map(|declaration| {

@@ -78,6 +78,7 @@ impl Parts<'_, '_> {
             parameters: self.parameters[index].clone(),
             config: draft.config.clone(),
             robot: draft.robot.clone(),
+            robots: draft.robots.clone(),
             actuator: declaration.actuator,
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
@@ -88,6 +89,7 @@ impl Parts<'_, '_> {
             on_error: good_or(&draft.table.on_error, defaults::ON_ERROR),
             on_failure: good_or(&draft.table.on_failure, defaults::ON_FAILURE),
             restart: restart(good(&draft.table.restart)),
+            stop_within_ns: good(&draft.table.stop_within).map(|time| time.ns),
             order: self.order[index],
         })
     }

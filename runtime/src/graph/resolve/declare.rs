@@ -1,5 +1,6 @@
 //! The declaration of each component, from its kind or program, its robot and its configuration.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use serde_json::Value as Json;
@@ -11,7 +12,7 @@ use super::{Context, Draft, exec, paths};
 use crate::declare::{ConfigError, Declaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::{find, to_json};
-use crate::graph::model::GraphTable;
+use crate::graph::model::{ComponentTable, GraphTable};
 use crate::graph::read::{At, Value, good};
 use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
@@ -50,25 +51,29 @@ pub(super) fn resolve<'g, 'i>(
     for (name, at) in components {
         check_name("a component", name, &at.key, report);
         let Some(table) = at.get() else { continue };
-        let (robot, robot_is_known) = match &table.robot {
-            None => (None, true),
-            Some(wanted) => {
-                let found = find_robot(wanted, robots, report);
-                found.inspect(|index| used[*index] = true);
-                let reference = found.and_then(|index| robots[index].reference.clone());
-                (reference.clone(), reference.is_some())
-            }
+        let mut find = |wanted: &At<String>| {
+            let found = find_robot(wanted, robots, report);
+            found.inspect(|index| used[*index] = true);
+            found.and_then(|index| robots[index].reference.clone())
         };
+        let robot = table.robot.as_ref().map(&mut find);
+        let several: Option<Vec<_>> = good(&table.robots)
+            .map(|names| names.iter().map(&mut find).collect())
+            .unwrap_or(Some(Vec::new()));
+        let robots_are_good = several_robots(table, report);
+        let robot_is_known =
+            robot.as_ref().is_none_or(Option::is_some) && several.is_some() && robots_are_good;
         let mut draft = Draft {
             name,
             place: at.key.clone(),
             table,
-            robot,
+            robot: robot.flatten(),
+            robots: several.unwrap_or_default(),
             program: None,
             config: Json::Object(serde_json::Map::new()),
             declaration: None,
         };
-        let written = config_value(&draft, context);
+        let written = config_value(&draft, graph, context, report);
         let config = to_json(&written, report);
         if let Some(config) = &config {
             draft.config = config.clone();
@@ -79,6 +84,7 @@ pub(super) fn resolve<'g, 'i>(
         draft.declaration = declaration.filter(|declaration| is_sane(declaration, &draft, report));
         drafts.push(draft);
     }
+    unread_world(graph, &drafts, context, report);
     for (robot, _) in robots.iter().zip(used).filter(|(_, used)| !used) {
         report
             .warning(format!("no component works on robot `{}`", robot.name))
@@ -86,6 +92,58 @@ pub(super) fn resolve<'g, 'i>(
             .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
     }
     drafts
+}
+
+/// Warns of a world that no component reads.
+fn unread_world(
+    graph: &GraphTable<'_>,
+    drafts: &[Draft<'_, '_>],
+    context: &Context<'_>,
+    report: &mut Report,
+) {
+    let Some(world) = &graph.world else { return };
+    let reads = |draft: &Draft<'_, '_>| {
+        good(&draft.table.kind)
+            .is_some_and(|kind| context.registry.find(kind).is_none_or(|kind| kind.reads_world))
+    };
+    if !drafts.iter().any(reads) {
+        report
+            .warning("no component reads the `[world]` of the graph")
+            .at(&world.key, "read by nobody")
+            .advise("leave it out, or simulate it by a component such as `physics.articulated`");
+    }
+}
+
+/// `robots` names each robot once, and stands alone.
+fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
+    let Some(robots) = &table.robots else { return true };
+    let names = robots.get().map(Vec::as_slice).unwrap_or_default();
+    let place = names.iter().enumerate().find(|(index, name)| {
+        names[..*index].iter().any(|other| other.value.is_some() && other.value == name.value)
+    });
+    let (message, label, advice) = match (&table.robot, place) {
+        (Some(robot), _) => {
+            report
+                .error("a component has both `robot` and `robots`")
+                .at(&robots.key, "several robots")
+                .and(&robot.key, "one robot")
+                .advise("leave one of them out");
+            return false;
+        }
+        (None, Some((_, name))) => {
+            report
+                .error(format!("`robots` names `{}` twice", name.get().map_or("", String::as_str)))
+                .at(&name.span, "the same robot again")
+                .advise("a second robot of the same model is a `[robot.NAME]` of its own");
+            return false;
+        }
+        (None, None) if robots.get().is_some() && names.is_empty() => {
+            ("`robots` is empty", "no robot", "name at least one, or leave it out")
+        }
+        (None, None) => return robots.get().is_some() && names.iter().all(|name| name.get().is_some()),
+    };
+    report.error(message).at(&robots.span, label).advise(advice);
+    false
 }
 
 fn find_robot(wanted: &At<String>, robots: &[Robot], report: &mut Report) -> Option<usize> {
@@ -150,9 +208,11 @@ fn identify(
                 return None;
             }
             let source = ConfigSource::Toml(config);
-            kind.declare(source, draft.robot.clone())
-                .map_err(|problem| config_problem(draft, &problem, report))
-                .ok()
+            let declared = match draft.robots.as_slice() {
+                [] => kind.declare(source, draft.robot.clone()),
+                robots => kind.declare_for(source, robots.to_vec()),
+            };
+            declared.map_err(|problem| config_problem(draft, &problem, report)).ok()
         }
         (None, Some(at)) => {
             let path = exec::find(at.get()?, context.sources.folder(&at.span))
@@ -162,7 +222,7 @@ fn identify(
             if !ask {
                 return None;
             }
-            match exec::describe(&path, &draft.config, draft.robot.as_ref()) {
+            match exec::describe(&path, &draft.config, (draft.robot.as_ref(), &draft.robots)) {
                 Ok(Ok(declaration)) => Some(declaration),
                 Ok(Err(error)) => {
                     config_problem(draft, &ConfigProblem { span: None, error }, report);
@@ -177,18 +237,40 @@ fn identify(
     }
 }
 
-/// The `config` table with its places, and its paths as the component can find them; an empty one at the component's
-/// name if there is none.
-fn config_value<'i>(draft: &Draft<'_, 'i>, context: &Context<'_>) -> Value<'i> {
-    let Some(AnyTable(value)) = good(&draft.table.config) else {
-        return Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new()));
+/// The `config` table with its places, its paths as the component can find them, and the graph's world where the kind
+/// reads it; an empty table at the component's name if there is none.
+fn config_value<'i>(
+    draft: &Draft<'_, 'i>,
+    graph: &GraphTable<'i>,
+    context: &Context<'_>,
+    report: &mut Report,
+) -> Value<'i> {
+    let mut value = match good(&draft.table.config) {
+        Some(AnyTable(value)) => value.clone(),
+        None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
     };
-    let mut value = value.clone();
-    let kind = good(&draft.table.kind).and_then(|kind| context.registry.find(kind));
-    if let Some(kind) = kind {
-        // a component without a robot knows no folder: all its paths are made absolute
-        let folder = draft.robot.as_ref().map_or(Path::new(""), |robot| &robot.base);
-        paths::rebase(&mut value, kind, folder, context.sources);
+    let Some(kind) = good(&draft.table.kind).and_then(|kind| context.registry.find(kind)) else {
+        return value;
+    };
+    let known = draft.robot.as_ref().or(draft.robots.first());
+    // a component without a robot knows no folder: all its paths are made absolute
+    let folder = known.map_or(Path::new(""), |robot| &robot.base);
+    paths::rebase(&mut value, kind, folder, context.sources);
+    if let (true, Some(at), DeValue::Table(table)) = (kind.reads_world, &graph.world, value.get_mut())
+        && let Some(AnyTable(world)) = at.get()
+    {
+        match table.get_key_value("world") {
+            Some((key, _)) => {
+                report
+                    .error(format!("the graph has a `[world]`, and `{}` another one of its own", draft.name))
+                    .at(&key.span(), "a second world")
+                    .and(&at.key, "the world of the graph")
+                    .advise("keep `[world]`, which all components share");
+            }
+            None => {
+                table.insert(Spanned::new(at.key.clone(), Cow::Borrowed("world")), world.clone());
+            }
+        }
     }
     value
 }
@@ -200,7 +282,7 @@ fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut R
     let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
     let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
     let subject = match key.as_deref() {
-        Some("robot") => format!("`{}.robot`", draft.name),
+        Some(key @ ("robot" | "robots")) => format!("`{}.{key}`", draft.name),
         Some(key) => format!("`{}.config.{key}`", draft.name),
         None if problem.span.is_some() => format!("`{}.config`", draft.name),
         None => format!("component `{}`", draft.name),
@@ -218,7 +300,11 @@ fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut R
 /// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
 fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
     let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
-    inside.or_else(|| (key == "robot").then(|| draft.table.robot.as_ref().map(|robot| robot.span.clone()))?)
+    inside.or_else(|| match key {
+        "robot" => draft.table.robot.as_ref().map(|robot| robot.span.clone()),
+        "robots" => draft.table.robots.as_ref().map(|robots| robots.span.clone()),
+        _ => None,
+    })
 }
 
 /// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".

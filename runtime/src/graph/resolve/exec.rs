@@ -86,9 +86,9 @@ pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
 pub(super) fn describe(
     path: &Path,
     config: &Json,
-    robot: Option<&RobotReference>,
+    (robot, robots): (Option<&RobotReference>, &[RobotReference]),
 ) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
-    let request = DescribeRequest { config: config.clone(), robot: robot.cloned() };
+    let request = DescribeRequest { config: config.clone(), robot: robot.cloned(), robots: robots.to_vec() };
     let request = serde_json::to_string(&request)
         .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
     let answer = ask(path, request)?;

@@ -52,6 +52,8 @@ struct Draft<'g, 'i> {
     table: &'g ComponentTable<'i>,
     /// The robot it works on.
     robot: Option<RobotReference>,
+    /// The robots it works on by `robots`.
+    robots: Vec<RobotReference>,
     /// Its program.
     program: Option<Program>,
     /// Its `config` table.

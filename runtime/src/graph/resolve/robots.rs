@@ -3,7 +3,7 @@
 use super::Context;
 use crate::declare::RobotReference;
 use crate::graph::diagnostic::Report;
-use crate::graph::model::GraphTable;
+use crate::graph::model::{BaseTable, GraphTable};
 use crate::graph::read::good;
 use crate::graph::source::Span;
 use crate::graph::values::check_name;
@@ -52,6 +52,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
                 name: name.clone(),
                 urdf: model.clone(),
                 base: folder.to_path_buf(),
+                pose: at.get().and_then(|table| good(&table.base)).map(BaseTable::pose),
             })
         });
         robots.push(Robot { name: name.clone(), place: at.key.clone(), reference });

@@ -14,6 +14,9 @@ use crate::plan::{Activation, EMERGENCY_STOP_PORT, SafetyPlan};
 use crate::state::{EmergencyStop, JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
+/// Longest time that a component may be given to stop.
+const LONGEST_STOP: TimeSpan = TimeSpan { ns: 60_000_000_000 };
+
 /// Resolves the `[safety]` table and checks it, the restart policies and the duration.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
@@ -33,6 +36,16 @@ pub(super) fn resolve(
             .error("`duration` is zero")
             .at(&at.span, "the run would end at once")
             .advise("leave it out to run until stopped");
+    }
+    for draft in drafts {
+        let at = draft.table.stop_within.as_ref();
+        not_zero("stop_within", at, "it would be killed before it could stop", report);
+        if let Some(at) = at.filter(|at| at.get().is_some_and(|time| time.ns > LONGEST_STOP.ns)) {
+            report
+                .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
+                .at(&at.span, "every end of a run may take so long")
+                .advise("let it write what takes long while it runs");
+        }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
         not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
@@ -60,6 +73,7 @@ pub(super) fn resolve(
         safe_state: table
             .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
         settle_ns: settle.ns,
+        stop_together: table.is_some_and(|table| good_or(&table.stop_together, false)),
     }
 }
 

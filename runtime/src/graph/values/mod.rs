@@ -1,6 +1,7 @@
 //! The values of a graph file: names, numbers, choices, units.
 
 mod scheduling;
+mod triple;
 
 use std::borrow::Cow;
 
@@ -19,6 +20,7 @@ use crate::plan::{
 };
 use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use scheduling::{Schedule, Share, SpinChoice};
+pub(super) use triple::Triple;
 
 impl<'i> Read<'i> for String {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {

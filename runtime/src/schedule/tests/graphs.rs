@@ -125,6 +125,8 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             parameters: Vec::new(),
             config: serde_json::Value::Null,
             robot: None,
+            robots: Vec::new(),
+            stop_within_ns: None,
             actuator: false,
             seed: 0,
             on_overrun: node.on_overrun,

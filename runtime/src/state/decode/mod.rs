@@ -11,6 +11,9 @@ pub(super) use number::Scalar;
 /// Name of padding that a type declares.
 pub(super) const PADDING: &str = "reserved";
 
+/// Name of an array of bytes that holds text.
+const TEXT: &str = "text";
+
 /// A layout or a sample that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
@@ -67,14 +70,17 @@ pub enum FieldValue {
     One(Number),
     /// The entries in use of an array.
     Many(Vec<Number>),
+    /// The bytes in use of an array that is called `text`; what is not UTF-8 is replaced.
+    Text(String),
 }
 
 impl FieldValue {
-    /// Its numbers: one, or the entries in use of an array.
+    /// Its numbers: one, or the entries in use of an array; none of a text.
     pub fn numbers(&self) -> &[Number] {
         match self {
             Self::One(number) => core::slice::from_ref(number),
             Self::Many(numbers) => numbers,
+            Self::Text(_) => &[],
         }
     }
 }
@@ -90,6 +96,7 @@ impl Serialize for Decoded<'_> {
             match value {
                 FieldValue::One(number) => map.serialize_entry(name, number)?,
                 FieldValue::Many(numbers) => map.serialize_entry(name, numbers)?,
+                FieldValue::Text(text) => map.serialize_entry(name, text)?,
             }
         }
         map.end()
@@ -167,6 +174,10 @@ impl Decoder {
             let entry = |i: usize| field.scalar.read(&bytes[field.offset + i * field.scalar.size()..]);
             match used {
                 None => FieldValue::One(entry(0)),
+                Some(used) if field.scalar == Scalar::U8 && field.name.rsplit('.').next() == Some(TEXT) => {
+                    let bytes = &bytes[field.offset..field.offset + used];
+                    FieldValue::Text(String::from_utf8_lossy(bytes).into_owned())
+                }
                 Some(used) => FieldValue::Many((0..used).map(entry).collect()),
             }
         };

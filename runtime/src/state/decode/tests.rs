@@ -89,6 +89,12 @@ fn of_joints_only_the_counted_ones_are_shown() {
 }
 
 #[test]
+fn bytes_called_text_are_shown_as_text() {
+    let content = [("count", 3u32.to_ne_bytes().to_vec()), ("text", b"go\xff".to_vec())];
+    assert_eq!(json::<crate::state::Text>(&content), "{\"count\":3,\"text\":\"go\u{fffd}\"}");
+}
+
+#[test]
 fn the_arrays_of_other_types_are_shown_whole() {
     let content = [("orientation", doubles(&[0.0, 0.0, 0.0, 1.0])), ("goal", 2u64.to_ne_bytes().to_vec())];
     let text = json::<PoseTarget>(&content);

@@ -35,6 +35,8 @@ fn component(name: &str) -> ComponentPlan {
             .collect(),
         config: serde_json::Value::Null,
         robot: None,
+        robots: Vec::new(),
+        stop_within_ns: None,
         actuator: false,
         seed: 0,
         on_overrun: OnOverrun::Skip,

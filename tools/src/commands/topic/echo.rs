@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use motorium::state::{Decoded, Decoder};
+use motorium::state::{Decoded, Decoder, FieldValue};
 use motorium::transport::Sample;
 use serde::Serialize;
 
@@ -149,6 +149,9 @@ fn lines(line: &Line<'_>) -> String {
     let width = line.value.0.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     for (name, value) in &line.value.0 {
         let _ = write!(text, "  {name:width$} ");
+        if let FieldValue::Text(words) = value {
+            let _ = write!(text, " {words:?}");
+        }
         for number in value.numbers() {
             let _ = write!(text, " {:>11}", number.to_string());
         }

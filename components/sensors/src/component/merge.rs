@@ -1,0 +1,252 @@
+//! `joint.merge`: the joint state of a robot from several writers.
+
+use std::collections::BTreeMap;
+
+use motorium::prelude::*;
+use motorium_robots::RobotSource;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Configuration of `joint.merge`.
+///
+/// ```toml
+/// [parts.arm]
+/// joints = ["panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4", "panda_joint5", "panda_joint6", "panda_joint7"]
+///
+/// [parts.gripper]
+/// joints      = ["panda_finger_joint1"]
+/// stale_after = "50 ms"
+/// ```
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointMergeConfig {
+    /// The writers: each is an input of this name. Together they have every joint of the robot once.
+    pub parts: BTreeMap<String, PartConfig>,
+}
+
+/// A part of the joints, which one writer measures.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartConfig {
+    /// Names of its joints, in the order of its joint states.
+    pub joints: Vec<String>,
+    /// Age of its newest joint state beyond which nothing is published. Default 20 ms.
+    #[serde(default = "stale_after")]
+    pub stale_after: TimeSpan,
+}
+
+fn stale_after() -> TimeSpan {
+    TimeSpan { ns: 20_000_000 }
+}
+
+/// A component that puts the joint states of several writers (buses, a gripper and an arm) together, in the order of the
+/// robot's joints.
+///
+/// It publishes once a step, as long as the state of every part is fresh: when one of them stops, so does the merged state,
+/// and what is triggered by it or reads it goes to its safe state as without a sensor. How often that happened, and by which
+/// part, is in the result.
+pub struct JointMerge {
+    parts: Vec<Part>,
+    merged: Output<JointState>,
+    joints: usize,
+    published: u64,
+    withheld: u64,
+}
+
+/// One writer.
+struct Part {
+    name: String,
+    input: Input<JointState>,
+    /// Index in the robot of each of its joints.
+    joints: Vec<usize>,
+    stale_after_ns: u64,
+    /// Steps in which it was too old, or missing.
+    stale: u64,
+}
+
+impl Component for JointMerge {
+    const KIND: &'static str = "joint.merge";
+    const SUMMARY: &'static str = "puts the joint states of several writers together";
+    const RESETS: bool = true;
+    type Config = JointMergeConfig;
+
+    fn declare(config: &JointMergeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let robot = declare.robot().ok_or_else(|| {
+            ConfigError::new("the component names no robot, and needs its joints")
+                .advise("add `robot = \"NAME\"` to the component")
+        })?;
+        places(config, &names(robot)?)?;
+        for name in config.parts.keys() {
+            declare.input::<JointState>(name, "joint state of a part of the joints");
+        }
+        declare.output::<JointState>("joint_state", "joint state of the whole robot");
+        Ok(())
+    }
+
+    fn configure(config: JointMergeConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let names = names(setup.robot()?)?;
+        let mut parts = Vec::new();
+        for (joints, (name, part)) in places(&config, &names)?.into_iter().zip(&config.parts) {
+            let (input, stale_after_ns) = (setup.input(name)?, part.stale_after.ns);
+            parts.push(Part { name: name.clone(), input, joints, stale_after_ns, stale: 0 });
+        }
+        let merged = setup.output("joint_state")?;
+        Ok(Self { parts, merged, joints: names.len(), published: 0, withheld: 0 })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        let mut fresh = true;
+        for part in &mut self.parts {
+            let age_ns = part.input.latest().map(|state| state.age_ns());
+            let is_stale = age_ns.is_none_or(|age_ns| age_ns > part.stale_after_ns);
+            part.stale += u64::from(is_stale);
+            fresh &= !is_stale;
+        }
+        if !fresh {
+            self.withheld += 1;
+            return Ok(());
+        }
+        let mut merged = self.merged.loan()?;
+        merged.set_count(self.joints);
+        for part in &mut self.parts {
+            // the value that was found fresh above, or a newer one
+            let Some(state) = part.input.latest() else { continue };
+            if state.count() != part.joints.len() {
+                return Err(StepError::failed("a part has another number of joints than its list"));
+            }
+            for (from, to) in part.joints.iter().enumerate() {
+                merged.position_mut()[*to] = state.position()[from];
+                merged.velocity_mut()[*to] = state.velocity()[from];
+                merged.effort_mut()[*to] = state.effort()[from];
+            }
+        }
+        merged.publish()?;
+        self.published += 1;
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        (self.published, self.withheld) = (0, 0);
+        self.parts.iter_mut().for_each(|part| part.stale = 0);
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let stale: BTreeMap<&str, u64> =
+            self.parts.iter().map(|part| (part.name.as_str(), part.stale)).collect();
+        Some(serde_json::json!({ "published": self.published, "withheld": self.withheld, "stale": stale }))
+    }
+}
+
+/// Names of the robot's joints, in their order.
+fn names(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
+    let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose: None };
+    let loaded = source.load().map_err(|error| ConfigError::new(error.to_string()))?;
+    let names = loaded.model.joint_names().to_vec();
+    if names.is_empty() || names.len() > MAX_JOINTS {
+        let message =
+            format!("robot `{}` has {} joints, expected 1 to {MAX_JOINTS}", robot.name, names.len());
+        return Err(ConfigError::key("robot", message));
+    }
+    Ok(names)
+}
+
+/// The index in the robot of each joint of each part; every joint stands in one of them.
+fn places(config: &JointMergeConfig, names: &[String]) -> Result<Vec<Vec<usize>>, ConfigError> {
+    let mut owners: Vec<Option<&str>> = vec![None; names.len()];
+    let mut places = Vec::new();
+    for (part, PartConfig { joints, .. }) in &config.parts {
+        let mut own = Vec::new();
+        for (index, joint) in joints.iter().enumerate() {
+            let key = || format!("parts.{part}.joints[{index}]");
+            let Some(place) = names.iter().position(|name| name == joint) else {
+                let known = names.iter().map(String::as_str);
+                let advice = motorium::nearest::suggest(joint, known, "its joints are");
+                return Err(
+                    ConfigError::key(key(), format!("the robot has no joint `{joint}`")).advise(advice)
+                );
+            };
+            if let Some(other) = owners[place].replace(part) {
+                let message = format!("joint `{joint}` is measured by `{other}` already");
+                return Err(ConfigError::key(key(), message));
+            }
+            own.push(place);
+        }
+        places.push(own);
+    }
+    if let Some(missing) = owners.iter().position(Option::is_none) {
+        let message = format!("no part measures joint `{}`", names[missing]);
+        return Err(ConfigError::key("parts", message).advise("each joint of the robot stands in one part"));
+    }
+    Ok(places)
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium::testing::{Graph, Instance, Probe, Source};
+
+    use super::*;
+
+    const ARM: [&str; 2] = ["joint3", "joint1"];
+
+    fn state(positions: &[f64]) -> JointState {
+        let mut state = JointState::default();
+        state.set_count(positions.len());
+        state.position_mut().copy_from_slice(positions);
+        state
+    }
+
+    fn merge(arm: &[&str], gripper: &[&str]) -> Instance {
+        let joints = |names: &[&str]| toml::Value::from(names.to_vec());
+        let part = |names: &[&str]| {
+            let entries = [("joints", joints(names)), ("stale_after", "10 ms".into())];
+            toml::Value::Table(entries.map(|(key, value)| (key.to_string(), value)).into_iter().collect())
+        };
+        let parts = [("arm", part(arm)), ("gripper", part(gripper))];
+        let parts: toml::Table = parts.map(|(key, value)| (key.to_string(), value)).into_iter().collect();
+        Instance::of::<JointMerge>("merge")
+            .robot("planar")
+            .rate("500 Hz")
+            .subscribe("arm", "arm/state")
+            .subscribe("gripper", "gripper/state")
+            .publish("joint_state", "state")
+            .config("parts", parts)
+    }
+
+    #[test]
+    fn the_parts_stand_at_the_places_of_their_joints_until_one_of_them_is_stale() {
+        let arm = Source::new("left-bus", "arm/state", |_| Some(state(&[3.0, 1.0])));
+        let gripper =
+            Source::new("right-bus", "gripper/state", |tick| (tick.index < 200).then(|| state(&[2.0])));
+        let probe = Probe::<JointState>::of("state").triggered();
+        let graph = Graph::new("merged").robot("planar", "planar-3r");
+        let graph = graph.with(arm).with(gripper).with(merge(&ARM, &["joint2"])).with(&probe);
+        let report = graph.run("1 s").unwrap();
+        let samples = probe.samples();
+        assert!(
+            (95..=115).contains(&samples.len()),
+            "{} values until the gripper fell silent",
+            samples.len()
+        );
+        assert!(samples.iter().all(|sample| sample.value.position() == [1.0, 2.0, 3.0]));
+        let result = &report.results["merge"];
+        assert!(result["stale"]["gripper"].as_u64().unwrap() > 380, "{result}");
+        assert!(result["stale"]["arm"].as_u64().unwrap() < 5, "{result}");
+    }
+
+    #[test]
+    fn every_joint_stands_in_one_part() {
+        for (arm, gripper, expected) in [
+            (&["joint1", "joint2"][..], &["joint2", "joint3"][..], "`joint2` is measured by `arm` already"),
+            (&["joint1"], &["joint2"], "no part measures joint `joint3`"),
+            (&["joint1", "jiont2"], &["joint3"], "no joint `jiont2`"),
+        ] {
+            let source = Source::new("bus", "arm/state", |_| Some(state(&[0.0])));
+            let other = Source::new("other", "gripper/state", |_| Some(state(&[0.0])));
+            let graph = Graph::new("refused").robot("planar", "planar-3r");
+            let graph = graph.with(source).with(other).with(merge(arm, gripper));
+            let text = graph.check().unwrap_err().render(false);
+            assert!(text.contains(expected), "{text}");
+        }
+    }
+}

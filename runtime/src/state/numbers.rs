@@ -1,0 +1,128 @@
+//! The messages of the runtime, each with a number that never changes: files and programs in other languages know a type
+//! by it.
+
+use super::{
+    Action, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, Controls, EmergencyStop, Event, ImageInfo,
+    ImuSample, JointCommand, JointState, ObjectPoses, Observation, Phase, PoseTarget, Reward, StateBuffer,
+    Text, TwistTarget, TypeLayout, Weights, Wrench,
+};
+
+macro_rules! numbers {
+    ($($number:literal $type:ident),* $(,)?) => {
+        /// Numbers and layouts of all messages that the runtime defines, by number.
+        ///
+        /// ```
+        /// let (number, layout) = motorium::state::numbered().remove(0);
+        /// assert_eq!((number, layout.type_name.as_str()), (1, "motorium.JointState"));
+        /// ```
+        pub fn numbered() -> Vec<(u16, TypeLayout)> {
+            vec![$( ($number, $type::layout()) ),*]
+        }
+
+        /// The number of a message of the runtime.
+        ///
+        /// ```
+        /// assert_eq!(motorium::state::number("motorium.Wrench"), Some(5));
+        /// assert_eq!(motorium::state::number("example.FootContact"), None);
+        /// ```
+        pub fn number(type_name: &str) -> Option<u16> {
+            match type_name {
+                $( $type::NAME => Some($number), )*
+                _ => None,
+            }
+        }
+
+        #[cfg(test)]
+        #[allow(unsafe_code)] // values of any bytes, to be refused
+        fn check_all(mut check: impl FnMut(&TypeLayout, &dyn Fn(&[u8]) -> bool)) {
+            $(
+                check(&$type::layout(), &|bytes: &[u8]| {
+                    use super::Field as _;
+                    let mut value = $type::default();
+                    assert_eq!(bytes.len(), size_of::<$type>());
+                    // SAFETY: a state buffer is valid for every bit pattern, and as long as the bytes.
+                    unsafe {
+                        core::ptr::from_mut(&mut value).cast::<u8>().copy_from(bytes.as_ptr(), bytes.len());
+                    }
+                    value.check().is_ok()
+                });
+            )*
+        }
+    };
+}
+
+numbers! {
+    1 JointState,
+    2 JointCommand,
+    3 BaseState,
+    4 PoseTarget,
+    5 Wrench,
+    6 ImuSample,
+    7 Phase,
+    8 EmergencyStop,
+    9 TwistTarget,
+    10 Contacts,
+    11 ObjectPoses,
+    12 ImageInfo,
+    13 CloudPoint,
+    14 CanFrame,
+    15 BusHealth,
+    16 Weights,
+    17 Observation,
+    18 Action,
+    19 Reward,
+    20 Controls,
+    21 Text,
+    22 Event,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::ContentCheck;
+
+    #[test]
+    fn no_number_and_no_name_stands_twice() {
+        let messages = numbered();
+        for (index, (number, layout)) in messages.iter().enumerate() {
+            assert_eq!(usize::from(*number), index + 1, "{}: numbers are given in turn", layout.type_name);
+            assert!(messages[..index].iter().all(|(_, other)| other.type_name != layout.type_name));
+            assert_eq!(super::number(&layout.type_name), Some(*number));
+        }
+    }
+
+    #[test]
+    fn no_message_has_padding_that_could_carry_what_was_in_memory() {
+        for (_, layout) in numbered() {
+            let mut end = 0;
+            for field in &layout.fields {
+                assert_eq!(field.offset, end, "{}.{}", layout.type_name, field.name);
+                end += field.size;
+            }
+            assert_eq!(end, layout.size, "{}", layout.type_name);
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_is_refused_in_each_field_by_type_and_by_layout() {
+        check_all(|layout, by_type| {
+            let by_layout = ContentCheck::new(layout).unwrap();
+            let mut clean = vec![0; layout.size];
+            if let Some(count) = layout.fields.iter().find(|field| field.name == "count") {
+                clean[count.offset] = 1;
+            }
+            assert!(by_type(&clean) && by_layout.check(&clean).is_ok(), "{layout}");
+            for field in &layout.fields {
+                let nan: &[u8] = match field.kind.trim_start_matches('[').split(';').next() {
+                    Some("f64") => &f64::NAN.to_ne_bytes(),
+                    Some("f32") => &f32::NAN.to_ne_bytes(),
+                    _ => continue,
+                };
+                let mut bytes = clean.clone();
+                bytes[field.offset..field.offset + nan.len()].copy_from_slice(nan);
+                assert!(!by_type(&bytes), "{}.{}", layout.type_name, field.name);
+                assert!(by_layout.check(&bytes).is_err(), "{}.{}", layout.type_name, field.name);
+            }
+        });
+    }
+}

@@ -1,0 +1,130 @@
+//! What people give and are told: buttons and axes, text, events.
+
+#![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
+
+use super::counted::counted_buffer;
+
+/// The most axes of one [`Controls`].
+pub const MAX_AXES: usize = 16;
+/// The longest [`Text`], bytes.
+pub const MAX_TEXT: usize = 1024;
+/// The longest text of an [`Event`], bytes.
+pub const MAX_EVENT_TEXT: usize = 128;
+
+counted_buffer! {
+    /// Axes and buttons of a keyboard, a pad or a SpaceMouse.
+    ///
+    /// ```
+    /// use motorium::state::Controls;
+    ///
+    /// let mut controls = Controls { buttons: 0b101, ..Controls::default() };
+    /// controls.set_count(6);
+    /// assert!(controls.is_pressed(2) && !controls.is_pressed(1));
+    /// ```
+    pub struct Controls as "motorium.Controls", at most MAX_AXES {
+        plain {
+            /// A bit for each button that is pressed, button 0 the lowest.
+            buttons: u64;
+        }
+        counted {
+            /// Positions of the axes, -1 to 1.
+            axis, axis_mut: f64;
+        }
+    }
+}
+
+impl Controls {
+    /// Whether a button is pressed, counted from 0.
+    pub fn is_pressed(&self, button: u32) -> bool {
+        button < 64 && self.buttons >> button & 1 == 1
+    }
+}
+
+counted_buffer! {
+    /// A line of text in UTF-8.
+    ///
+    /// ```
+    /// use motorium::state::Text;
+    ///
+    /// assert_eq!(Text::of("go").as_str(), "go");
+    /// assert_eq!(Text::of(&"long ".repeat(1000)).as_str().len(), 1024, "cut at the length of the buffer");
+    /// ```
+    pub struct Text as "motorium.Text", at most MAX_TEXT {
+        counted {
+            /// The bytes.
+            text, text_mut: u8;
+        }
+    }
+}
+
+impl Text {
+    /// A text, cut after the last character that fits.
+    pub fn of(text: &str) -> Self {
+        let mut buffer = Self::default();
+        let end = text.floor_char_boundary(MAX_TEXT);
+        buffer.set_count(end);
+        buffer.text_mut().copy_from_slice(&text.as_bytes()[..end]);
+        buffer
+    }
+
+    /// The text, up to the first byte that is not UTF-8.
+    pub fn as_str(&self) -> &str {
+        valid(self.text())
+    }
+}
+
+counted_buffer! {
+    /// Something that happened once: who, what, and a few words.
+    ///
+    /// ```
+    /// use motorium::state::Event;
+    ///
+    /// let event = Event { severity: Event::WARNING, ..Event::of("goal out of reach") };
+    /// assert_eq!(event.as_str(), "goal out of reach");
+    /// ```
+    pub struct Event as "motorium.Event", at most MAX_EVENT_TEXT {
+        plain {
+            /// A number of the publisher's choice by which programs tell its events apart.
+            code: u32;
+            /// Severity: one of the constants of this type.
+            severity: u32;
+            /// A number that belongs to the event, in a unit that its code defines.
+            value: f64;
+        }
+        counted {
+            /// Some words for people, in UTF-8.
+            text, text_mut: u8;
+        }
+    }
+}
+
+impl Event {
+    /// As planned.
+    pub const INFORMATION: u32 = 0;
+    /// Allowed, but probably not meant.
+    pub const WARNING: u32 = 1;
+    /// A failure.
+    pub const ERROR: u32 = 2;
+
+    /// An event with these words, cut after the last character that fits.
+    pub fn of(text: &str) -> Self {
+        let mut event = Self::default();
+        let end = text.floor_char_boundary(MAX_EVENT_TEXT);
+        event.set_count(end);
+        event.text_mut().copy_from_slice(&text.as_bytes()[..end]);
+        event
+    }
+
+    /// Its words, up to the first byte that is not UTF-8.
+    pub fn as_str(&self) -> &str {
+        valid(self.text())
+    }
+}
+
+fn valid(bytes: &[u8]) -> &str {
+    match core::str::from_utf8(bytes) {
+        Ok(text) => text,
+        // the bytes up to there were found valid
+        Err(error) => core::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
+    }
+}

@@ -1,0 +1,137 @@
+//! What sensors and simulations see: contacts, objects, images, point clouds.
+
+#![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
+
+use super::counted::counted_buffer;
+
+/// The most contacts of one [`Contacts`].
+pub const MAX_CONTACTS: usize = 64;
+/// The most objects of one [`ObjectPoses`].
+pub const MAX_OBJECTS: usize = 64;
+
+counted_buffer! {
+    /// Contact points between a robot and what it touches, in the world frame.
+    ///
+    /// ```
+    /// use motorium::state::Contacts;
+    ///
+    /// let mut contacts = Contacts::default();
+    /// contacts.set_count(1);
+    /// contacts.force_z_mut()[0] = 12.5;
+    /// assert_eq!(contacts.force_z(), [12.5]);
+    /// ```
+    pub struct Contacts as "motorium.Contacts", at most MAX_CONTACTS {
+        counted {
+            /// The link that is touched, by its index among the links of the robot's model.
+            link, link_mut: u32;
+            /// What touches it: the index of an object of the world, or of a link plus 65536; 4294967295 for the ground.
+            other, other_mut: u32;
+            /// Position of the point, x, m.
+            position_x, position_x_mut: f64;
+            /// Position of the point, y, m.
+            position_y, position_y_mut: f64;
+            /// Position of the point, z, m.
+            position_z, position_z_mut: f64;
+            /// Force on the link, x, N.
+            force_x, force_x_mut: f64;
+            /// Force on the link, y, N.
+            force_y, force_y_mut: f64;
+            /// Force on the link, z, N.
+            force_z, force_z_mut: f64;
+            /// Depth of the overlap of the surfaces, m.
+            depth, depth_mut: f64;
+        }
+    }
+}
+
+counted_buffer! {
+    /// Poses of the objects of the world, in the world frame.
+    ///
+    /// ```
+    /// use motorium::state::ObjectPoses;
+    ///
+    /// let mut poses = ObjectPoses::default();
+    /// poses.set_count(2);
+    /// poses.orientation_w_mut().fill(1.0);
+    /// assert_eq!(poses.orientation_w(), [1.0, 1.0]);
+    /// ```
+    pub struct ObjectPoses as "motorium.ObjectPoses", at most MAX_OBJECTS {
+        counted {
+            /// The object, by its index in `objects` of the world.
+            object, object_mut: u32;
+            /// Position of its centre, x, m.
+            position_x, position_x_mut: f64;
+            /// Position of its centre, y, m.
+            position_y, position_y_mut: f64;
+            /// Position of its centre, z, m.
+            position_z, position_z_mut: f64;
+            /// Orientation, x of the unit quaternion.
+            orientation_x, orientation_x_mut: f64;
+            /// Orientation, y of the unit quaternion.
+            orientation_y, orientation_y_mut: f64;
+            /// Orientation, z of the unit quaternion.
+            orientation_z, orientation_z_mut: f64;
+            /// Orientation, w of the unit quaternion.
+            orientation_w, orientation_w_mut: f64;
+        }
+    }
+}
+
+crate::state_buffer! {
+    /// Size and form of the images of a camera, whose pixels are slices of `u8` on a topic of their own: rows from the top,
+    /// pixels from the left, `stride` bytes a row.
+    ///
+    /// ```
+    /// use motorium::state::ImageInfo;
+    ///
+    /// let grey = ImageInfo { width: 640, height: 480, stride: 640, encoding: ImageInfo::GREY_8, ..ImageInfo::default() };
+    /// assert_eq!(grey.stride * grey.height, 307_200);
+    /// ```
+    pub struct ImageInfo as "motorium.ImageInfo" {
+        /// Pixels of a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Bytes of a row.
+        pub stride: u32,
+        /// Form of a pixel: one of the constants of this type.
+        pub encoding: u32,
+        /// Focal lengths along the rows and columns, pixels; 0 if unknown.
+        pub focal_length: [f64; 2],
+        /// The point of the image on the optical axis, pixels from the top left corner.
+        pub principal_point: [f64; 2],
+    }
+}
+
+impl ImageInfo {
+    /// One byte of grey a pixel.
+    pub const GREY_8: u32 = 1;
+    /// Red, green and blue, a byte each.
+    pub const RGB_8: u32 = 2;
+    /// Blue, green and red, a byte each.
+    pub const BGR_8: u32 = 3;
+    /// Depth along the optical axis as `f32`, m.
+    pub const DEPTH_32: u32 = 4;
+    /// A file in the JPEG format; `stride` is 0.
+    pub const JPEG: u32 = 5;
+}
+
+crate::state_buffer! {
+    /// One point of a cloud, which is a slice of them, in the axes of the sensor.
+    ///
+    /// ```
+    /// use motorium::state::CloudPoint;
+    ///
+    /// assert_eq!(size_of::<CloudPoint>(), 16);
+    /// ```
+    pub struct CloudPoint as "motorium.CloudPoint" {
+        /// Position, x, m.
+        pub x: f32,
+        /// Position, y, m.
+        pub y: f32,
+        /// Position, z, m.
+        pub z: f32,
+        /// Intensity of the return, 0 to 1; 0 if unknown.
+        pub intensity: f32,
+    }
+}
