@@ -97,7 +97,7 @@ fn trial(seed: u64) -> Trial {
     for i in 0..p {
         (problem.row_lower[i], problem.row_upper[i]) = interval(at_point[i]);
     }
-    if p % 3 != 0 {
+    if !p.is_multiple_of(3) {
         for i in 0..n {
             (problem.lower[i], problem.upper[i]) = interval(point[i]);
         }
