@@ -53,7 +53,7 @@ pub enum Fault {
     Kill,
     /// `SIGABRT`, as of a failed assertion in foreign code.
     Abort,
-    /// `SIGSEGV`, sent twice: the first one is swallowed by Rust's detection of stack overflows.
+    /// `SIGSEGV`, sent until the process ends: the first one is swallowed by Rust's detection of stack overflows.
     Segfault,
     /// `SIGTERM`: the process is asked to end.
     Terminate,
@@ -109,10 +109,15 @@ impl Fault {
         match self {
             Self::Kill => process.signal(Signal::KILL),
             Self::Abort => process.signal(Signal::ABORT),
+            // Two that a process without a turn has not seen yet count as one.
             Self::Segfault => {
-                process.signal(Signal::SEGV);
-                std::thread::sleep(Duration::from_micros(300));
-                process.signal(Signal::SEGV);
+                for _ in 0..100 {
+                    process.signal(Signal::SEGV);
+                    std::thread::sleep(Duration::from_micros(300));
+                    if process.has_ended() {
+                        break;
+                    }
+                }
             }
             Self::Terminate => process.signal(Signal::TERM),
             Self::Hang => process.signal(Signal::STOP),

@@ -115,6 +115,15 @@ impl Reference {
 }
 
 impl Rest {
+    /// The difference of a setpoint from its command. Without its gain a setpoint means nothing, and may be anything.
+    fn of(position: f64, velocity: f64, effort: f64, command: &JointSetpoint) -> Self {
+        Self {
+            position: if command.kp > 0.0 { position - command.position } else { 0.0 },
+            velocity: if command.kd > 0.0 { velocity - command.velocity } else { 0.0 },
+            effort: effort - command.effort,
+        }
+    }
+
     /// What is left at the share `s` of the fading: the quintic that begins at this difference and ends at none, at rest
     /// in acceleration.
     fn at(&self, s: f64) -> Self {
@@ -166,11 +175,7 @@ impl Resume {
     pub(super) fn begin_fading(&mut self, commands: &[JointSetpoint], safe: &[JointSetpoint]) {
         let pairs = commands.iter().zip(safe).zip(&self.references);
         for (rest, ((command, safe), reference)) in self.rests.iter_mut().zip(pairs) {
-            *rest = Rest {
-                position: reference.position - command.position,
-                velocity: reference.velocity - command.velocity,
-                effort: safe.effort - command.effort,
-            };
+            *rest = Rest::of(reference.position, reference.velocity, safe.effort, command);
         }
         self.faded_for = 0.0;
     }
@@ -193,11 +198,7 @@ impl Resume {
             effort: (1.0 - share) * joint.gravity + share * command.effort,
             ..*command
         };
-        self.rests[index] = Rest {
-            position: setpoint.position - command.position,
-            velocity: setpoint.velocity - command.velocity,
-            effort: setpoint.effort - command.effort,
-        };
+        self.rests[index] = Rest::of(setpoint.position, setpoint.velocity, setpoint.effort, command);
         let effort = self.rests[index].effort.abs() <= MET * limits.effort;
         (setpoint, effort && reference.meets(command, limits))
     }

@@ -25,7 +25,7 @@ use crate::{exit, overheads, registry, report, runs, style};
 pub(crate) struct Run {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Duration of the run, such as `10s` or `500 ms`; as the graph says, or until Ctrl-C, if not given
+    /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<String>,
     /// The clock: as the graph says if not given

@@ -149,3 +149,17 @@ fn a_latch_holds_until_it_is_released_and_the_start_of_a_run_is_no_latch() {
     arm.gate.release();
     assert_eq!(arm.offer(&fresh), Verdict::Applied);
 }
+
+#[test]
+fn a_setpoint_without_its_gain_leaves_nothing_that_fades() {
+    let mut arm = arm_with(SafeState::Damp, LimitPolicy::Clamp, ResumeRule::Near);
+    arm.silence();
+    let mut damped = command([-1e21, 1e21], [0.0; 2]);
+    damped.kp_mut().fill(0.0);
+    damped.effort_mut().fill(0.0);
+    for _ in 0..300 {
+        arm.offer(&damped);
+        assert!(arm.gate.setpoints().iter().all(|setpoint| setpoint.velocity == 0.0));
+    }
+    assert_eq!(arm.gate.state(), GateState::Following);
+}
