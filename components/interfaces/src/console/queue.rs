@@ -38,7 +38,8 @@ impl Sender {
         let (first, second) = chunk.as_mut_slices();
         let header = [time.to_ne_bytes(), ((input as u64) << 32 | bytes.len() as u64).to_ne_bytes()];
         let mut room = first.iter_mut().chain(second);
-        for (to, from) in room.by_ref().zip(header.as_flattened()) {
+        // the shorter one first: `zip` takes from its first iterator before it sees that the second has ended
+        for (from, to) in header.as_flattened().iter().zip(room.by_ref()) {
             *to = *from;
         }
         for (to, from) in room.zip(bytes) {
