@@ -128,6 +128,12 @@ impl<S: QpSolver> DifferentialIk<S> {
         Ok(&self.velocity)
     }
 
+    /// Forgets the tick before, at the beginning of an episode.
+    pub fn reset(&mut self) {
+        self.solver.reset();
+        self.velocity.fill(0.0);
+    }
+
     /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.velocity

@@ -2,6 +2,8 @@
 
 #![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
 
+use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
+
 use super::FieldLayout;
 
 /// A value that may be part of a state buffer.
@@ -42,11 +44,12 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
 }
 
 /// A running 64-bit digest (XXH3) of published content, equal for equal runs.
-pub struct Digest(twox_hash::XxHash3_64);
+pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
 
 impl Default for Digest {
     fn default() -> Self {
-        Self(twox_hash::XxHash3_64::with_seed(0))
+        // Without heap memory: an output begins a new one in a step.
+        Self(RawHasher::new(SecretBuffer::default()))
     }
 }
 

@@ -17,7 +17,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Weights;
     ///
-    /// let mut weights = Weights { version: 3, blocks: 1, ..Weights::default() };
+    /// let mut weights = Weights::default();
+    /// (weights.version, weights.blocks) = (3, 1);
     /// weights.set_count(2);
     /// weights.value_mut().copy_from_slice(&[0.1, -0.2]);
     /// assert_eq!(weights.value(), [0.1, -0.2]);
@@ -44,7 +45,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Observation;
     ///
-    /// let mut observation = Observation { episode: 2, ..Observation::default() };
+    /// let mut observation = Observation::default();
+    /// observation.episode = 2;
     /// observation.set_count(1);
     /// assert_eq!(observation.value(), [0.0]);
     /// ```
@@ -68,7 +70,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Action;
     ///
-    /// let mut action = Action { episode: 2, step: 7, ..Action::default() };
+    /// let mut action = Action::default();
+    /// (action.episode, action.step) = (2, 7);
     /// action.set_count(1);
     /// action.value_mut()[0] = 0.5;
     /// assert_eq!(action.value(), [0.5]);

@@ -17,7 +17,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Controls;
     ///
-    /// let mut controls = Controls { buttons: 0b101, ..Controls::default() };
+    /// let mut controls = Controls::default();
+    /// controls.buttons = 0b101;
     /// controls.set_count(6);
     /// assert!(controls.is_pressed(2) && !controls.is_pressed(1));
     /// ```
@@ -79,7 +80,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Event;
     ///
-    /// let event = Event { severity: Event::WARNING, ..Event::of("goal out of reach") };
+    /// let mut event = Event::of("goal out of reach");
+    /// event.severity = Event::WARNING;
     /// assert_eq!(event.as_str(), "goal out of reach");
     /// ```
     pub struct Event as "motorium.Event", at most MAX_EVENT_TEXT {

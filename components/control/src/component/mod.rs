@@ -155,6 +155,7 @@ impl Component for QpController {
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         self.tasks.iter_mut().for_each(|(_, task)| task.reset());
+        self.ik.reset();
         (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
         Ok(())
     }

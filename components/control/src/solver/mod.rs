@@ -48,4 +48,7 @@ pub trait QpSolver: Send {
     /// # Errors
     /// [`SolveError`] if there is no solution, or none was found.
     fn solve(&mut self) -> Result<&Solution, SolveError>;
+
+    /// Forgets the solution of the previous tick: the next solve computes, to the last bit, what a new solver would.
+    fn reset(&mut self);
 }

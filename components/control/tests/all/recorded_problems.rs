@@ -85,6 +85,23 @@ fn the_active_set_solver_is_as_exact_as_the_reference_made_exact_warm_and_cold()
 }
 
 #[test]
+fn a_solver_that_was_reset_computes_to_the_last_bit_what_a_new_one_does() {
+    let Some((structure, problems)) = load("talos_ik.json") else { return };
+    let mut used = ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default());
+    for problem in &problems {
+        used.update(problem).unwrap();
+        used.solve().unwrap();
+    }
+    used.reset();
+    let mut new = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+    for problem in &problems {
+        used.update(problem).unwrap();
+        new.update(problem).unwrap();
+        assert_eq!(used.solve().unwrap(), new.solve().unwrap());
+    }
+}
+
+#[test]
 fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
     let read = |text: &str| recorded::read(text).unwrap_err().to_string();
     let square = r#"[{ "P": [[1, 0], [0, 1]], "q": [0, 0] }, { "P": [[1, 0]], "q": [0, 0] }]"#;

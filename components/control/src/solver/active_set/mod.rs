@@ -164,4 +164,8 @@ impl QpSolver for ActiveSetSolver {
         self.instructions.dispatch(run)?;
         Ok(&self.solution)
     }
+
+    fn reset(&mut self) {
+        self.work.working.clear();
+    }
 }

@@ -154,6 +154,9 @@ impl QpSolver for ClarabelSolver {
         Ok(())
     }
 
+    // It begins each solve anew.
+    fn reset(&mut self) {}
+
     fn solve(&mut self) -> Result<&Solution, SolveError> {
         if !self.updated {
             return Err(SolveError::NotUpdated);
