@@ -86,6 +86,8 @@ fn round(endings: &[&str], seed: u64) {
     // Its own end, with a warning (7) where the killed component could not join again, or a safe stop that names its cause;
     // a signal has no code, a panic has 101.
     assert!(matches!(ended.code, Some(0 | 1 | 4 | 7)), "{text}");
+    let is_warned = ended.stdout.contains("\"warnings\": [\n");
+    assert!(ended.code != Some(7) || is_warned, "the cause is named: {text}");
     assert!(!ended.stderr.contains("the launcher of"), "the guard had to act: {text}");
     for crash in ["SIGSEGV", "SIGBUS", "SIGABRT", "panicked"] {
         let line = ended.stderr.lines().find(|line| line.contains("`physics`") && line.contains(crash));

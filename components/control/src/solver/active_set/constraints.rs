@@ -137,7 +137,7 @@ impl Run<'_> {
             if excess <= worst || is_member[constraint] || by_number && found.is_some() {
                 return;
             }
-            // What rounding alone makes is no violation.
+            // An excess within the rounding error of the sum is no violation.
             let terms = if constraint < m + p {
                 let i = constraint - m;
                 x.iter().enumerate().map(|(j, x)| (problem.row_matrix[(i, j)] * x).abs()).sum()

@@ -42,7 +42,7 @@ pub struct ActiveSetSettings {
     /// Largest number of changes of the working set in one solve, the bound of its time. Default: `None`, ten times the
     /// number of constraints and variables, and 50.
     pub max_iterations: Option<u32>,
-    /// Whether a solve begins with the working set of the one before. Default true.
+    /// Warm start: a solve begins with the working set of the one before. Default true.
     pub warm_start: bool,
 }
 
@@ -86,9 +86,9 @@ struct Work {
     /// The Cholesky factor of the Hessian.
     hessian: Lower,
     working: WorkingSet,
-    /// What is added to the diagonal of the Hessian; 0 if it is well conditioned.
+    /// Number added to each diagonal entry of the Hessian; 0 if the Hessian is well conditioned.
     shift: f64,
-    /// The point the distance to which costs `shift`.
+    /// Centre of the proximal term `shift / 2 |x - centre|^2`.
     centre: Vec<f64>,
     /// `q - shift centre`.
     gradient: Vec<f64>,
@@ -99,7 +99,7 @@ struct Work {
     gaps: Vec<f64>,
     /// `G x`.
     rows: Vec<f64>,
-    /// Whether a constraint is a member, or implied by the members.
+    /// Flag of each constraint: true if it is a member of the working set, or implied by the members.
     is_member: Vec<bool>,
     /// Constraints that the members imply.
     implied: Vec<usize>,

@@ -12,14 +12,14 @@ const FIRST_SHIFT: f64 = 1e-4;
 const ROUNDS_A_SHIFT: usize = 10;
 const LOWER_SHIFT: f64 = 0.1;
 const ROUNDS: usize = 60;
-/// Share of the solution by which it may still move.
+/// Relative change of the solution from one round to the next at which the rounds end.
 const CLOSE: f64 = 1e-10;
-/// Share of its size up to which a rate of change along a direction is none.
+/// Relative tolerance below which a rate of change along a direction counts as zero.
 const RECESSION: f64 = 1e-9;
 /// Violation, as a share of one and of the value, that only a breakdown of the arithmetic leaves.
 const GROSS: f64 = 1e-6;
 
-/// What follows on a round.
+/// Next action after a round of the proximal point method.
 pub(super) enum Next {
     /// It was the last.
     Done,
@@ -83,7 +83,8 @@ impl Run<'_> {
         self.work.shift = if largest > 0.0 { FIRST_SHIFT * largest } else { FIRST_SHIFT };
     }
 
-    /// Whether the cost falls for ever along `residual`, the last step: the variable with its largest share.
+    /// Test for an unbounded cost along `residual`, the last step: the variable that moves most, if the cost falls along it
+    /// for ever and no constraint blocks it.
     pub(super) fn recession(&self) -> Option<usize> {
         let problem = self.problem;
         let n = problem.gradient.len();
@@ -129,7 +130,7 @@ impl Run<'_> {
         (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))
     }
 
-    /// Whether `x`, whose rows were computed last, satisfies all constraints, those that members imply too.
+    /// True if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within [`GROSS`].
     pub(super) fn is_feasible(&self) -> bool {
         let problem = self.problem;
         let within = |value: f64, lower: f64, upper: f64| {

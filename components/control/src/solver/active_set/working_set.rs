@@ -227,7 +227,7 @@ impl WorkingSet {
         left > DEPENDENT * DEPENDENT * size && left > 0.0 && count < self.capacity
     }
 
-    /// Whether the members, of which the constraint that was examined last is a combination, keep it beyond `value`, above it
+    /// True if the members contradict the constraint examined last, their combination: they keep it beyond `value`, above it
     /// (`sign` 1) or below it.
     #[inline(always)]
     pub(super) fn contradicts(&self, sign: f64, value: f64) -> bool {
