@@ -75,8 +75,6 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
         return;
     }
     let run = Run::start(&panda_reach(), &["--for", "8 s"]);
-    // At the end of the warm-up, after 100 steps, each worker once asks for its page faults.
-    std::thread::sleep(Duration::from_millis(500));
     for component in ["physics", "encoder", "policy", "controller"] {
         let trace = tempfile::NamedTempFile::new().expect("a file");
         let traced = Command::new("timeout")

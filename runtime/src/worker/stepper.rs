@@ -111,9 +111,6 @@ impl<C: Component> Stepper<C> {
             period: self.period,
             episode: context.episode(),
         };
-        if self.own_steps == WARM_UP {
-            self.faults_before = os::page_faults();
-        }
         context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
         // What the watchdog reads: a step has begun.
         block.last_step_ns.store(timing.wake_ns, Relaxed);
@@ -141,6 +138,8 @@ impl<C: Component> Stepper<C> {
         block.steps.store(steps + 1, Relaxed);
         if self.own_steps > WARM_UP {
             self.count_allocations(before, after);
+        } else if self.own_steps == WARM_UP {
+            self.faults_before = os::page_faults();
         }
         if let Err(wrong) = result {
             self.apply_error_policy(wrong, steps)?;
