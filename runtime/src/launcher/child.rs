@@ -136,6 +136,7 @@ impl Child {
 
     /// A component whose place the launching program takes.
     pub(super) fn played(name: &str, block: &ComponentBlock) -> Self {
+        block.played.store(1, Relaxed);
         block.enter(Phase::Ready);
         Self::of_this_process(name, Body::Played)
     }
@@ -185,7 +186,6 @@ impl Child {
     #[inline]
     pub(super) fn step(&mut self, block: &ComponentBlock, time_ns: u64, now_ns: &mut u64) -> bool {
         let Body::Inline(Some(hosted)) = &mut self.body else { return false };
-        block.tick_time_ns.store(time_ns, Relaxed);
         match hosted.step(time_ns, *now_ns) {
             Ok(ended_ns) => {
                 *now_ns = ended_ns;

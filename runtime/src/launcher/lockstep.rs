@@ -1,17 +1,24 @@
 //! The launcher's side of lockstep: ticks of simulated time, one component at a time, in a fixed order.
+//!
+//! The launcher begins a round and gives the turn to its first component. Processes and threads pass it on among themselves,
+//! through as many rounds as they may begin, and give it back at the end of the part that was asked for, or where they
+//! cannot go on. Components hosted inline are stepped by the launcher, one after the other.
 
-use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::supervise::{AfterEnd, Supervision};
 use super::{Event, Exit, Hosting, Launch};
-use crate::os::{futex_wait, futex_wake, monotonic_ns};
+use crate::os::{futex_wait, monotonic_ns};
 use crate::region::{Command, Phase};
 
 /// Time of a tick from which on it is told, ns.
 const TELL_AFTER_NS: u64 = 1_000_000_000;
 /// Time between two looks at what is printed, and two states for the display, ns.
 const STATUS_NS: u64 = 50_000_000;
+
+/// Longest wait for the turn between two looks at signals, and at the component that has it.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// The outcome of a tick.
 enum Ticked {
@@ -23,11 +30,11 @@ enum Ticked {
     Interrupted,
 }
 
-/// The work that a tick hands out.
+/// The work that a component is given with the turn.
 #[derive(Debug, Clone, Copy)]
 enum Work {
-    /// A step for this time, ns.
-    Step(u64),
+    /// A step, and those that come after it.
+    Step,
     /// The reset for the episode in the header.
     Reset,
 }
@@ -57,8 +64,9 @@ impl Launch {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Exit> {
         let mut now_ns = monotonic_ns();
-        for _ in 0..limit.rounds {
-            let time = self.rounds.round_from(self.reached_ns);
+        let mut rounds = limit.rounds;
+        while rounds > 0 {
+            let mut time = self.rounds.round_from(self.reached_ns);
             if time >= limit.until_ns {
                 self.reached_ns = self.reached_ns.max(limit.until_ns);
                 return None;
@@ -69,12 +77,18 @@ impl Launch {
             }
             let mut stop = (self.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
+            rounds -= 1;
+            self.region.header().turn.allow_rounds(limit.until_ns, rounds);
             let mut place = 0;
             while stop.is_none()
-                && let Some((due, index)) = self.rounds.next_due(&self.region, time, place)
+                && let Some(index) = self.rounds.next_due(&self.region, time, place)
             {
-                match self.tick((index, time), &mut now_ns, &mut supervision[index], observe) {
-                    Ticked::Done => place = due + 1,
+                let ticked = self.tick((index, time), &mut now_ns, supervision, observe);
+                // Those that pass the turn on may have come further, and into other rounds.
+                let last = self.last_tick(index);
+                (time, place) = (last.1, self.rounds.place_after(last.0));
+                match ticked {
+                    Ticked::Done => {}
                     Ticked::Fatal(reason) => stop = Some(reason),
                     Ticked::Interrupted => {
                         self.reached_ns = time;
@@ -88,6 +102,7 @@ impl Launch {
                 return Some(Exit::SafeStop { reason });
             }
             self.reached_ns = time + 1;
+            rounds = self.region.header().turn.rounds_left();
             let header = self.region.header();
             header.reached_ns.store(self.reached_ns, Relaxed);
             if header.is_episode_over() {
@@ -101,6 +116,13 @@ impl Launch {
         None
     }
 
+    /// The component that had the last tick and its time, after the turn was given to the component `first`.
+    fn last_tick(&self, first: usize) -> (usize, u64) {
+        let last = self.region.header().turn.now().giver.unwrap_or(first);
+        let block = self.region.components().get(last);
+        block.map_or((first, 0), |block| (last, block.tick_time_ns.load(Relaxed)))
+    }
+
     /// Resets all components for an episode, one after the other: a barrier, after which simulated time begins anew. The
     /// exit if one of them cannot go on.
     pub(crate) fn reset(
@@ -112,8 +134,8 @@ impl Launch {
         self.region.header().begin_episode(index, seed);
         let mut supervision = core::mem::take(&mut self.supervision);
         let mut exit = None;
-        for (component, supervision) in supervision.iter_mut().enumerate() {
-            exit = exit.or(match self.reset_one((component, index, seed), supervision, observe) {
+        for component in 0..supervision.len() {
+            exit = exit.or(match self.reset_one((component, index, seed), &mut supervision, observe) {
                 Ticked::Done => None,
                 Ticked::Interrupted => Some(Exit::Interrupted),
                 Ticked::Fatal(reason) => Some(Exit::SafeStop { reason }),
@@ -130,20 +152,20 @@ impl Launch {
     fn reset_one(
         &mut self,
         (component, index, seed): (usize, u64, u64),
-        supervision: &mut Supervision,
+        supervision: &mut [Supervision],
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
         let is_running = self.region.components()[component].phase() == Phase::Running;
-        if !is_running && !self.await_running(component, supervision, observe) {
+        if !is_running && !self.await_running(component, &mut supervision[component], observe) {
             return self.after_wait();
         }
         if self.options.hosting != Hosting::Inline && !self.children[component].is_played() {
-            return self.hand_out(component, Work::Reset, supervision, observe);
+            return self.give_turn(component, Work::Reset, supervision, observe);
         }
         if self.children[component].reset(&self.region.components()[component], index, seed) {
             return Ticked::Done;
         }
-        match self.monitor(component, supervision, observe) {
+        match self.monitor(component, &mut supervision[component], observe) {
             Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
             Some(AfterEnd::Restarted | AfterEnd::Ignored) | None => self.after_wait(),
         }
@@ -194,11 +216,11 @@ impl Launch {
         self.region.header().order(Command::SafeStop);
         let end = time + self.plan.safety.settle_ns;
         let mut now_ns = monotonic_ns();
-        for (index, supervision) in supervision.iter_mut().enumerate() {
+        for index in 0..supervision.len() {
             let component = &self.plan.components[index];
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
-            while actuator && !supervision.is_gone() && next <= end {
+            while actuator && !supervision[index].is_gone() && next <= end {
                 let ticked = self.tick((index, next), &mut now_ns, supervision, observe);
                 if !matches!(ticked, Ticked::Done) {
                     break;
@@ -213,33 +235,39 @@ impl Launch {
         if self.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
     }
 
-    /// Has one component step for a time. `now_ns` is the present on `CLOCK_MONOTONIC`, before and after.
+    /// Has one component step for a time; a process or thread then passes the turn on. `now_ns` is the present on
+    /// `CLOCK_MONOTONIC`, before and after.
     #[inline]
     fn tick(
         &mut self,
         (index, time): (usize, u64),
         now_ns: &mut u64,
-        supervision: &mut Supervision,
+        supervision: &mut [Supervision],
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
+        self.rounds.note(&self.region, index, time);
+        let inline = self.options.hosting == Hosting::Inline;
+        if !inline {
+            self.region.header().turn.give(None, None);
+        }
         if self.region.components()[index].phase() != Phase::Running
-            && !self.await_running(index, supervision, observe)
+            && !self.await_running(index, &mut supervision[index], observe)
         {
             return self.after_wait();
         }
-        if self.options.hosting != Hosting::Inline {
-            let ticked = self.hand_out(index, Work::Step(time), supervision, observe);
+        if !inline {
+            let ticked = self.give_turn(index, Work::Step, supervision, observe);
             *now_ns = monotonic_ns();
             return ticked;
         }
         if self.children[index].step(&self.region.components()[index], time, now_ns) {
             return Ticked::Done;
         }
-        match self.monitor(index, supervision, observe) {
+        match self.monitor(index, &mut supervision[index], observe) {
             Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
             // The tick in which it failed is lost; its successor starts with the next one.
             Some(AfterEnd::Restarted) => {
-                self.await_running(index, supervision, observe);
+                self.await_running(index, &mut supervision[index], observe);
             }
             Some(AfterEnd::Ignored) | None => {}
         }
@@ -247,60 +275,62 @@ impl Launch {
         self.after_wait()
     }
 
-    /// Hands out one tick, to a component and for a time, and waits for it to be done, however long that takes: a tick takes
-    /// no simulated time. A signal ends the wait.
-    fn hand_out(
+    /// Gives the turn to a component and waits until it comes back, from that one or another, however long that takes: a
+    /// tick takes no simulated time. A signal ends the wait.
+    fn give_turn(
         &mut self,
         index: usize,
         work: Work,
-        supervision: &mut Supervision,
+        supervision: &mut [Supervision],
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
-        let block = &self.region.components()[index];
-        let given = block.tick_given.load(Relaxed).wrapping_add(1);
-        if let Work::Step(time) = work {
-            block.tick_time_ns.store(time, Relaxed);
-        }
+        let (block, turn) = (&self.region.components()[index], &self.region.header().turn);
         block.tick_resets.store(u32::from(matches!(work, Work::Reset)), Relaxed);
-        block.tick_given.store(given, Release);
-        futex_wake(&block.tick_given);
-        let began = monotonic_ns();
+        turn.give(None, Some(index));
+        block.call();
+        let mut last = turn.now();
+        let mut since_ns = monotonic_ns();
         let mut told = false;
         loop {
-            let block = &self.region.components()[index];
-            let done = block.tick_done.load(Acquire);
-            if done == given {
+            self.region.header().turn.await_call(LOOK);
+            let now = self.region.header().turn.now();
+            let Some(holder) = now.holder.filter(|holder| *holder < supervision.len()) else {
                 return Ticked::Done;
-            }
-            futex_wait(&block.tick_done, done, Some(Duration::from_millis(20)));
-            if block.tick_done.load(Acquire) == given {
-                return Ticked::Done;
-            }
+            };
             if self.signals.is_raised() {
                 return Ticked::Interrupted;
             }
-            let for_ns = monotonic_ns() - began;
-            if !told && for_ns > TELL_AFTER_NS {
+            let now_ns = monotonic_ns();
+            if now != last {
+                (last, since_ns, told) = (now, now_ns, false);
+            }
+            let block = &self.region.components()[holder];
+            // The giver may have died between giving the turn and calling.
+            block.call();
+            if !told && now_ns - since_ns > TELL_AFTER_NS {
                 told = true;
-                let component = &self.plan.components[index].name;
-                observe(Event::Waiting { component, tick: block.steps.load(Relaxed), for_ns });
+                let (component, tick) = (&self.plan.components[holder].name, block.steps.load(Relaxed));
+                observe(Event::Waiting { component, tick, for_ns: now_ns - since_ns });
             }
-            if told {
-                self.relay_output(observe);
+            if now_ns >= self.next_status_ns {
+                self.next_status_ns = now_ns + STATUS_NS;
+                self.look_around(supervision, observe);
             }
-            match self.monitor(index, supervision, observe) {
-                // The tick in which it died is lost; its successor starts with the next one.
+            let ended = self.monitor(holder, &mut supervision[holder], observe);
+            if ended.is_none() && !supervision[holder].is_gone() {
+                continue;
+            }
+            // The tick in which it died is lost; its successor starts with the next one.
+            self.region.header().turn.give(Some(holder), None);
+            return match ended {
+                Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
+                Some(AfterEnd::Ignored) => Ticked::Done,
                 Some(AfterEnd::Restarted) => {
-                    let block = &self.region.components()[index];
-                    block.tick_done.store(given, Release);
-                    self.await_running(index, supervision, observe);
-                    return self.after_wait();
+                    self.await_running(holder, &mut supervision[holder], observe);
+                    self.after_wait()
                 }
-                Some(AfterEnd::Ignored) => return Ticked::Done,
-                Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
-                None if supervision.is_gone() => return self.after_wait(),
-                None => {}
-            }
+                None => self.after_wait(),
+            };
         }
     }
 

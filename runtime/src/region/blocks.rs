@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -70,17 +71,17 @@ pub struct ComponentBlock {
     pub thread: AtomicU32,
     /// Restarts. Written by the launcher.
     pub restarts: AtomicU32,
-    /// Lockstep: number of ticks handed out. Written by the launcher.
-    pub tick_given: AtomicU32,
-    /// Lockstep: number of ticks done.
-    pub tick_done: AtomicU32,
-    /// Lockstep: simulated time of the given tick, ns. Written by the launcher.
+    /// Lockstep: number of calls to a tick: the word that it sleeps on. Written by the giver of the turn.
+    tick_calls: AtomicU32,
+    /// Lockstep: simulated time of the tick, ns. Written by the giver of the turn.
     pub tick_time_ns: AtomicU64,
-    /// Lockstep: 1 if the given tick is a reset for the episode in the header, 0 if it is a step. Written by the launcher.
+    /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the launcher.
     pub tick_resets: AtomicU32,
+    /// 1 if the program that launched the run takes its place: it gets no ticks. Written by the launcher.
+    pub played: AtomicU32,
     /// Steps done before the present episode.
     pub episode_first: AtomicU64,
-    /// Lockstep: publications of its trigger when it was last looked at. Written by whoever hands out the ticks.
+    /// Lockstep: publications of its trigger at its last tick. Written by the giver of the turn.
     pub trigger_seen: AtomicU64,
     /// Steps begun, through restarts: one more than `steps` while it steps.
     pub begun: AtomicU64,
@@ -159,6 +160,24 @@ impl ComponentBlock {
     /// The word to wait on for the next phase.
     pub fn phase_word(&self) -> &AtomicU32 {
         &self.phase
+    }
+
+    /// Number of calls to a tick so far, to wait for the next one.
+    #[inline]
+    pub(crate) fn tick_calls(&self) -> u32 {
+        self.tick_calls.load(Acquire)
+    }
+
+    /// Calls it: it has the turn.
+    #[inline]
+    pub(crate) fn call(&self) {
+        self.tick_calls.fetch_add(1, Release);
+        crate::os::futex_wake(&self.tick_calls);
+    }
+
+    /// Sleeps until it is called again, at most for a time.
+    pub(crate) fn await_call(&self, calls: u32, timeout: Duration) {
+        crate::os::futex_wait(&self.tick_calls, calls, Some(timeout));
     }
 
     /// Counts a missed step.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use serde::{Deserialize, Serialize};
 
-use super::Latch;
+use super::{Latch, TurnBlock};
 
 /// A command of the launcher to all workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +57,7 @@ from_word!(Command, Stop, Configure, Connect, Run, SafeStop, Stop);
 from_word!(Phase, Faulted, Created, Ready, Connected, Running, Faulted, Stopped);
 
 /// The head of a control block. Written by the launcher, and by the guard once the launcher is dead.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 #[repr(C, align(64))]
 pub struct Header {
     pub(super) magic: AtomicU64,
@@ -96,6 +96,8 @@ pub struct Header {
     pub rounds_taken: AtomicU64,
     /// Lockstep: simulated time reached in the episode, ns.
     pub reached_ns: AtomicU64,
+    /// Lockstep: the right to step.
+    pub turn: TurnBlock,
 }
 
 impl Header {
@@ -180,29 +182,7 @@ mod tests {
 
     #[test]
     fn a_late_safe_stop_takes_back_no_stop_and_a_late_run_no_safe_stop() {
-        let header = Header {
-            magic: AtomicU64::new(0),
-            components: AtomicU32::new(0),
-            topics: AtomicU32::new(0),
-            latencies: AtomicU32::new(0),
-            edges: AtomicU32::new(0),
-            command: AtomicU32::new(0),
-            start_ns: AtomicU64::new(0),
-            safe_stop_ns: AtomicU64::new(0),
-            launcher: AtomicU32::new(0),
-            guard: AtomicU32::new(0),
-            latch: AtomicU32::new(0),
-            resumes: AtomicU32::new(0),
-            launcher_alive_ns: AtomicU64::new(0),
-            guard_alive_ns: AtomicU64::new(0),
-            episode: AtomicU64::new(0),
-            episode_seed: AtomicU64::new(0),
-            episode_over: AtomicU32::new(0),
-            paused: AtomicU32::new(0),
-            rounds_granted: AtomicU64::new(0),
-            rounds_taken: AtomicU64::new(0),
-            reached_ns: AtomicU64::new(0),
-        };
+        let header = Header::default();
         for (order, expected) in [
             (Command::Connect, Command::Connect),
             (Command::Run, Command::Run),

@@ -8,6 +8,7 @@ mod checkpoint;
 mod gate;
 mod header;
 mod mapping;
+mod turn;
 
 pub(crate) use blocks::add;
 pub use blocks::{ComponentBlock, EdgeBlock, LatencyBlock, MissCause, Misses, Stalls, TopicBlock};
@@ -18,3 +19,4 @@ pub(crate) use checkpoint::Checkpoints;
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use header::{Command, Header, Phase};
 pub use mapping::{Region, RegionError};
+pub use turn::TurnBlock;

@@ -1,43 +1,56 @@
-//! The loop in lockstep: ticks of simulated time, handed out by the launcher.
+//! The loop in lockstep: a tick of simulated time whenever the component has the turn.
 
 use std::rc::Rc;
-use std::sync::atomic::Ordering::{Acquire, Release};
+use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::time::Duration;
 
 use super::Failure;
+use super::rounds::Rounds;
 use super::stepper::{Stepper, Timing};
 use crate::component::Component;
-use crate::os::{futex_wait, futex_wake, monotonic_ns};
+use crate::os::monotonic_ns;
+use crate::plan::Plan;
+use crate::region::Region;
 use crate::transport::Connect;
 
-/// Steps whenever the launcher hands out a tick, until the run ends.
-pub(super) fn run<C: Component>(stepper: &mut Stepper<C>, ports: &[Rc<dyn Connect>]) -> Result<(), Failure> {
+/// Longest time between two looks at the command of the run.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Steps whenever the component has the turn, and gives it to the next one, until the run ends.
+pub(super) fn run<C: Component>(
+    stepper: &mut Stepper<C>,
+    ports: &[Rc<dyn Connect>],
+    (plan, region): (&Plan, &Region),
+    index: usize,
+) -> Result<(), Failure> {
+    let (block, turn) = (&region.components()[index], &region.header().turn);
+    let rounds = Rounds::new(plan, |component| region.components()[component].played.load(Relaxed) == 0);
     stepper.open_accounts();
-    let mut seen = stepper.context().block().tick_done.load(Acquire);
     loop {
-        let block = stepper.context().block();
-        let given = block.tick_given.load(Acquire);
-        if given == seen {
+        let calls = block.tick_calls();
+        if turn.now().holder != Some(index) {
             if stepper.context().must_leave() {
                 return Ok(());
             }
-            futex_wait(&block.tick_given, given, Some(Duration::from_millis(100)));
+            block.await_call(calls, LOOK);
             continue;
         }
-        seen = given;
+        if stepper.context().must_leave() {
+            turn.give_back(index);
+            return Ok(());
+        }
         if block.tick_resets.load(Acquire) != 0 {
-            let header = stepper.context().region().header();
-            let (index, seed) = (header.episode.load(Acquire), header.episode_seed.load(Acquire));
+            let header = region.header();
+            let (episode, seed) = (header.episode.load(Acquire), header.episode_seed.load(Acquire));
             ports.iter().for_each(|port| port.begin_episode());
-            stepper.reset(index, seed)?;
+            stepper.reset(episode, seed)?;
+            turn.give_back(index);
         } else {
             let time_ns = block.tick_time_ns.load(Acquire);
             let began = monotonic_ns();
             stepper.step(Timing::lockstep(time_ns))?;
             stepper.account_lockstep(monotonic_ns() - began);
+            rounds.pass_on(region, index, time_ns);
         }
-        let block = stepper.context().block();
-        block.tick_done.store(given, Release);
-        futex_wake(&block.tick_done);
     }
 }

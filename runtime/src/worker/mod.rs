@@ -156,7 +156,7 @@ fn live<C: Component>(
         context.clock().begin();
         block.enter(Phase::Running);
         match (plan.clock, &component.activation, trigger) {
-            (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper, &ports)?,
+            (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper, &ports, (plan, region), index)?,
             (ClockKind::Realtime, Activation::Triggered { .. }, Some(trigger)) => {
                 let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
                 let rest = rest::Rest::new(component);

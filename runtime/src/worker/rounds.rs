@@ -2,12 +2,12 @@
 //!
 //! Simulated time goes from round to round: a round is a time at which a time-triggered component is due. Within a round
 //! each component is looked at once, in the order of the plan: a time-triggered one steps if the round is one of its
-//! releases, a triggered one if its topic was published since it was looked at last.
+//! releases, a triggered one if its topic was published since its last tick.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
 
 use crate::plan::{Activation, Plan};
-use crate::region::Region;
+use crate::region::{Command, Phase, Region};
 
 /// The order of the ticks of a plan. All it remembers stands in the control block of the run.
 #[derive(Debug, Clone)]
@@ -60,23 +60,68 @@ impl Rounds {
         self.turns.iter().map(next).min().unwrap_or(u64::MAX)
     }
 
-    /// The place in the order, from `from` on, and the index of the next component that is due in the round of `time_ns`.
-    pub(crate) fn next_due(&self, region: &Region, time_ns: u64, from: usize) -> Option<(usize, usize)> {
-        let mut places = self.turns.iter().enumerate().skip(from);
-        places.find_map(|(place, turn)| {
-            let is_due = match turn.due {
-                Due::At { phase_ns, period_ns } => {
-                    time_ns >= phase_ns && (time_ns - phase_ns).is_multiple_of(period_ns)
-                }
-                Due::After(topic) => {
-                    let published = region.topics()[topic].published.load(Acquire);
-                    let seen = &region.components()[turn.component].trigger_seen;
-                    let is_due = published != seen.load(Relaxed);
-                    seen.store(published, Relaxed);
-                    is_due
-                }
-            };
-            is_due.then_some((place, turn.component))
-        })
+    /// The place in the order after that of a component.
+    pub(crate) fn place_after(&self, component: usize) -> usize {
+        self.turns.iter().position(|turn| turn.component == component).map_or(0, |place| place + 1)
+    }
+
+    /// The index of the next component that is due in the round of `time_ns`, from a place in the order on.
+    pub(crate) fn next_due(&self, region: &Region, time_ns: u64, from: usize) -> Option<usize> {
+        let turns = self.turns.get(from..).unwrap_or_default();
+        let is_due = |turn: &&Turn| match turn.due {
+            Due::At { phase_ns, period_ns } => {
+                time_ns >= phase_ns && (time_ns - phase_ns).is_multiple_of(period_ns)
+            }
+            Due::After(topic) => {
+                let seen = &region.components()[turn.component].trigger_seen;
+                region.topics()[topic].published.load(Acquire) != seen.load(Relaxed)
+            }
+        };
+        turns.iter().find(is_due).map(|turn| turn.component)
+    }
+
+    /// Notes the tick of a component for the round of `time_ns`: what triggers it until now is done with it.
+    pub(crate) fn note(&self, region: &Region, component: usize, time_ns: u64) {
+        let block = &region.components()[component];
+        block.tick_time_ns.store(time_ns, Relaxed);
+        let turn = self.turns.iter().find(|turn| turn.component == component);
+        if let Some(Due::After(topic)) = turn.map(|turn| turn.due) {
+            block.trigger_seen.store(region.topics()[topic].published.load(Acquire), Relaxed);
+        }
+    }
+
+    /// Gives the turn of the component `giver`, which has stepped for `time_ns`, to the next one that is due: in the same
+    /// round, or in the next if that may be begun without the launcher; otherwise, or if it does not run, to the launcher.
+    pub(super) fn pass_on(&self, region: &Region, giver: usize, time_ns: u64) {
+        let header = region.header();
+        let next = self.next(region, giver, time_ns).filter(|(component, _)| {
+            header.command() == Command::Run && region.components()[*component].phase() == Phase::Running
+        });
+        let Some((component, round_ns)) = next else {
+            header.turn.give_back(giver);
+            return;
+        };
+        if round_ns != time_ns {
+            header.turn.begin_round();
+            header.reached_ns.store(time_ns + 1, Relaxed);
+        }
+        self.note(region, component, round_ns);
+        header.turn.give(Some(giver), Some(component));
+        if component != giver {
+            region.components()[component].call();
+        }
+    }
+
+    /// The component whose tick comes after one of `giver` for `time_ns`, and its time.
+    fn next(&self, region: &Region, giver: usize, time_ns: u64) -> Option<(usize, u64)> {
+        if let Some(component) = self.next_due(region, time_ns, self.place_after(giver)) {
+            return Some((component, time_ns));
+        }
+        let header = region.header();
+        let round_ns = self.round_from(time_ns + 1);
+        if header.is_episode_over() || !header.turn.may_begin(round_ns) {
+            return None;
+        }
+        self.next_due(region, round_ns, 0).map(|component| (component, round_ns))
     }
 }

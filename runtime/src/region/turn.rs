@@ -1,0 +1,130 @@
+//! The turn of lockstep: the right to step, which one component or the launcher has at a time.
+//!
+//! The launcher gives the turn to the first component of a round. Each holder, when its step is done, gives it to the next
+//! one that is due, in this round or in the next, without waking the launcher; and back to the launcher where it may not
+//! go on. A process that dies with the turn keeps it: the launcher sees that, and takes the turn away from it.
+
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicU32, AtomicU64};
+use std::time::Duration;
+
+use crate::os::{futex_wait, futex_wake};
+
+/// The turn of a run. Written by its holder, and by the launcher for a holder that is dead.
+#[derive(Debug, Default)]
+#[repr(C)]
+pub struct TurnBlock {
+    /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 is the launcher, else one more
+    /// than the index of a component.
+    word: AtomicU64,
+    /// Rounds before this time may be begun without the launcher, ns.
+    until_ns: AtomicU64,
+    /// Number of rounds that may still be begun without the launcher.
+    rounds_left: AtomicU64,
+    /// Number of calls of the launcher: the word that it sleeps on.
+    called: AtomicU32,
+}
+
+/// A turn: its number, who gave it and who has it. `None` is the launcher, else the index of a component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Turn {
+    number: u32,
+    pub(crate) giver: Option<usize>,
+    pub(crate) holder: Option<usize>,
+}
+
+impl Turn {
+    fn from_word(word: u64) -> Self {
+        let party = |bits: u64| ((bits & 0xffff) as usize).checked_sub(1);
+        Self { number: (word >> 32) as u32, giver: party(word >> 16), holder: party(word) }
+    }
+
+    fn word(self) -> u64 {
+        let bits = |party: Option<usize>| party.map_or(0, |index| (index as u64 + 1) & 0xffff);
+        u64::from(self.number) << 32 | bits(self.giver) << 16 | bits(self.holder)
+    }
+}
+
+impl TurnBlock {
+    /// The present turn.
+    #[inline]
+    pub(crate) fn now(&self) -> Turn {
+        Turn::from_word(self.word.load(Acquire))
+    }
+
+    /// Gives the turn to a party, which is still to be called. By its holder only.
+    #[inline]
+    pub(crate) fn give(&self, giver: Option<usize>, holder: Option<usize>) {
+        let number = self.now().number.wrapping_add(1);
+        self.word.store(Turn { number, giver, holder }.word(), Release);
+    }
+
+    /// Gives the turn back to the launcher, and wakes it.
+    pub(crate) fn give_back(&self, giver: usize) {
+        self.give(Some(giver), None);
+        self.called.fetch_add(1, Release);
+        futex_wake(&self.called);
+    }
+
+    /// Sleeps until the launcher is called, at most for a time, unless it has the turn.
+    pub(crate) fn await_call(&self, timeout: Duration) {
+        let called = self.called.load(Acquire);
+        if self.now().holder.is_some() {
+            futex_wait(&self.called, called, Some(timeout));
+        }
+    }
+
+    /// Allows rounds to be begun without the launcher: before a time, ns, and only so many.
+    pub(crate) fn allow_rounds(&self, until_ns: u64, rounds: u64) {
+        self.until_ns.store(until_ns, Relaxed);
+        self.rounds_left.store(rounds, Relaxed);
+    }
+
+    /// Whether the round of a time may be begun without the launcher.
+    #[inline]
+    pub(crate) fn may_begin(&self, round_ns: u64) -> bool {
+        round_ns < self.until_ns.load(Relaxed) && self.rounds_left.load(Relaxed) > 0
+    }
+
+    /// Notes that a round was begun without the launcher.
+    #[inline]
+    pub(crate) fn begin_round(&self) {
+        self.rounds_left.store(self.rounds_left.load(Relaxed).saturating_sub(1), Relaxed);
+    }
+
+    /// Number of rounds that may still be begun.
+    pub(crate) fn rounds_left(&self) -> u64 {
+        self.rounds_left.load(Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_has_one_holder_and_each_is_another() {
+        let block = TurnBlock::default();
+        assert_eq!((block.now().giver, block.now().holder), (None, None), "at the start the launcher has it");
+        block.give(None, Some(511));
+        let first = block.now();
+        assert_eq!((first.giver, first.holder), (None, Some(511)));
+        block.give(Some(511), Some(511));
+        assert_ne!(block.now(), first, "the same party again is another turn");
+        block.give_back(511);
+        assert_eq!((block.now().giver, block.now().holder), (Some(511), None));
+        block.await_call(Duration::from_secs(60)); // returns at once: the launcher has it
+    }
+
+    #[test]
+    fn rounds_begin_before_a_time_and_only_so_many() {
+        let block = TurnBlock::default();
+        assert!(!block.may_begin(0));
+        block.allow_rounds(10, 2);
+        assert!(block.may_begin(9) && !block.may_begin(10));
+        block.begin_round();
+        block.begin_round();
+        assert!(!block.may_begin(0));
+        assert_eq!(block.rounds_left(), 0);
+    }
+}
