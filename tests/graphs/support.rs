@@ -38,7 +38,8 @@ impl Run {
         let child = Command::new(MOTORIUM)
             .arg("run")
             .arg(graph)
-            .arg("--json")
+            // What is broken misses its goals.
+            .args(["--json", "--no-expect"])
             .args(arguments)
             .current_dir(workspace())
             .stdin(Stdio::null())

@@ -25,6 +25,11 @@ pub(crate) fn incomplete() -> ExitCode {
     ExitCode::from(7)
 }
 
+/// The run ended in good order, but a figure of its report is not as expected.
+pub(crate) fn unmet() -> ExitCode {
+    ExitCode::from(8)
+}
+
 /// Something has become plainly slower than it was.
 pub(crate) fn slower() -> ExitCode {
     ExitCode::from(6)

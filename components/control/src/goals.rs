@@ -25,11 +25,44 @@ impl GoalError {
     }
 }
 
-/// Goals of a run, and the worst error at any of them.
+/// The largest error with which a goal counts as reached.
+///
+/// ```
+/// use motorium_control::{GoalError, GoalTolerance};
+///
+/// let tolerance = GoalTolerance { position: 5e-3, orientation: 0.02 };
+/// assert!(tolerance.allows(GoalError { position: 4e-3, orientation: None }));
+/// assert!(!tolerance.allows(GoalError { position: 4e-3, orientation: Some(0.1) }));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GoalTolerance {
+    /// Distance \[m\].
+    pub position: f64,
+    /// Angle \[rad\].
+    pub orientation: f64,
+}
+
+impl GoalTolerance {
+    /// Whether an error is within the tolerance.
+    pub fn allows(&self, error: GoalError) -> bool {
+        error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
+    }
+}
+
+impl Default for GoalTolerance {
+    /// 5 mm and 0.02 rad.
+    fn default() -> Self {
+        Self { position: 5e-3, orientation: 0.02 }
+    }
+}
+
+/// Goals of a run at which the target rested, and the worst error at any of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GoalSummary {
-    /// Goals at which the target rested.
+    /// Goals that the controlled frame or point reached, within the tolerance.
     pub reached: u64,
+    /// Goals that it did not reach.
+    pub missed: u64,
     /// The worst error at any of these goals; `None` without a goal.
     pub worst: Option<GoalError>,
 }
@@ -42,13 +75,14 @@ impl GoalSummary {
             (Some(one), Some(other)) => Some(one.worse(other)),
             (one, other) => one.or(other),
         };
-        Self { reached: self.reached + other.reached, worst }
+        Self { reached: self.reached + other.reached, missed: self.missed + other.missed, worst }
     }
 }
 
 /// A record of the error at each goal: at the last tick before the target left it, or before the run ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoalRecord {
+    tolerance: GoalTolerance,
     goal: Option<u64>,
     /// The error while the target rests at the current goal.
     resting: Option<GoalError>,
@@ -59,6 +93,16 @@ pub struct GoalRecord {
 }
 
 impl GoalRecord {
+    /// An empty record of goals that are reached within a tolerance.
+    pub fn new(tolerance: GoalTolerance) -> Self {
+        Self { tolerance, ..Self::default() }
+    }
+
+    /// Forgets all goals.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.tolerance);
+    }
+
     /// Records the error of one tick of `dt` seconds. `goal` numbers the goal the target moves to, `at_goal` says that
     /// the target rests there.
     pub fn observe(&mut self, goal: u64, at_goal: bool, error: GoalError, dt: f64) {
@@ -76,7 +120,12 @@ impl GoalRecord {
 
     /// The current goal as if the target left it now.
     fn current(&self) -> GoalSummary {
-        GoalSummary { reached: u64::from(self.resting.is_some()), worst: self.resting }
+        let reached = self.resting.map(|error| self.tolerance.allows(error));
+        GoalSummary {
+            reached: u64::from(reached == Some(true)),
+            missed: u64::from(reached == Some(false)),
+            worst: self.resting,
+        }
     }
 
     /// The goals so far, as if the run ended now.
@@ -104,13 +153,18 @@ mod tests {
         }
     }
 
+    /// A record that takes an error of 50 mm and 0.1 rad for a reached goal.
+    fn record() -> GoalRecord {
+        GoalRecord::new(GoalTolerance { position: 0.05, orientation: 0.1 })
+    }
+
     fn summary(reached: u64, worst: Option<GoalError>) -> GoalSummary {
-        GoalSummary { reached, worst }
+        GoalSummary { reached, missed: 0, worst }
     }
 
     #[test]
     fn the_error_at_a_goal_is_the_last_one_before_the_target_leaves_it() {
-        let mut record = GoalRecord::default();
+        let mut record = record();
         observe(&mut record, 1, false, &[0.5, 0.4]);
         observe(&mut record, 1, true, &[0.3, 0.1, 0.01]);
         assert_eq!(record.summary(), summary(0, None), "it has hardly arrived");
@@ -121,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_last_goal_counts_once_the_target_has_rested_there() {
-        let mut record = GoalRecord::default();
+        let mut record = record();
         observe(&mut record, 1, true, &[0.2, 0.1, 0.05]);
         assert_eq!(record.summary(), summary(0, None));
         observe(&mut record, 1, true, &[0.002]);
@@ -130,7 +184,7 @@ mod tests {
 
     #[test]
     fn the_worst_goal_is_reported_and_a_goal_at_which_the_target_never_rested_does_not_count() {
-        let mut record = GoalRecord::default();
+        let mut record = record();
         observe(&mut record, 1, true, &[0.01]);
         observe(&mut record, 2, false, &[0.9]);
         observe(&mut record, 3, true, &[0.03]);
@@ -140,10 +194,29 @@ mod tests {
     }
 
     #[test]
+    fn a_goal_that_the_frame_is_not_within_the_tolerance_of_is_missed_by_position_or_by_orientation() {
+        let mut record = record();
+        observe(&mut record, 1, true, &[0.5, 0.04]);
+        observe(&mut record, 2, true, &[4.4]);
+        record.observe(3, true, GoalError { position: 0.0, orientation: Some(0.2) }, 0.05);
+        observe(&mut record, 4, false, &[0.0]);
+        let expected = GoalSummary { reached: 1, missed: 2, worst: Some(pose(4.4)) };
+        assert_eq!(record.summary(), expected);
+        record.reset();
+        observe(&mut record, 1, true, &[0.06; 4]);
+        assert_eq!(record.summary().missed, 1, "the tolerance stays");
+    }
+
+    #[test]
     fn a_point_without_an_orientation_leaves_the_worst_angle_to_the_frames() {
-        let point = GoalSummary { reached: 2, worst: Some(GoalError { position: 0.5, orientation: None }) };
+        let point = GoalSummary {
+            reached: 2,
+            missed: 1,
+            worst: Some(GoalError { position: 0.5, orientation: None }),
+        };
         assert_eq!(point.merge(GoalSummary::default()), point);
         let both = point.merge(summary(1, Some(pose(0.1))));
-        assert_eq!(both, summary(3, Some(GoalError { position: 0.5, orientation: Some(0.2) })));
+        let worst = Some(GoalError { position: 0.5, orientation: Some(0.2) });
+        assert_eq!(both, GoalSummary { reached: 3, missed: 1, worst });
     }
 }

@@ -69,7 +69,7 @@ pub mod tasks;
 pub use component::*;
 pub use feed_forward::FeedForward;
 pub use gains::{GainsError, check_gains};
-pub use goals::{GoalError, GoalRecord, GoalSummary};
+pub use goals::{GoalError, GoalRecord, GoalSummary, GoalTolerance};
 pub use ik::{DifferentialIk, IkError, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use state::RobotState;

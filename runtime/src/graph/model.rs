@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use super::defaults;
 use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
-use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
+use super::values::{AnyTable, Expectations, Name, Named, Schedule, Share, SpinChoice, TopicName};
 use crate::declare::ParameterValue;
 use crate::plan::{
     ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
@@ -65,13 +65,16 @@ pub(super) struct GraphTable<'i> {
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
     /// Limits and states that keep the robot safe.
     pub safety: Option<At<SafetyTable>>,
+    /// Conditions that figures of the report are to meet: `"controller.position_error_m" = "<= 1e-3"`. A run that ends in
+    /// good order and does not meet them has an exit code of its own.
+    pub expect: Option<At<Expectations>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
 
 /// Names of the keys at the top of the file.
-pub(super) const TOP_KEYS: [&str; 15] = [
+pub(super) const TOP_KEYS: [&str; 16] = [
     "extends",
     "remove",
     "name",
@@ -87,6 +90,7 @@ pub(super) const TOP_KEYS: [&str; 15] = [
     "topic",
     "latency",
     "safety",
+    "expect",
 ];
 
 impl<'i> GraphTable<'i> {
@@ -94,7 +98,7 @@ impl<'i> GraphTable<'i> {
         let mut keys = Keys::read("graph", value, report)?;
         let mut table = take_fields!(
             keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, world, robot, component,
-            topic, latency, safety; meant: Vec::new()
+            topic, latency, safety, expect; meant: Vec::new()
         );
         // those of files have been followed: these are of the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {

@@ -10,6 +10,7 @@ mod child;
 mod cores;
 mod error;
 mod event;
+mod expectations;
 pub mod guard;
 mod hang;
 mod idle_states;
@@ -48,6 +49,7 @@ use supervise::Supervision;
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;
 pub use event::Event;
+pub use expectations::ExpectationReport;
 pub(crate) use lockstep::Limit;
 pub use options::{Hosting, Options};
 pub use report::{
@@ -189,6 +191,11 @@ impl Launch {
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
+        // A run that was cut short, or failed, has not come to where it is expected to be.
+        if report.exit == Exit::Finished {
+            let expectations = self.plan.expectations.iter();
+            report.expectations = expectations.map(|each| expectations::verdict(each, &report)).collect();
+        }
         report
     }
 

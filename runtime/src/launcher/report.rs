@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoreReport, Launch};
+use super::{CoreReport, ExpectationReport, Launch};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
@@ -72,6 +72,9 @@ pub struct Report {
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
+    /// The verdict on each expectation of the graph; none for a run that was interrupted or failed.
+    #[serde(default)]
+    pub expectations: Vec<ExpectationReport>,
 }
 
 /// One episode in the report.
@@ -201,6 +204,12 @@ impl Launch {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
         let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
+        // While the robot settles only its actuators step.
+        let line_ns = match self.region.header().safe_stop_ns.load(Relaxed) {
+            0 => end_ns,
+            safe_stop_ns => end_ns.min(safe_stop_ns),
+        };
+        let end_of = |plan: &ComponentPlan| if plan.actuator || lockstep { end_ns } else { line_ns };
         Report {
             version: REPORT_VERSION,
             graph: self.plan.name.clone(),
@@ -213,7 +222,7 @@ impl Launch {
             lost: self.lost.clone(),
             warnings: self.warnings.clone(),
             idle_exit_ns: self.idle_states.exit_ns,
-            components: components.map(|(plan, block)| component(plan, block, end_ns)).collect(),
+            components: components.map(|(plan, block)| component(plan, block, end_of(plan))).collect(),
             latencies: latencies(&self.plan, &self.region),
             edges: edges(&self.plan, &self.region),
             cores: Vec::new(),
@@ -223,6 +232,7 @@ impl Launch {
                 .iter()
                 .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
                 .collect(),
+            expectations: Vec::new(),
         }
     }
 

@@ -238,7 +238,10 @@ impl Launch {
             && self.region.components().iter().any(|block| block.phase() == Phase::Running);
         let actuators = self.plan.components.iter().any(|component| component.actuator);
         if running && actuators && self.region.header().command() == Command::Run {
-            self.region.header().order(Command::SafeStop);
+            let header = self.region.header();
+            header.safe_stop_ns.store(monotonic_ns(), Relaxed);
+            header.order(Command::SafeStop);
+            self.signal_all();
             std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
         }
         self.region.header().order(Command::Stop);

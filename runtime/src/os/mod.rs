@@ -21,8 +21,8 @@ pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
 pub use realtime::{
-    Applied, Denied, Placement, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack,
-    times_asleep, wake_soon,
+    Applied, Denied, Placement, Request, apply, hand_over_when_asleep, leave_realtime, limit_cpu,
+    page_faults, prefault_stack, times_asleep, wake_soon,
 };
 pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
 pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

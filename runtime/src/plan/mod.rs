@@ -3,6 +3,7 @@
 //! Plans are made by [`graph::load`](crate::graph::load), travel to the worker processes as JSON, and are never
 //! written by hand.
 
+mod expectation;
 mod faults;
 mod safety;
 
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
 use crate::state::{Digest, TypeLayout};
+pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
@@ -52,6 +54,9 @@ pub struct Plan {
     pub scheduling: SchedulingPlan,
     /// Limits and states that keep the robot safe.
     pub safety: SafetyPlan,
+    /// Conditions that the report of the run is to meet.
+    #[serde(default)]
+    pub expectations: Vec<Expectation>,
 }
 
 /// The episodes of a run.

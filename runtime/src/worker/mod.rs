@@ -250,6 +250,9 @@ fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool)
     let realtime = plan.clock == ClockKind::Realtime && own_process;
     let class = if realtime { component.class } else { crate::plan::SchedulingClass::Normal };
     let lock_memory = class != crate::plan::SchedulingClass::Normal;
+    if plan.clock == ClockKind::Lockstep {
+        os::hand_over_when_asleep();
+    }
     let (applied, mut denied) = os::apply(&Request { class, cores, lock_memory });
     if let Some(limit_ns) = component.liveness.cpu_limit_ns.filter(|_| applied.fifo_priority > 0)
         && let Err(error) = os::limit_cpu(limit_ns)

@@ -32,6 +32,10 @@ pub(super) fn run_periodic<C: Component>(
     loop {
         let wake_ns = wait_until(stepper, grid.release_ns(), &mut margin, &mut rest);
         let Some(wake_ns) = wake_ns else { return Ok(()) };
+        if stepper.context().has_stepped_last() {
+            stepper.context().await_end();
+            return Ok(());
+        }
         let (release_ns, deadline_ns) = (grid.release_ns(), grid.deadline_ns());
         let timing = Timing { release_ns, wake_ns, deadline_ns, behind: last_end > release_ns };
         let end = stepper.step(timing)?;
@@ -127,6 +131,10 @@ pub(super) fn run_triggered<C: Component>(
             wake_ns = monotonic_ns();
         }
         if stepper.context().must_leave() {
+            return Ok(());
+        }
+        if stepper.context().has_stepped_last() {
+            stepper.context().await_end();
             return Ok(());
         }
         let (published, mut release_ns) = trigger.newest();

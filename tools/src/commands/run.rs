@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{Event, Exit, Hosting, Options, Report};
-use motorium::plan::{ClockKind, Plan};
+use motorium::plan::{ClockKind, Expectation, Plan};
 use motorium::schedule::{self, RtLimit};
 use motorium::session::{Session, SessionError};
 use motorium::worker::Registry;
@@ -52,6 +52,12 @@ pub(crate) struct Run {
     /// Hold simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
+    /// Expect a figure of the report, such as `controller.position_error_m <= 1e-3`; may be repeated
+    #[arg(long, value_name = "FIGURE CONDITION")]
+    expect: Vec<Expectation>,
+    /// Expect nothing, whatever the graph expects
+    #[arg(long, conflicts_with = "expect")]
+    no_expect: bool,
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
@@ -99,6 +105,9 @@ impl Run {
             set("episodes.count", episodes.to_string());
             set("episodes.vary_seed", self.vary_seed.to_string());
         }
+        for expectation in &self.expect {
+            set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
+        }
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
             Ok(checked) => checked,
@@ -131,7 +140,10 @@ impl Run {
             }
         };
         let options = self.options()?;
-        let plan = checked.plan;
+        let mut plan = checked.plan;
+        if self.no_expect {
+            plan.expectations.clear();
+        }
         let lockstep = plan.clock == ClockKind::Lockstep;
         let live =
             !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
@@ -148,7 +160,12 @@ impl Run {
         } else {
             out!("{}", report::summary(&report));
         }
+        let unmet: Vec<_> = report.expectations.iter().filter(|expectation| !expectation.met).collect();
+        for expectation in &unmet {
+            errln!("{}: {expectation}", style::error("error"));
+        }
         Ok(match &report.exit {
+            Exit::Finished if !unmet.is_empty() => exit::unmet(),
             Exit::Finished | Exit::Interrupted if report.warnings.is_empty() => ExitCode::SUCCESS,
             Exit::Finished | Exit::Interrupted => exit::incomplete(),
             Exit::SafeStop { reason } => {

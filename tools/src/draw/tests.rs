@@ -102,6 +102,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         latencies: latencies.collect(),
         topics,
         scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
+        expectations: Vec::new(),
         safety: SafetyPlan {
             stale_after_ns: 5_000_000,
             source_stale_after_ns: 10_000_000,

@@ -5,6 +5,7 @@ mod book;
 mod check;
 mod commands;
 mod crates;
+mod expect;
 mod primitive;
 mod program;
 mod qp;

@@ -175,6 +175,7 @@ impl Component for QpController {
             "position_error_m": goals.worst.map(|error| error.position),
             "orientation_error_rad": goals.worst.and_then(|error| error.orientation),
             "goals_reached": goals.reached,
+            "goals_missed": goals.missed,
             "tasks": tasks,
             "steps_without_solution": self.unsolved,
             "steps_without_fresh_state": self.stale,

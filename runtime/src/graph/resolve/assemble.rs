@@ -11,8 +11,8 @@ use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, EpisodesPlan, LivenessPlan, ParameterPlan, Plan, PortPlan, RestartPlan,
-    SafetyPlan, TopicPlan, component_seed,
+    Activation, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
+    RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
 /// Everything that was resolved.
@@ -28,6 +28,7 @@ pub(super) struct Parts<'g, 'i> {
     /// Values kept for taps, by topic.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
+    pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,
 }
 
@@ -50,6 +51,7 @@ impl Parts<'_, '_> {
             latencies: self.latencies.plans,
             scheduling: self.scheduling.plan,
             safety: self.safety,
+            expectations: self.expectations,
         })
     }
 

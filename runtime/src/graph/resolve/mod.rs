@@ -7,6 +7,7 @@ mod assemble;
 mod declare;
 mod episodes;
 mod exec;
+mod expectations;
 mod history;
 mod latency;
 mod liveness;
@@ -99,6 +100,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
     episodes::check(graph, &drafts, report);
+    let expectations = expectations::resolve(graph, &drafts, report);
     if report.has_errors() {
         return None;
     }
@@ -113,6 +115,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         latencies,
         histories,
         safety,
+        expectations,
         order,
     };
     let plan = parts.assemble(graph, context);

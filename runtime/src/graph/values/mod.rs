@@ -1,5 +1,6 @@
 //! The values of a graph file: names, numbers, choices, units.
 
+mod expectations;
 mod scheduling;
 mod triple;
 
@@ -19,6 +20,7 @@ use crate::plan::{
     SafeState,
 };
 use crate::units::{Rate, TimeSpan, UnitError};
+pub(super) use expectations::Expectations;
 pub(super) use scheduling::{Schedule, Share, SpinChoice};
 pub(super) use triple::Triple;
 

@@ -9,6 +9,7 @@ use std::cell::{Cell, RefCell};
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 use iceoryx2::node::Node;
 
@@ -178,6 +179,21 @@ impl Context {
     /// True if actuators must be in their safe state, regardless of the command.
     pub(crate) fn is_stopping(&self) -> bool {
         self.signals.on_its_own_since_ns().is_some()
+    }
+
+    /// True for a component that has made its last step: while the robot settles only its actuators step, so that what a
+    /// component counts and measures is that of the run, and the actuators have the cores to themselves.
+    #[inline]
+    pub(crate) fn has_stepped_last(&self) -> bool {
+        !self.actuator && self.region.header().command() as u32 > Command::Run as u32
+    }
+
+    /// Waits for the end of the run.
+    pub(crate) fn await_end(&self) {
+        while !self.must_leave() {
+            let word = self.region.header().command_word();
+            crate::os::futex_wait(word, Command::SafeStop as u32, Some(Duration::from_millis(50)));
+        }
     }
 
     /// True if an actuator that is not in its safe state is to enter it without waiting for a command.

@@ -93,6 +93,7 @@ impl Bench {
             latencies: Vec::new(),
             scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
             safety: SafetyPlan::for_tests(),
+            expectations: Vec::new(),
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();
         let node = folder.domain().unwrap().node().unwrap();

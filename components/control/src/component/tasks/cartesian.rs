@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
-use crate::{GoalError, GoalRecord, RobotState};
+use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// A Cartesian task: a frame follows a pose target.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -34,6 +34,10 @@ pub struct CartesianConfig {
     /// Levenberg-Marquardt damping, s m/rad^2: keeps the robot calm where the target is out of reach. Default: 5e-3, or
     /// two ticks times one metre where that is more.
     pub damping: Option<f64>,
+    /// Distance from a goal within which it counts as reached, m. Default 5e-3; without a limit if `position_weight` is 0.
+    pub position_tolerance: f64,
+    /// Angle from a goal within which it counts as reached, rad. Default 0.02; without a limit if `orientation_weight` is 0.
+    pub orientation_tolerance: f64,
 }
 
 impl Default for CartesianConfig {
@@ -49,6 +53,8 @@ impl Default for CartesianConfig {
             max_linear_speed: None,
             max_angular_speed: None,
             damping: None,
+            position_tolerance: GoalTolerance::default().position,
+            orientation_tolerance: GoalTolerance::default().orientation,
         }
     }
 }
@@ -74,6 +80,18 @@ impl CartesianConfig {
         };
         Ok(CartesianTask::new(model, frame).with(settings))
     }
+
+    /// The tolerance of the goals: what the task leaves free is not missed.
+    fn tolerance(&self, place: &TaskPlace<'_>) -> Result<GoalTolerance, ConfigError> {
+        let of = |name, tolerance, weight| {
+            let tolerance = place.tolerance(name, tolerance)?;
+            Ok(if weight == 0.0 { f64::INFINITY } else { tolerance })
+        };
+        Ok(GoalTolerance {
+            position: of("position_tolerance", self.position_tolerance, self.position_weight)?,
+            orientation: of("orientation_tolerance", self.orientation_tolerance, self.orientation_weight)?,
+        })
+    }
 }
 
 impl TaskKind for CartesianConfig {
@@ -87,6 +105,7 @@ impl TaskKind for CartesianConfig {
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
+        self.tolerance(place)?;
         declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
         let name = |parameter: &str| format!("{}_{parameter}", self.name);
         declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
@@ -111,7 +130,7 @@ impl TaskKind for CartesianConfig {
             gain: parameter("gain")?,
             position_weight: parameter("position_weight")?,
             orientation_weight: parameter("orientation_weight")?,
-            goals: GoalRecord::default(),
+            goals: GoalRecord::new(self.tolerance(place)?),
             current: None,
             refused: 0,
         }))
@@ -140,7 +159,8 @@ impl HeldTask for Cartesian {
     }
 
     fn reset(&mut self) {
-        (self.goals, self.current, self.refused) = (GoalRecord::default(), None, 0);
+        self.goals.reset();
+        (self.current, self.refused) = (None, 0);
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
@@ -190,6 +210,7 @@ impl HeldTask for Cartesian {
         let latest = self.goals.latest();
         Some(serde_json::json!({
             "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
             "position_error_m": summary.worst.map(|error| error.position),
             "orientation_error_rad": summary.worst.and_then(|error| error.orientation),
             "last_position_error_m": latest.map(|error| error.position),

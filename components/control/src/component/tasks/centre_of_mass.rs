@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
 use crate::tasks::{CentreOfMassSettings, CentreOfMassTask, Task};
-use crate::{GoalError, GoalRecord, RobotState};
+use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// A centre-of-mass task: the centre of mass of the robot follows a point.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -29,6 +29,8 @@ pub struct CentreOfMassConfig {
     /// Levenberg-Marquardt damping, s m/rad^2: keeps the robot calm where the target is out of reach. Default: 5e-3, or
     /// two ticks times one metre where that is more.
     pub damping: Option<f64>,
+    /// Distance from a goal within which it counts as reached, along the axes that are not free, m. Default 5e-3.
+    pub tolerance: f64,
 }
 
 impl Default for CentreOfMassConfig {
@@ -42,6 +44,7 @@ impl Default for CentreOfMassConfig {
             shares,
             max_speed: None,
             damping: None,
+            tolerance: GoalTolerance::default().position,
         }
     }
 }
@@ -98,7 +101,11 @@ impl TaskKind for CentreOfMassConfig {
             input,
             gain: parameter("gain")?,
             weight: parameter("weight")?,
-            goals: GoalRecord::default(),
+            goals: GoalRecord::new(GoalTolerance {
+                position: place.tolerance("tolerance", self.tolerance)?,
+                ..GoalTolerance::default()
+            }),
+            held: self.shares.map(|share| if share == 0.0 { 0.0 } else { 1.0 }).into(),
             current: None,
         }))
     }
@@ -111,6 +118,8 @@ struct CentreOfMass {
     gain: Parameter<f64>,
     weight: Parameter<f64>,
     goals: GoalRecord,
+    /// 1 along each axis that is not free, else 0.
+    held: Vector3<f64>,
     current: Option<PoseTarget>,
 }
 
@@ -122,7 +131,8 @@ impl HeldTask for CentreOfMass {
     }
 
     fn reset(&mut self) {
-        (self.goals, self.current) = (GoalRecord::default(), None);
+        self.goals.reset();
+        self.current = None;
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
@@ -145,7 +155,8 @@ impl HeldTask for CentreOfMass {
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
         let Some(target) = &self.current else { return };
         let position = measured.kinematics.centre_of_mass(measured.model).position;
-        let error = GoalError { position: (self.task.target() - position).norm(), orientation: None };
+        let error = (self.task.target() - position).component_mul(&self.held);
+        let error = GoalError { position: error.norm(), orientation: None };
         self.goals.observe(target.goal, target.at_goal != 0, error, dt);
     }
 
@@ -157,6 +168,7 @@ impl HeldTask for CentreOfMass {
         let summary = self.goals.summary();
         Some(serde_json::json!({
             "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
             "position_error_m": summary.worst.map(|error| error.position),
             "last_position_error_m": self.goals.latest().map(|error| error.position),
         }))

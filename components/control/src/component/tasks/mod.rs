@@ -102,6 +102,11 @@ impl TaskPlace<'_> {
         speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
     }
 
+    /// The largest error with which a goal counts as reached.
+    fn tolerance(&self, name: &str, tolerance: f64) -> Result<f64, ConfigError> {
+        self.in_range(name, tolerance, 0.0..=f64::MAX)
+    }
+
     /// Levenberg-Marquardt damping, s m/rad^2: `usual`, or two steps times one metre where that is more, unless it is
     /// given.
     fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {

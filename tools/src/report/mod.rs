@@ -1,5 +1,7 @@
 //! The report of a run as text.
 
+mod results;
+
 use std::fmt::Write as _;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
@@ -135,8 +137,12 @@ pub(crate) fn summary(report: &Report) -> String {
             latency.count
         );
     }
+    if !report.expectations.is_empty() {
+        let met = report.expectations.iter().filter(|expectation| expectation.met).count();
+        let _ = writeln!(text, "expectations: {met} of {} met", report.expectations.len());
+    }
     for (name, result) in &report.results {
-        let _ = writeln!(text, "{} {}", style::strong(format!("{name}:")), plain(result));
+        let _ = writeln!(text, "{} {}", style::strong(format!("{name}:")), results::lines(result));
     }
     text
 }
@@ -181,24 +187,4 @@ fn missed_steps(report: &Report, text: &mut String) {
             let _ = writeln!(text, "{}: {}", c.name, causes.join(", "));
         }
     }
-}
-
-/// A component's result as one line: its plain values; lists and what is nested are for `--json`.
-fn plain(result: &serde_json::Value) -> String {
-    let Some(values) = result.as_object() else { return result.to_string() };
-    let parts: Vec<String> = values
-        .iter()
-        .filter_map(|(name, value)| {
-            let value = match value {
-                serde_json::Value::Number(number) if number.is_f64() => {
-                    format!("{:.3e}", number.as_f64().unwrap_or(f64::NAN))
-                }
-                serde_json::Value::String(text) => text.clone(),
-                serde_json::Value::Number(_) | serde_json::Value::Bool(_) => value.to_string(),
-                _ => return None,
-            };
-            Some(format!("{name} {value}"))
-        })
-        .collect();
-    parts.join(", ")
 }

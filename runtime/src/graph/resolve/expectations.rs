@@ -1,0 +1,36 @@
+//! Expectations: whether the components exist whose figures they are about.
+
+use super::Draft;
+use crate::graph::diagnostic::Report;
+use crate::graph::model::GraphTable;
+use crate::graph::read::good;
+use crate::nearest::suggest;
+use crate::plan::Expectation;
+
+/// The expectations of a graph.
+pub(super) fn resolve(
+    graph: &GraphTable<'_>,
+    drafts: &[Draft<'_, '_>],
+    report: &mut Report,
+) -> Vec<Expectation> {
+    let expectations = good(&graph.expect).map_or(&[][..], |expectations| &expectations.0);
+    for (expectation, span) in expectations {
+        let (component, figure) = (expectation.component(), &expectation.figure);
+        let names = drafts.iter().map(|draft| draft.name);
+        if !names.clone().any(|name| name == component) {
+            let advice = suggest(component, names, "the components of the graph are");
+            report
+                .error(format!("`{figure}` is a figure of no component"))
+                .at(span, format!("there is no component `{component}`"))
+                .advise(advice);
+        } else if component.len() == figure.len() {
+            report
+                .error(format!("`{figure}` names no figure of the component"))
+                .at(span, "expected such as `controller.position_error_m`")
+                .advise(
+                    "figures are values of its result, or of its part of the report: `motorium run --json`",
+                );
+        }
+    }
+    expectations.iter().map(|(expectation, _)| expectation.clone()).collect()
+}

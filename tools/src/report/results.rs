@@ -1,0 +1,155 @@
+//! The results of components as text: one figure after the other, with its unit, on lines that fit a terminal.
+
+use serde_json::Value;
+
+/// Width of a line, in characters.
+const WIDTH: usize = 80;
+/// Values of a list that are printed; the rest are counted.
+const LISTED: usize = 8;
+
+/// Units that end the names of figures.
+const UNITS: [(&str, &str); 9] = [
+    ("_rad_s", "rad/s"),
+    ("_m_s", "m/s"),
+    ("_percent", "%"),
+    ("_rad", "rad"),
+    ("_hz", "Hz"),
+    ("_ns", "ns"),
+    ("_us", "us"),
+    ("_s", "s"),
+    ("_m", "m"),
+];
+
+/// A result of a component, by figures: values within values by their paths. Counters that are zero and figures without a
+/// value are left out. Lines after the first begin with blanks.
+pub(super) fn lines(result: &Value) -> String {
+    let mut figures = Vec::new();
+    collect("", result, &mut figures);
+    let mut text = String::new();
+    let mut used = 0;
+    for figure in figures {
+        let length = figure.chars().count();
+        if used > 0 && used + length + 2 > WIDTH {
+            text.push_str(",\n    ");
+            used = 4;
+        } else if used > 0 {
+            text.push_str(", ");
+            used += 2;
+        }
+        used += length;
+        text.push_str(&figure);
+    }
+    text
+}
+
+fn collect(path: &str, value: &Value, figures: &mut Vec<String>) {
+    match value {
+        Value::Object(values) => {
+            for (name, value) in values {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                collect(&path, value, figures);
+            }
+        }
+        Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
+            for (index, value) in values.iter().enumerate() {
+                collect(&format!("{path}.{index}"), value, figures);
+            }
+        }
+        Value::Array(values) if values.is_empty() => {}
+        Value::Array(values) => {
+            let mut listed: Vec<String> = values.iter().take(LISTED).map(scalar).collect();
+            if values.len() > LISTED {
+                listed.push(format!("... {} in all", values.len()));
+            }
+            figures.push(format!("{path} [{}]", listed.join(", ")));
+        }
+        Value::Null => {}
+        Value::Number(number) if number.as_u64() == Some(0) => {}
+        value => figures.push(figure(path, value)),
+    }
+}
+
+fn figure(path: &str, value: &Value) -> String {
+    let unit = UNITS.iter().find(|(ending, _)| value.is_number() && path.ends_with(ending));
+    match unit {
+        Some((ending, unit)) => format!("{} {} {unit}", &path[..path.len() - ending.len()], scalar(value)),
+        None => format!("{path} {}", scalar(value)),
+    }
+}
+
+fn scalar(value: &Value) -> String {
+    match value {
+        Value::Number(number) if number.is_f64() => decimal(number.as_f64().unwrap_or(f64::NAN)),
+        Value::String(text) => text.clone(),
+        value => value.to_string(),
+    }
+}
+
+/// A number with four digits, as people write it: powers of ten only far from one.
+pub(crate) fn decimal(number: f64) -> String {
+    let magnitude = number.abs();
+    if number == 0.0 {
+        return "0".to_string();
+    }
+    if !(1e-3..1e6).contains(&magnitude) {
+        return format!("{number:.2e}");
+    }
+    let digits = (3 - magnitude.log10().floor() as i32).max(0) as usize;
+    let text = format!("{number:.digits$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_as_people_read_them() {
+        for (number, text) in [
+            (1.445, "1.445"),
+            (0.5, "0.5"),
+            (12.0, "12"),
+            (-0.012_345, "-0.01235"),
+            (123_456.7, "123457"),
+            (6.9e-5, "6.90e-5"),
+            (2.5e9, "2.50e9"),
+            (0.0, "0"),
+        ] {
+            assert_eq!(decimal(number), text);
+        }
+    }
+
+    #[test]
+    fn figures_have_units_values_within_values_have_paths_and_zeros_are_left_out() {
+        let result = json!({
+            "position_error_m": 0.0123, "goals_missed": 0, "goals_reached": 4, "phase": "resting", "none": null,
+            "tasks": { "hand": { "angle_rad": 0.5, "refused": 0 } }, "path": [{ "terms": 3 }, { "terms": 5 }],
+            "joints": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9], "warnings": [], "finished": true,
+        });
+        let text = lines(&result);
+        for figure in [
+            "position_error 0.0123 m",
+            "goals_reached 4",
+            "phase resting",
+            "tasks.hand.angle 0.5 rad",
+            "path.0.terms 3",
+            "path.1.terms 5",
+            "joints [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, ... 9 in all]",
+            "finished true",
+        ] {
+            assert!(text.contains(figure), "{figure}: {text}");
+        }
+        for absent in ["goals_missed", "none", "refused", "warnings"] {
+            assert!(!text.contains(absent), "{absent}: {text}");
+        }
+        assert!(
+            text.lines().count() > 1 && text.lines().all(|line| line.chars().count() <= WIDTH + 1),
+            "{text}"
+        );
+    }
+}
