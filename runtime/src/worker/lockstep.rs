@@ -48,7 +48,7 @@ pub(super) fn run<C: Component>(
         } else {
             let time_ns = block.tick_time_ns.load(Acquire);
             let began = monotonic_ns();
-            stepper.step(Timing::lockstep(time_ns))?;
+            stepper.step(Timing::lockstep(time_ns, stepper.period_ns()))?;
             stepper.account_lockstep(monotonic_ns() - began);
             rounds.pass_on(region, index, time_ns);
         }
