@@ -46,6 +46,9 @@ pub struct Tick {
     pub period: Duration,
     /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
     pub episode: u64,
+    /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and measures of the run
+    /// ends here. No other component steps then.
+    pub settling: bool,
 }
 
 /// An episode of a run: a stretch of simulated time from a reset of all components to the next.
@@ -70,7 +73,14 @@ impl Tick {
     pub fn periodic(index: u64, period: Duration) -> Self {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
         let time_ns = index.saturating_mul(period_ns);
-        Self { index, time_ns, deadline_ns: time_ns.saturating_add(period_ns), period, episode: 0 }
+        Self {
+            index,
+            time_ns,
+            deadline_ns: time_ns.saturating_add(period_ns),
+            period,
+            episode: 0,
+            settling: false,
+        }
     }
 
     /// Nominal time between two steps, s.

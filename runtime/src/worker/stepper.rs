@@ -113,6 +113,7 @@ impl<C: Component> Stepper<C> {
             deadline_ns: timing.deadline_ns.saturating_sub(start_ns),
             period: self.period,
             episode: context.episode(),
+            settling: context.region().header().command() != Command::Run,
         };
         context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
         // What the watchdog reads: a step has begun.

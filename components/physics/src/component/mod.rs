@@ -151,12 +151,14 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.apply_commands();
+        self.apply_commands(tick.settling);
         let steps = self.steps_due(tick);
         for _ in 0..steps {
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
-            self.totals.add(&report, self.simulation.base_pose().translation.z);
+            if !tick.settling {
+                self.totals.add(&report, self.simulation.base_pose().translation.z);
+            }
         }
         let (q, v) = (self.simulation.configuration(), self.simulation.velocity());
         self.checkpoint.save(q.iter().chain(v).copied());
@@ -229,7 +231,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
 impl<E: PhysicsEngine> PhysicsComponent<E> {
     /// Applies the newest command of each robot as far as its gate lets it pass, or the safe state.
-    fn apply_commands(&mut self) {
+    fn apply_commands(&mut self, settling: bool) {
         let Self { simulation, dynamics, gravity, robots, .. } = self;
         for robot in robots {
             let (drives, model) = (robot.drives.clone(), simulation.model());
@@ -248,7 +250,7 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
                 gravity: &mut of_drives,
             };
             let verdict = robot.gate.check(&mut robot.command, measured);
-            robot.safe += u64::from(matches!(verdict, Verdict::Safe { .. }));
+            robot.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
             robot.resuming += u64::from(verdict == Verdict::Resuming);
             let commands = &mut simulation.commands_mut()[drives];
             for (command, setpoint) in commands.iter_mut().zip(robot.gate.setpoints()) {
