@@ -10,7 +10,7 @@ pub enum EndEffectorError {
     NoneKnown {
         /// Name of the robot in its file.
         robot: String,
-        /// A link that could be named: the last of the robot.
+        /// A link that could be named: the tip of the longest chain of joints.
         example: String,
     },
     /// No frame is named, and the profile has more than one end effector.
@@ -21,6 +21,16 @@ pub enum EndEffectorError {
         /// Frames of the end effectors.
         frames: Vec<String>,
     },
+    /// The named frame is one that no joint moves.
+    #[error("`{frame}` of robot `{robot}` is fixed to the world: no joint moves it")]
+    Fixed {
+        /// The frame.
+        frame: String,
+        /// Name of the robot in its file.
+        robot: String,
+        /// A link that could be named: the tip of the longest chain of joints.
+        example: String,
+    },
     /// The named frame does not exist.
     #[error(transparent)]
     UnknownFrame(#[from] UnknownFrame),
@@ -30,7 +40,7 @@ impl EndEffectorError {
     /// A frame that could be named instead, as an example for the user.
     pub fn example(&self) -> Option<&str> {
         match self {
-            Self::NoneKnown { example, .. } => Some(example),
+            Self::NoneKnown { example, .. } | Self::Fixed { example, .. } => Some(example),
             Self::Several { frames, .. } => frames.first().map(String::as_str),
             Self::UnknownFrame(unknown) => unknown.nearest.as_deref(),
         }
@@ -42,7 +52,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`EndEffectorError`]: no such frame, or none or several to choose from.
+    /// [`EndEffectorError`]: no such frame, one that no joint moves, or none or several to choose from.
     ///
     /// ```
     /// # use std::path::Path;
@@ -55,21 +65,56 @@ impl Model {
         profile: Option<&Profile>,
         frame: Option<&str>,
     ) -> Result<FrameId, EndEffectorError> {
-        if let Some(frame) = frame {
-            return Ok(self.frame(frame)?);
+        let tip = || self.tip().map(|tip| self.frames()[tip.index()].name.clone()).unwrap_or_default();
+        if let Some(name) = frame {
+            let id = self.frame(name)?;
+            if !self.moves(id) {
+                let (frame, robot) = (name.to_owned(), self.name().to_owned());
+                return Err(EndEffectorError::Fixed { frame, robot, example: tip() });
+            }
+            return Ok(id);
         }
         let mut all = profile.into_iter().flat_map(|profile| profile.end_effectors.values());
         match (all.next(), all.next()) {
             (Some(only), None) => Ok(self.frame(&only.frame)?),
-            (None, _) => Err(EndEffectorError::NoneKnown {
-                robot: self.name().to_owned(),
-                example: self.frames().last().map(|frame| frame.name.clone()).unwrap_or_default(),
-            }),
+            (None, _) => Err(EndEffectorError::NoneKnown { robot: self.name().to_owned(), example: tip() }),
             (Some(first), Some(second)) => Err(EndEffectorError::Several {
                 robot: self.name().to_owned(),
                 frames: [first, second].into_iter().chain(all).map(|end| end.frame.clone()).collect(),
             }),
         }
+    }
+}
+
+impl Model {
+    /// Whether a joint, or the floating base, moves a frame.
+    pub fn moves(&self, frame: FrameId) -> bool {
+        let frame = &self.frames()[frame.index()];
+        frame.body.is_some() || (self.base().floating && !frame.in_world)
+    }
+
+    /// The frame at the end of the longest chain of joints, before its fingers: the last one of its body, for the tool's
+    /// usually comes last. `None` if no joint moves any.
+    ///
+    /// ```
+    /// # use std::path::Path;
+    /// let arm = motorium_robots::load("ur5e", Path::new(".")).unwrap().model;
+    /// let tip = arm.tip().unwrap();
+    /// assert_eq!(arm.frames()[tip.index()].name, "tool0");
+    /// ```
+    pub fn tip(&self) -> Option<FrameId> {
+        let mut depths: Vec<usize> = Vec::with_capacity(self.bodies().len());
+        for body in self.bodies() {
+            depths.push(1 + body.parent.map_or(0, |parent| depths[parent]));
+        }
+        let longest = depths.iter().copied().max()?;
+        let mut ends = (0..depths.len()).filter(|body| depths[*body] == longest);
+        let first = ends.next()?;
+        // Several bodies side by side are the fingers of a hand; otherwise the first of several chains of one length.
+        let parent = self.bodies()[first].parent;
+        let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
+        let body = parent.filter(|_| fingers).unwrap_or(first);
+        self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
     }
 }
 

@@ -22,7 +22,7 @@ fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
     let panda = robot("panda");
     let error = panda.model.end_effector(None, None).unwrap_err();
     assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");
-    assert_eq!(error.example(), panda.model.frames().last().map(|frame| frame.name.as_str()));
+    assert_eq!(error.example(), Some("panda_hand_tcp"));
 
     let mut two = robot("panda");
     let ends = &mut two.profile.as_mut().unwrap().end_effectors;
@@ -35,6 +35,33 @@ fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
     let error = panda.end_effector(Some("panda_hand_tpc")).unwrap_err();
     assert!(matches!(error, EndEffectorError::UnknownFrame(_)), "{error}");
     assert_eq!(error.example(), Some("panda_hand_tcp"));
+}
+
+#[test]
+fn a_frame_that_no_joint_moves_is_refused_and_the_tip_is_offered_instead() {
+    let panda = robot("panda");
+    let error = panda.end_effector(Some("panda_link0")).unwrap_err();
+    assert_eq!(error.to_string(), "`panda_link0` of robot `panda` is fixed to the world: no joint moves it");
+    assert_eq!(error.example(), Some("panda_hand_tcp"));
+    let quadruped = robot("quadruped");
+    let base = &quadruped.model.frames()[0].name;
+    assert!(quadruped.end_effector(Some(base)).is_ok(), "a floating base moves");
+}
+
+#[test]
+fn the_tip_of_every_robot_of_the_catalogue_is_moved_by_the_longest_chain_of_joints() {
+    for (name, tip) in
+        [("ur5e", "tool0"), ("panda", "panda_hand_tcp"), ("iiwa14", "iiwa_link_ee"), ("double-pendulum", "")]
+    {
+        let model = robot(name).model;
+        let found = model.tip().expect("it has joints");
+        assert!(model.moves(found), "{name}");
+        assert!(
+            tip.is_empty() || model.frames()[found.index()].name == tip,
+            "{name}: {:?}",
+            model.frames()[found.index()]
+        );
+    }
 }
 
 #[test]

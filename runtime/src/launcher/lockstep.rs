@@ -285,7 +285,9 @@ impl Launch {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
         let (block, turn) = (&self.region.components()[index], &self.region.header().turn);
-        block.tick_resets.store(u32::from(matches!(work, Work::Reset)), Relaxed);
+        if matches!(work, Work::Reset) {
+            block.tick_resets.store(1, Relaxed);
+        }
         turn.give(None, Some(index));
         block.call();
         let mut last = turn.now();

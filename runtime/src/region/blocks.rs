@@ -75,7 +75,7 @@ pub struct ComponentBlock {
     tick_calls: AtomicU32,
     /// Lockstep: simulated time of the tick, ns. Written by the giver of the turn.
     pub tick_time_ns: AtomicU64,
-    /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the launcher.
+    /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the giver of the turn.
     pub tick_resets: AtomicU32,
     /// 1 if the program that launched the run takes its place: it gets no ticks. Written by the launcher.
     pub played: AtomicU32,

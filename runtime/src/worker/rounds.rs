@@ -84,6 +84,7 @@ impl Rounds {
     pub(crate) fn note(&self, region: &Region, component: usize, time_ns: u64) {
         let block = &region.components()[component];
         block.tick_time_ns.store(time_ns, Relaxed);
+        block.tick_resets.store(0, Relaxed);
         let turn = self.turns.iter().find(|turn| turn.component == component);
         if let Some(Due::After(topic)) = turn.map(|turn| turn.due) {
             block.trigger_seen.store(region.topics()[topic].published.load(Acquire), Relaxed);

@@ -102,8 +102,25 @@ impl PhysicsConfig {
         Ok(named.map(BasePose::isometry).or_else(of_srdf))
     }
 
-    /// Start positions of the joints.
+    /// Start positions of the joints, within their limits.
     pub(super) fn start(&self, robot: &Loaded) -> Result<Vec<f64>, ConfigError> {
+        let start = self.chosen_start(robot)?;
+        let key = if self.position.is_some() { "position" } else { "pose" };
+        let model = &robot.model;
+        let limits = model.lower().iter().zip(model.upper().iter());
+        for ((name, position), (lower, upper)) in model.joint_names().iter().zip(&start).zip(limits) {
+            // Written numbers are rounded.
+            if *position < lower - LIMIT_ROUNDING || *position > upper + LIMIT_ROUNDING {
+                let message =
+                    format!("joint `{name}` starts at {position}, outside its limits {lower} to {upper}");
+                let advice = format!("start it at {}", position.clamp(*lower, *upper));
+                return Err(ConfigError::key(key, message).advise(advice));
+            }
+        }
+        Ok(start)
+    }
+
+    fn chosen_start(&self, robot: &Loaded) -> Result<Vec<f64>, ConfigError> {
         let model = &robot.model;
         let named = |error: motorium_robots::ProfileError| ConfigError::key("pose", error.to_string());
         match (&self.pose, &self.position, &robot.profile) {
@@ -138,6 +155,9 @@ impl PhysicsConfig {
         }
     }
 }
+
+/// Distance beyond a limit of a joint that is rounding of a written number, rad or m.
+const LIMIT_ROUNDING: f64 = 1e-6;
 
 /// The key pose of the robot's SRDF.
 fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {

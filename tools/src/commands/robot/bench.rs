@@ -29,7 +29,7 @@ pub(super) struct Bench {
     /// Number of samples of each
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     samples: u32,
-    /// The frame of the frame Jacobian; an end effector or foot, or the last link, if not given
+    /// The frame of the frame Jacobian; an end effector or foot, or the tip of the longest chain, if not given
     #[arg(long)]
     frame: Option<String>,
     /// Print JSON
@@ -59,9 +59,9 @@ impl Bench {
             (None, Some(profile)) => {
                 let ends = profile.end_effectors.values().map(|end| &end.frame);
                 let mut names = ends.chain(profile.feet.values().map(|foot| &foot.frame));
-                names.next().map_or_else(|| last(model), |name| Ok(model.frame(name)?))?
+                names.next().map_or_else(|| tip(model), |name| Ok(model.frame(name)?))?
             }
-            (None, None) => last(model)?,
+            (None, None) => tip(model)?,
         };
         let times = measure(model, frame, self.samples as usize);
         let name = &model.frames()[frame.index()].name;
@@ -101,9 +101,10 @@ impl Bench {
     }
 }
 
-fn last(model: &Model) -> anyhow::Result<FrameId> {
-    let frame = model.frames().last().ok_or_else(|| anyhow::anyhow!("the robot has no link"))?;
-    Ok(model.frame(&frame.name)?)
+/// The frame that most joints move: the Jacobian of another would be zeros in part.
+fn tip(model: &Model) -> anyhow::Result<FrameId> {
+    let base = model.frames().iter().rev().find_map(|frame| model.frame(&frame.name).ok());
+    model.tip().or(base).ok_or_else(|| anyhow::anyhow!("the robot has no link"))
 }
 
 /// A state the algorithms run at.
