@@ -7,6 +7,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use super::lost_steps::LostSteps;
 use super::restart::History;
 use super::watchdog::Watchdog;
+use super::event_log::logging;
 use super::{Event, Exit, Launch, stop_reason};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};
@@ -84,6 +85,7 @@ impl Launch {
     /// because something failed for good.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
+        let observe = &mut logging(&self.log, observe);
         let end = self.region.header().start_ns.load(Relaxed).saturating_add(until_ns);
         let mut supervision = core::mem::take(&mut self.supervision);
         let exit = loop {
@@ -139,6 +141,7 @@ impl Launch {
         self.monitor_guard(late, observe);
         self.look_at_places(observe);
         self.tell_stops(observe);
+        self.tell_accounts(now, observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));

@@ -49,6 +49,14 @@ impl Group {
         self.gates[place].good.set(good);
     }
 
+    /// Sets a gate back for a new episode.
+    pub(super) fn reset(&self, place: usize) {
+        let gate = &self.gates[place];
+        gate.good.set(false);
+        gate.state.set(GateState::Safe);
+        gate.latch.set(None);
+    }
+
     /// True if a gate must stay in its safe state for want of a good command of another one.
     pub(super) fn holds(&self, place: usize) -> bool {
         let others = || self.gates.iter().enumerate().filter(|(index, _)| *index != place);

@@ -149,7 +149,8 @@ impl CommandGate {
         self.gate.reset();
         self.freshness.reset();
         self.armed = false;
-        self.group.set_good(self.place, false);
+        self.group.reset(self.place);
+        self.context.block().gate.begin_episode();
         (self.offered, self.stepped_ns, self.shown) = (None, 0, None);
     }
 
