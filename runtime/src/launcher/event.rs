@@ -141,7 +141,7 @@ pub enum Event<'a> {
         /// Time since its beginning, ns.
         for_ns: u64,
     },
-    /// The run ends, but not as the graph asks.
+    /// Something is not as the graph asks, or may come to be so.
     Warning(&'a str),
     /// The components are asked to end.
     Ending(&'a Exit),

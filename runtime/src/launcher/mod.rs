@@ -17,6 +17,7 @@ mod hang;
 mod idle_states;
 mod lockstep;
 mod lost_steps;
+mod neighbours;
 mod options;
 mod places;
 mod report;
@@ -114,7 +115,7 @@ impl Launch {
     ) -> Result<(Self, Option<Exit>), LaunchError> {
         crate::transport::quieten();
         options.check(&plan)?;
-        reserve::check(&plan)?;
+        reserve::check(&plan, options.hosting)?;
         if let Some(core) = options.core.filter(|_| plan.clock == ClockKind::Lockstep) {
             plan.components.iter_mut().for_each(|component| component.core = Some(core));
         }
@@ -167,6 +168,7 @@ impl Launch {
         self.services = Services::create(&self.folder, &self.plan)?;
         self.spare = Spare::reserve(&self.folder)?;
         observe(Event::Created { run: self.folder.id(), plan: &self.plan });
+        self.tell_neighbours(observe);
         for index in 0..self.plan.components.len() {
             let child = self.start_child(index)?;
             self.children.push(child);

@@ -4,10 +4,10 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use super::event_log::logging;
 use super::lost_steps::LostSteps;
 use super::restart::History;
 use super::watchdog::Watchdog;
-use super::event_log::logging;
 use super::{Event, Exit, Launch, stop_reason};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};

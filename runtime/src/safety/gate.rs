@@ -226,6 +226,11 @@ impl Gate {
         }
     }
 
+    /// The reason for which a command is refused whatever the joints do. It is accounted for, and not applied.
+    pub(super) fn examine(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
+        self.take(offer, account)
+    }
+
     /// Applies the safe state, `dt` s after the step before.
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         let state = self.settings.safe_state;

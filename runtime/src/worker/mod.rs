@@ -124,7 +124,10 @@ fn live<C: Component>(
     let context = Rc::new(Context::new(plan, index, region.clone()));
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
-        Some(watcher::start(&context).map_err(|error| at_setup(format!("watching the launcher: {error}")))?)
+        Some(
+            watcher::start(&context)
+                .map_err(|error| at_setup(format!("watching the launcher: {}", os::named(&error))))?,
+        )
     } else {
         None
     };

@@ -41,13 +41,13 @@ impl RunArg {
 }
 
 fn opened(folder: RunFolder) -> anyhow::Result<LivingRun> {
-        let (plan, region) = (folder.plan()?, folder.region()?);
-        anyhow::ensure!(
-            region.fits(&plan),
-            "the control block of run {} is not that of its plan: its shared memory was damaged",
-            folder.id()
-        );
-        Ok(LivingRun { folder, plan, region })
+    let (plan, region) = (folder.plan()?, folder.region()?);
+    anyhow::ensure!(
+        region.fits(&plan),
+        "the control block of run {} is not that of its plan: its shared memory was damaged",
+        folder.id()
+    );
+    Ok(LivingRun { folder, plan, region })
 }
 
 /// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id, or the

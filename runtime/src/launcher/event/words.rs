@@ -169,10 +169,7 @@ mod tests {
         };
         assert_eq!(entered(true).severity(), EventSeverity::Information);
         assert_eq!(entered(false).severity(), EventSeverity::Warning);
-        assert_eq!(
-            entered(false).to_string(),
-            "`physics` entered its safe state: its commands are stale"
-        );
+        assert_eq!(entered(false).to_string(), "`physics` entered its safe state: its commands are stale");
     }
 
     #[test]

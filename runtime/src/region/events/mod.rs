@@ -13,8 +13,8 @@ use std::sync::atomic::Ordering::Relaxed;
 pub use kind::{EventKind, EventSeverity};
 #[cfg(test)]
 pub(crate) use ring::Found as RingFound;
-pub(crate) use ring::Ring;
 use ring::Found;
+pub(crate) use ring::Ring;
 
 use crate::atomics::Native;
 
@@ -206,8 +206,7 @@ fn encode(record: &EventRecord) -> [u64; WORDS] {
 fn decode(words: &[u64; WORDS], severity: EventSeverity) -> Option<EventRecord> {
     let value = f64::from_bits(words[4]);
     let length = usize::try_from(words[5]).ok().filter(|length| *length <= EVENT_TEXT_BYTES)?;
-    let bytes: Vec<u8> =
-        words[HEAD..].iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
+    let bytes: Vec<u8> = words[HEAD..].iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
     Some(EventRecord {
         time_ns: words[0],
         simulated: (words[2] != NONE).then_some((words[1], words[2])),
