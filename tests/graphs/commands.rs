@@ -222,6 +222,57 @@ fn under_refuse_a_command_beyond_a_limit_puts_the_robot_into_its_safe_state() {
     assert_eq!((gate.state, gate.entries), (GateState::Following, 1));
 }
 
+/// Two Pandas of one simulation, the left one commanded by a rogue, under `refuse` and `stop_together`.
+fn two_robots(folder: &Path, config: &str) -> PathBuf {
+    let arm = |name: &str, side: f64, config: &str| {
+        format!(
+            "[robot.{name}]\nurdf = \"panda\"\nbase = {{ position = [0.0, {side}, 0.0] }}\n\
+             [component.{name}-rogue]\nexec = \"{ROGUE}\"\ntrigger = \"{name}/joint_state\"\n\
+             subscribe = {{ joint_state = \"{name}/joint_state\" }}\n\
+             publish = {{ joint_command = \"{name}/joint_command\", stop = \"{name}/stop\" }}\n\
+             config = {{ {config} }}\n"
+        )
+    };
+    let text = format!(
+        r#"
+name = "two-robots"
+[component.physics]
+kind = "physics.articulated"
+robots = ["left", "right"]
+rate = "1 kHz"
+subscribe = {{ "left.joint_command" = "left/joint_command", "right.joint_command" = "right/joint_command" }}
+publish = {{ "left.joint_state" = "left/joint_state", "right.joint_state" = "right/joint_state" }}
+{}{}
+[safety]
+limits = "refuse"
+stop_together = true
+"#,
+        arm("left", 0.6, config),
+        arm("right", -0.6, "")
+    );
+    let graph = folder.join("two-robots.toml");
+    std::fs::write(&graph, text).expect("it can be written");
+    graph
+}
+
+#[test]
+fn a_robot_whose_commands_are_refused_now_and_then_does_not_make_the_other_flap() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = "nonsense = \"far_position\", from = 500, until = 1500, every = 50";
+    let graph = two_robots(folder.path(), config);
+    let ended = run(&graph, &["--for", "3 s", "--clock", "lockstep"]);
+    let gate = physics(&ended).gate.as_ref().expect("a gate");
+    assert!(matches!(gate.refused[..], [Refused { reason: Refusal::Limits, count: 20 }]), "{gate:?}");
+    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "one stop, and one way back");
+    let robots = &ended.report().results["physics"]["robots"];
+    for name in ["left", "right"] {
+        // From the first refusal, at 0.5 s, until half a second after the last, at 1.45 s.
+        let safe = robots[name]["steps_in_safe_state"].as_u64().expect("a number");
+        assert!((1_440..1_480).contains(&safe), "{name}: {safe} steps");
+    }
+}
+
 #[test]
 fn commands_stamped_by_a_clock_ten_seconds_ahead_are_never_applied() {
     let _machine = machine();

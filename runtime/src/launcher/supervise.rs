@@ -20,6 +20,15 @@ const STATUS_NS: u64 = 50_000_000;
 /// Time in which a signal to end the run may arrive after that to a component, ns.
 const SIGNAL_NS: u64 = 50_000_000;
 
+/// Restarts in a row that crash before the component steps, from which on the shared memory of the run counts as damaged.
+const CRASHES: u32 = 2;
+
+/// Whether a component ended as one does that finds senseless words in shared memory.
+fn is_crash(reason: &str) -> bool {
+    let of_iceoryx2 = reason.starts_with("panicked") && reason.contains("iceoryx2");
+    of_iceoryx2 || ["SIGSEGV", "SIGBUS", "SIGABRT"].iter().any(|signal| reason.contains(signal))
+}
+
 /// The consequence of a component's end.
 pub(super) enum AfterEnd {
     /// It is restarted.
@@ -41,6 +50,8 @@ pub(super) struct Supervision {
     stepping_since_ns: u64,
     /// It has hung, and its process was killed.
     was_ended: bool,
+    /// Restarts in a row that crashed before the component stepped again.
+    crashes: u32,
     gone: bool,
     tolerated: u64,
 }
@@ -64,6 +75,7 @@ impl Supervision {
             down: None,
             stepping_since_ns: now_ns,
             was_ended: false,
+            crashes: 0,
             gone: false,
             tolerated: 0,
         }
@@ -206,8 +218,12 @@ impl Launch {
         self.relay_output(observe);
         let name = self.plan.components[index].name.clone();
         let policy = self.plan.components[index].restart;
+        supervision.crashes =
+            if supervision.down.is_some() && is_crash(&reason) { supervision.crashes + 1 } else { 0 };
+        let is_damaged = supervision.crashes >= CRASHES;
         let stepping_since = supervision.down.is_none().then_some(supervision.stepping_since_ns);
-        if let Some(delay_ns) = supervision.history.grant(&policy, failed, stepping_since, now) {
+        let granted = supervision.history.grant(&policy, failed, stepping_since, now);
+        if let Some(delay_ns) = granted.filter(|_| !is_damaged) {
             let consequence = match delay_ns / 1_000_000 {
                 0 => "restarting".to_string(),
                 delay_ms => format!("restarting in {delay_ms} ms"),
@@ -231,7 +247,15 @@ impl Launch {
         }
         supervision.gone = true;
         // It was not asked to end: a component that stopped in good order is missing all the same.
-        let reason = if failed { reason } else { "it ended while the graph runs".to_string() };
+        let reason = match failed {
+            true if is_damaged => {
+                format!(
+                    "{reason}; it crashes whenever it joins its topics: the shared memory of the run is damaged"
+                )
+            }
+            true => reason,
+            false => "it ended while the graph runs".to_string(),
+        };
         if self.plan.components[index].on_failure == OnFailure::Ignore {
             let consequence = "the graph goes on without it";
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
@@ -316,6 +340,26 @@ impl Launch {
                 observe(Event::Failed { component, tick, reason: &reason, consequence });
             }
             block.forget_failure();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crash_in_shared_memory_is_told_from_other_ends() {
+        for crash in [
+            "killed by signal 11 (SIGSEGV)",
+            "panicked at /registry/iceoryx2-bb-lock-free-0.10.0/src/mpmc/robust_unique_index_set.rs:229: not initialized",
+        ] {
+            assert!(is_crash(crash), "{crash}");
+        }
+        for other in
+            ["killed by signal 9 (SIGKILL)", "panicked at src/main.rs:7: no camera", "ended with exit code 1"]
+        {
+            assert!(!is_crash(other), "{other}");
         }
     }
 }

@@ -226,11 +226,6 @@ impl Gate {
         }
     }
 
-    /// The reason for which a command is refused whatever the joints do. It is accounted for, and not applied.
-    pub(super) fn examine(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
-        self.take(offer, account)
-    }
-
     /// Applies the safe state, `dt` s after the step before.
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         let state = self.settings.safe_state;
@@ -279,9 +274,9 @@ impl Gate {
         }
     }
 
-    /// Takes the command into `next`, with what does not depend on the step before clamped.
+    /// Takes the command into `next`, with what does not depend on the step before clamped; the reason if it is refused.
     #[inline]
-    fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
+    pub(super) fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
         let command = offer.command;
         if command.check().is_err() {
             return Err(Refusal::Content);

@@ -204,14 +204,14 @@ impl CommandGate {
         let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
         let offer = Offer { command: &reading, is_new, ahead };
         if self.group.stops_together() {
-            let good = age == Age::Fresh && self.gate.examine(&offer, &NoAccount).is_ok();
+            let good = age == Age::Fresh && self.gate.take(&offer, &NoAccount).is_ok();
             self.group.set_good(self.place, good, step_ns);
         }
         match age {
             Age::Fresh => {
                 let account = self.group.account(self.place, block);
                 if self.group.holds(step_ns) {
-                    if let Err(reason) = self.gate.examine(&offer, &account)
+                    if let Err(reason) = self.gate.take(&offer, &account)
                         && is_new
                     {
                         account.refused(reason);
