@@ -1,6 +1,6 @@
 //! The log of events of a run: what is in it, who reads it, and that it changes nothing.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use motorium::region::{EventKind, EventSeverity};
 use motorium::session::Session;
 use rustix::process::Signal;
 
-use crate::support::{Ended, FAULTY, MOTORIUM, Run, kill, machine, panda_reach, run, signal, workspace};
+use crate::support::{Ended, MOTORIUM, Run, kill, machine, panda_reach, run, signal, workspace};
 
 /// The events that `motorium events ARGUMENTS --json` prints of a run.
 fn events(run: &str, arguments: &[&str]) -> Vec<LoggedEvent> {
@@ -173,7 +173,7 @@ fn the_log_is_a_topic_that_can_be_listed_and_echoed() {
     assert!(!good && text.contains("motorium events"), "{text}");
 }
 
-/// A graph with a component that prints, and with refused commands, in lockstep.
+/// Runs a graph in lockstep.
 fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
     run(graph, &[&["--clock", "lockstep"], arguments].concat())
 }
@@ -225,22 +225,11 @@ fn refused_commands_are_in_the_log_with_their_reason() {
     assert!((0.3..0.45).contains(&entered.simulated_s.expect("simulated time")), "{entered:?}");
 }
 
-/// A component alone that prints a line in each step.
-fn chatter(folder: &Path) -> PathBuf {
-    let graph = folder.join("chatter.toml");
-    let text = format!(
-        "name = \"chatter\"\nclock = \"lockstep\"\n[component.chatter]\nexec = \"{FAULTY}\"\nrate = \"1 kHz\"\n\
-         publish = {{ output = \"words\" }}\nconfig = {{ fault = \"print\", at = 0 }}\n"
-    );
-    std::fs::write(&graph, text).expect("it can be written");
-    graph
-}
-
 #[test]
 fn a_flood_of_printed_lines_is_bounded_in_the_report_and_counted() {
     let _machine = machine();
-    let folder = tempfile::tempdir().expect("a folder");
-    let ended = run(&chatter(folder.path()), &["--for", "2 s"]);
+    let (_folder, graph) = crate::faults::faulty("{ fault = \"print\", at = 0 }", "");
+    let ended = lockstep_events(&graph, &["--for", "2 s"]);
     let report = ended.report();
     assert!(report.events.len() <= REPORTED_EVENTS, "{}", report.events.len());
     let lines = report.events.iter().filter(|event| event.kind == EventKind::Output).count();
