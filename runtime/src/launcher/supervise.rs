@@ -86,9 +86,9 @@ impl Supervision {
         self.gone
     }
 
-    /// Whether it has ended and does not step again yet.
-    pub(super) fn is_down(&self) -> bool {
-        self.down.is_some()
+    /// Whether it has ended and not stepped since; `steps` is the number that it has done.
+    pub(super) fn is_down(&self, steps: u64) -> bool {
+        self.down.as_ref().is_some_and(|down| steps <= down.steps)
     }
 }
 
@@ -129,8 +129,13 @@ impl Launch {
             return Some(None);
         }
         self.relay_output(observe);
-        if self.region.header().command() == Command::SafeStop {
-            let reason = stop_reason::reason(&self.plan, &self.region);
+        let command = self.region.header().command();
+        if command == Command::SafeStop || (command as u32) < Command::Run as u32 {
+            let reason = match command {
+                Command::SafeStop => stop_reason::reason(&self.plan, &self.region),
+                // Commands only rise.
+                _ => "the control block of the run was damaged: its command is one of the start".to_string(),
+            };
             self.safe_stop(&reason, observe);
             return Some(Some(Exit::SafeStop { reason }));
         }

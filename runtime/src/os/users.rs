@@ -39,14 +39,18 @@ pub fn is_bound_by_process_limit() -> bool {
     !rustix::process::getuid().is_root() && capabilities & EXEMPT == 0
 }
 
-/// The processes of other users with real-time threads that may run on one of these cores, but for the kernel's own.
+/// The processes of other users with real-time threads that are bound to one of these cores, but for the kernel's own. Those
+/// that may run on any core, as some daemons, are left out: the scheduler moves them out of the way.
 pub fn realtime_of_others(cores: &[usize]) -> Vec<Foreign> {
     let own = rustix::process::getuid().as_raw();
+    let online = fs::read_to_string("/sys/devices/system/cpu/online").map(|list| self::cores(list.trim()));
+    // On a machine with one core everything is bound to it.
+    let all = online.map_or(usize::MAX, |online| online.len().max(2));
     let found = processes("/proc").into_iter().flatten();
-    found.filter_map(|pid| foreign(pid, own, cores)).collect()
+    found.filter_map(|pid| foreign(pid, own, cores, all)).collect()
 }
 
-fn foreign(pid: u32, own: u32, cores: &[usize]) -> Option<Foreign> {
+fn foreign(pid: u32, own: u32, cores: &[usize], all: usize) -> Option<Foreign> {
     let process = Status::read(&format!("/proc/{pid}/status"))?;
     let user = process.user.filter(|user| *user != own)?;
     let mut found: Option<Foreign> = None;
@@ -60,6 +64,9 @@ fn foreign(pid: u32, own: u32, cores: &[usize]) -> Option<Foreign> {
         let Some(allowed) = Status::read(&format!("{folder}/status")).map(|status| status.cores) else {
             continue;
         };
+        if allowed.len() >= all {
+            continue;
+        }
         let shared: Vec<usize> = allowed.into_iter().filter(|core| cores.contains(core)).collect();
         if shared.is_empty() {
             continue;
