@@ -29,11 +29,11 @@ pub const REPORTED_EVENTS: usize = 256;
 pub struct LoggedEvent {
     /// Time at which it happened, or was found, in real time since the first step, s; negative before it.
     pub time_s: f64,
-    /// In lockstep: the simulated time in its episode, s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// In lockstep: the simulated time in its episode, s; `null` in real time.
+    #[serde(default)]
     pub simulated_s: Option<f64>,
-    /// In lockstep: number of the episode.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// In lockstep: number of the episode; `null` in real time.
+    #[serde(default)]
     pub episode: Option<u64>,
     /// Its severity.
     pub severity: EventSeverity,

@@ -49,6 +49,9 @@ impl View {
         let mut components: Vec<&ComponentTop> = top.components.iter().collect();
         self.order.sort(&mut components, self.span, self.reversed);
         let mut sheets = vec![self.times(top.clock, &components), self.counts(&components)];
+        if !top.events.is_empty() {
+            sheets.push(events(&top.events, top.clock));
+        }
         if !top.latencies.is_empty() {
             sheets.push(self.latencies(&top.latencies));
         }
@@ -56,9 +59,6 @@ impl View {
             sheets.push(self.edges(&top.edges));
         }
         sheets.push(cores(&top.cores));
-        if !top.events.is_empty() {
-            sheets.push(events(&top.events, top.clock));
-        }
         sheets
     }
 
