@@ -3,6 +3,7 @@
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
 
+use crate::declare::Declare;
 use crate::run_folder::RunFolder;
 use crate::worker::{
     CLEANER, ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
@@ -89,10 +90,11 @@ pub fn describe(kind: &Kind) -> ExitCode {
         }
     };
     let config = ConfigSource::Json(request.config);
-    let declared = match request.robots.is_empty() {
-        true => kind.declare(config, request.robot),
-        false => kind.declare_for(config, request.robots),
+    let declare = match request.robots.is_empty() {
+        true => Declare::new(request.robot),
+        false => Declare::of_robots(request.robots),
     };
+    let declared = kind.declare_in(config, declare.placed(request.placement));
     let (declaration, error) = match declared {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),
