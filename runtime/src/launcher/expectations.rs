@@ -108,6 +108,8 @@ mod tests {
             cores: Vec::new(),
             results: [("controller".to_string(), result)].into(),
             expectations: Vec::new(),
+            events_left_out: 0,
+            events: Vec::new(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoreReport, ExpectationReport, Launch};
+use super::{CoreReport, ExpectationReport, Launch, LoggedEvent};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
@@ -75,6 +75,12 @@ pub struct Report {
     /// The verdict on each expectation of the graph; none for a run that was interrupted or failed.
     #[serde(default)]
     pub expectations: Vec<ExpectationReport>,
+    /// Number of events that are not in `events`: overwritten in the log, or beyond the most that a report has.
+    #[serde(default)]
+    pub events_left_out: u64,
+    /// The newest events of the run, at most 256, oldest first.
+    #[serde(default)]
+    pub events: Vec<LoggedEvent>,
 }
 
 /// One episode in the report.
@@ -203,6 +209,7 @@ impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
+        let (events, events_left_out) = self.reported_events();
         let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         // While the robot settles only its actuators step.
         let line_ns = match self.region.header().safe_stop_ns.load(Relaxed) {
@@ -233,6 +240,8 @@ impl Launch {
                 .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
                 .collect(),
             expectations: Vec::new(),
+            events_left_out,
+            events,
         }
     }
 

@@ -11,6 +11,7 @@ mod process;
 mod random;
 mod realtime;
 mod shortage;
+mod users;
 mod wait;
 
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
@@ -24,5 +25,8 @@ pub use realtime::{
     Applied, Denied, Placement, Request, apply, hand_over_when_asleep, leave_realtime, limit_cpu,
     page_faults, prefault_stack, times_asleep, wake_soon,
 };
-pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
+pub use shortage::{
+    Room, amount, named, open_descriptors, process_limit, raise_limit, shortage, with_shortage,
+};
+pub use users::{Foreign, is_bound_by_process_limit, realtime_of_others, threads_of_this_user};
 pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};

@@ -81,6 +81,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Safety.limits", &["safety.limits=refuse"]),
     ("Safety.resume", &["safety.resume=latch"]),
     ("Safety.stop_together", &["safety.stop_together=true"]),
+    ("Graph.expect", &["expect.physics.steps=> 5"]),
 ];
 
 /// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,

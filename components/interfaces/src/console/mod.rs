@@ -104,7 +104,8 @@ impl Component for ConsoleLog {
             let finished = finished.clone();
             move || print_all(lines, &formats, &finished)
         });
-        let printer = Some(printer.map_err(ConfigureError::failed)?);
+        let printer = printer.map_err(|error| ConfigureError::failed(motorium::os::named(&error)))?;
+        let printer = Some(printer);
         Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
     }
 
