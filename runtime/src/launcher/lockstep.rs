@@ -80,7 +80,9 @@ impl Launch {
             let mut stop = (self.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
             rounds -= 1;
-            self.region.header().turn.allow_rounds(limit.until_ns, rounds);
+            // The accounts are looked at after the same rounds, whoever begins them.
+            let look_ns = self.rounds.round_from(self.next_account_ns).saturating_add(1);
+            self.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
             let mut place = 0;
             while stop.is_none()
                 && let Some(index) = self.rounds.next_due(&self.region, time, place)
