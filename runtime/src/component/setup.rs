@@ -1,13 +1,14 @@
 //! The set-up of a component: its ports, its parameters, its place in the graph.
 
+use std::os::fd::OwnedFd;
 use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::ConfigureError;
+use super::{ConfigureError, Helpers};
 use crate::declare::{RobotReference, TopicPattern};
-use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan};
+use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
 use crate::region::CHECKPOINT_BYTES;
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
@@ -48,9 +49,19 @@ pub struct Setup {
     parameters: ParameterReader,
     ports: Vec<Rc<dyn Connect>>,
     trigger: Option<Trigger>,
+    pub(super) descriptor: Option<OwnedFd>,
+    pub(super) helpers: Helpers,
 }
 
-type Finished = (Vec<Rc<dyn Connect>>, ParameterReader, Option<Trigger>);
+/// What a configured component was given.
+pub(crate) struct Prepared {
+    pub(crate) ports: Vec<Rc<dyn Connect>>,
+    pub(crate) parameters: ParameterReader,
+    pub(crate) trigger: Option<Trigger>,
+    /// The descriptor that releases its steps.
+    pub(crate) descriptor: Option<OwnedFd>,
+    pub(crate) helpers: Helpers,
+}
 
 impl Setup {
     pub(crate) fn new(
@@ -69,11 +80,24 @@ impl Setup {
             }
             _ => None,
         };
-        Ok(Self { plan: plan.clone(), index, domain, node, context, parameters, ports: Vec::new(), trigger })
+        let stop_within = Duration::from_nanos(component.stop_within_ns.unwrap_or(STOP_WITHIN_NS));
+        Ok(Self {
+            plan: plan.clone(),
+            index,
+            domain,
+            node,
+            context,
+            parameters,
+            ports: Vec::new(),
+            trigger,
+            descriptor: None,
+            helpers: Helpers::stopping_within(stop_within / 2),
+        })
     }
 
-    pub(crate) fn finish(self) -> Finished {
-        (self.ports, self.parameters, self.trigger)
+    pub(crate) fn finish(self) -> Prepared {
+        let Self { ports, parameters, trigger, descriptor, helpers, .. } = self;
+        Prepared { ports, parameters, trigger, descriptor, helpers }
     }
 
     pub(crate) fn plan(&self) -> &Plan {

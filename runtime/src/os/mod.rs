@@ -9,6 +9,7 @@ pub mod machine;
 mod prefetch;
 mod process;
 mod random;
+mod readiness;
 mod realtime;
 mod shortage;
 mod wait;
@@ -20,6 +21,7 @@ pub use prefetch::{prefetch_read, prefetch_write};
 pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
+pub use readiness::Readiness;
 pub use realtime::{
     Applied, Denied, Placement, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack,
     times_asleep, wake_soon,

@@ -29,6 +29,9 @@ pub(super) fn activation(component: &ComponentPlan) -> String {
         Activation::Periodic { period_ns, phase_ns } => {
             format!("every {}, after {}", rate_and_period(period_ns), time(phase_ns))
         }
+        Activation::Descriptor { min_interval_ns } => {
+            format!("on events, at least {} apart", time(min_interval_ns))
+        }
         Activation::Triggered { input, .. } => match component.inputs.get(input) {
             Some(port) => format!("on {}", port.port),
             None => "when triggered".to_string(),

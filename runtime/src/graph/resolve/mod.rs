@@ -3,6 +3,7 @@
 //! Each step goes on as far as it can in spite of mistakes found before it, so that one check finds as many of them as
 //! possible; what follows from a mistake that was already reported is not reported again.
 
+mod activate;
 mod assemble;
 mod declare;
 mod episodes;
@@ -22,9 +23,11 @@ mod wiring;
 
 use std::path::Path;
 
+use super::defaults;
 use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
+use super::read::good_or;
 use super::source::{Sources, Span};
 use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
@@ -91,7 +94,8 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     safety::emergency_stop(graph, &mut drafts);
     let wiring = wiring::resolve(graph, &drafts, report);
     topics::check(&drafts, &wiring, report);
-    let timing = timing::resolve(&drafts, &wiring, report);
+    let clock = good_or(&graph.clock, defaults::CLOCK);
+    let timing = timing::resolve(&drafts, &wiring, clock, report);
     let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
     let liveness = liveness::resolve(graph, &drafts, &timing, report);
     let parameters = parameters::resolve(&drafts, report);

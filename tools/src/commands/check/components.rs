@@ -94,6 +94,9 @@ fn steps(component: &ComponentPlan, plan: &Plan) -> String {
         Activation::Periodic { period_ns, phase_ns } => {
             format!("at {} after {}", Rate { period_ns }, TimeSpan { ns: phase_ns })
         }
+        Activation::Descriptor { min_interval_ns } => {
+            format!("on events, {} apart", TimeSpan { ns: min_interval_ns })
+        }
         Activation::Triggered { topic, .. } => format!("on {}", plan.topics[topic].name),
     }
 }
