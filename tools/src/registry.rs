@@ -29,6 +29,7 @@ fn kinds() -> Vec<Kind> {
         Kind::of::<motorium_policies::LibraryPolicy>(),
         Kind::of::<motorium_bridges::Iceoryx2Bridge>(),
         Kind::of::<motorium_interfaces::ConsoleLog>(),
+        Kind::of::<motorium_interfaces::UdpSensor>(),
     ]
 }
 

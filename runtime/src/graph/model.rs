@@ -7,9 +7,7 @@ use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
 use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
 use crate::declare::ParameterValue;
-use crate::plan::{
-    ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen,
-};
+use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen};
 use crate::units::{Rate, TimeSpan};
 
 /// A table whose fields are the values of the keys of the same names.

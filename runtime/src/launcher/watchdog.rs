@@ -271,7 +271,8 @@ mod tests {
 
     #[test]
     fn a_component_that_waits_for_a_descriptor_has_hung_when_it_is_stopped_and_not_when_no_event_comes() {
-        let mut watched = Watchdog { waits_for: WaitsFor::Descriptor { stopped_ns: None }, ..watchdog(false) };
+        let mut watched =
+            Watchdog { waits_for: WaitsFor::Descriptor { stopped_ns: None }, ..watchdog(false) };
         let silent = stepped(50, 50);
         assert_eq!(watched.evaluate(&silent, 10_000 * MS), Err(10_020 * MS));
         let stopped = Counters { is_stopped: true, ..silent };

@@ -27,4 +27,6 @@ pub use realtime::{
     times_asleep, wake_soon,
 };
 pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
-pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};
+pub use wait::{
+    boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, realtime_ns, sleep_until, yield_core,
+};

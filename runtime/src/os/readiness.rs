@@ -41,8 +41,7 @@ impl Readiness {
     /// Waits until the descriptor is readable, a signal arrives, or `CLOCK_MONOTONIC` reaches `until_ns`. True if it is
     /// readable; also if its other end has gone, or it is in error: reading it then tells.
     pub fn wait(&self, until_ns: Option<u64>) -> bool {
-        let mut polled =
-            libc::pollfd { fd: self.descriptor.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+        let mut polled = libc::pollfd { fd: self.descriptor.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         self.poll(core::slice::from_mut(&mut polled), until_ns);
         polled.revents != 0
     }

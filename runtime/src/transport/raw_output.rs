@@ -98,6 +98,20 @@ impl RawOutput {
     /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than
     /// the type, or comes too late.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
+        self.publish_value(bytes, None)
+    }
+
+    /// As [`publish`](Self::publish), of a value that was measured at `source_time_ns` on `CLOCK_MONOTONIC`, such as the time
+    /// at which it was received. A time in the future counts as the present. In lockstep, where times are simulated, it is
+    /// not looked at.
+    ///
+    /// # Errors
+    /// As `publish`.
+    pub fn publish_from(&mut self, bytes: &[u8], source_time_ns: u64) -> Result<(), RawError> {
+        self.publish_value(bytes, Some(source_time_ns))
+    }
+
+    fn publish_value(&mut self, bytes: &[u8], source_time_ns: Option<u64>) -> Result<(), RawError> {
         let context = &*self.context;
         if let Err(defect) = self.check.check(bytes) {
             add(&context.block().refused, 1);
@@ -111,7 +125,10 @@ impl RawOutput {
         }
         // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
-        let stamp = stamp(context, state.number(), now);
+        let mut stamp = stamp(context, state.number(), now);
+        if let Some(source_time) = source_time_ns.filter(|_| !context.clock().is_lockstep()) {
+            stamp.source_time = source_time.min(now);
+        }
         if context.clock().is_lockstep() {
             wired.digest(context, stamp, |digest| self.check.digest(bytes, digest));
         }

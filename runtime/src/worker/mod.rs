@@ -137,7 +137,8 @@ fn live<C: Component>(
         apply_realtime(plan, index, region, false);
     }
 
-    let Configured { mut stepper, ports, trigger, descriptor } = configure::<C>(folder, plan, index, context.clone())?;
+    let Configured { mut stepper, ports, trigger, descriptor } =
+        configure::<C>(folder, plan, index, context.clone())?;
 
     // No component steps before every port of every component is connected.
     block.enter(Phase::Ready);
@@ -200,7 +201,8 @@ struct Configured<C> {
     descriptor: Option<OwnedFd>,
 }
 
-const NO_DESCRIPTOR: &str = "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
+const NO_DESCRIPTOR: &str =
+    "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
 
 /// Configures a component: its configuration is read, its ports are opened, its memory is allocated.
 fn configure<C: Component>(

@@ -76,8 +76,7 @@ fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
 pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<usize> {
     let segments = segments(plan, path);
     let heads = segments.iter().filter(|_| segments.len() > 1).map(|segment| segment[0]);
-    let by_events =
-        |head: &usize| matches!(plan.components[*head].activation, Activation::Descriptor { .. });
+    let by_events = |head: &usize| matches!(plan.components[*head].activation, Activation::Descriptor { .. });
     heads.filter(by_events).collect()
 }
 

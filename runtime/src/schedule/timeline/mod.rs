@@ -132,7 +132,8 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
             words::names(plan, &guessed)
         ));
     }
-    let by_events = |index: &usize| matches!(plan.components[*index].activation, Activation::Descriptor { .. });
+    let by_events =
+        |index: &usize| matches!(plan.components[*index].activation, Activation::Descriptor { .. });
     let sporadic: Vec<usize> =
         all.clone().filter(|index| by_events(index) && tasks.places[*index].is_some()).collect();
     if !sporadic.is_empty() {

@@ -1,7 +1,7 @@
 //! Scheduling classes and priorities.
 
-use super::super::{Draft, activate};
 use super::super::timing::Timing;
+use super::super::{Draft, activate};
 use super::leader;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;

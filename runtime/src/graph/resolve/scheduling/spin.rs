@@ -1,7 +1,7 @@
 //! The spin times of the components.
 
-use super::super::{Draft, activate};
 use super::super::timing::Timing;
+use super::super::{Draft, activate};
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::RealtimeTable;
