@@ -31,6 +31,7 @@ history = 1000
 kind      = "log.console"
 rate      = "200 Hz"
 schedule  = "normal"
+lost_steps = 1.0
 subscribe = {{ wrench = "grip/wrench" }}
 
 [component.grip]

@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     fn helpers() -> Helpers {
-        Helpers::stopping_within(Duration::from_millis(500))
+        Helpers::stopping_within(Duration::from_secs(20))
     }
 
     #[test]
@@ -252,9 +252,10 @@ mod tests {
 
     #[test]
     fn a_helper_that_panics_or_does_not_end_is_told() {
-        let mut helpers = Helpers::stopping_within(Duration::from_millis(20));
+        let mut helpers = Helpers::stopping_within(Duration::from_secs(20));
         helpers.start("broken", vec![0], |_| panic!("in a test")).unwrap();
         assert_eq!(helpers.stop(), Err("its helper `broken` panicked".to_string()));
+        let mut helpers = Helpers::stopping_within(Duration::from_millis(20));
         let (sender, receiver) = channel::<()>();
         helpers.start("deaf", vec![0], move |_| while receiver.recv().is_ok() {}).unwrap();
         assert!(helpers.start("a-name-that-is-too-long", vec![0], |_| ()).is_err());

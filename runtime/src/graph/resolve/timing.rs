@@ -119,7 +119,10 @@ fn start(
         (None, None) if table.meant.iter().any(|key| matches!(*key, "rate" | "trigger" | "activate")) => None,
         (None, None) => {
             let input = wiring.of_component(component, Direction::Input).find_map(|wire| wire.topic);
-            let advice = match (activate::advice(draft), input) {
+            let by_events = activate::advice(draft);
+            let needs =
+                if by_events.is_some() { "needs `rate` or `activate`" } else { "needs `rate` or `trigger`" };
+            let advice = match (by_events, input) {
                 (Some(advice), _) => advice,
                 (None, Some(topic)) => format!(
                     "add `rate = \"1 kHz\"`, or `trigger = \"{}\"` to step whenever that is published",
@@ -129,7 +132,7 @@ fn start(
             };
             report
                 .error(format!("component `{}` does not say when it steps", draft.name))
-                .at(&draft.place, "needs `rate` or `trigger`")
+                .at(&draft.place, needs)
                 .advise(advice);
             None
         }
