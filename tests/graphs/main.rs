@@ -17,6 +17,7 @@ mod places;
 mod program;
 mod runs;
 mod sessions;
+mod siblings;
 mod sockets;
 mod supervisors;
 mod support;

@@ -134,6 +134,13 @@ pub enum Program {
         /// Name of the kind.
         kind: String,
     },
+    /// A kind that another installed program hosts.
+    Sibling {
+        /// Name of the kind.
+        kind: String,
+        /// Path of the executable.
+        path: PathBuf,
+    },
     /// The user's own program.
     Exec {
         /// Path of the executable.

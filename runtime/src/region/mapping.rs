@@ -79,6 +79,26 @@ pub struct Region {
     counts: Counts,
 }
 
+/// A digest of the layout of all parts of a control block: programs that share one have the same.
+pub(crate) fn layout_digest() -> String {
+    let mut digest = crate::state::Digest::default();
+    digest.write_u64(MAGIC);
+    for size in [
+        size_of::<Header>(),
+        size_of::<ComponentBlock>(),
+        core::mem::offset_of!(ComponentBlock, lateness),
+        core::mem::offset_of!(ComponentBlock, gate),
+        core::mem::offset_of!(ComponentBlock, checkpoint),
+        size_of::<TopicBlock>(),
+        size_of::<EdgeBlock>(),
+        size_of::<LatencyBlock>(),
+        size_of::<crate::state::Stamp>(),
+    ] {
+        digest.write_u64(size as u64);
+    }
+    format!("{:016x}", digest.finish())
+}
+
 impl Region {
     /// The size of the control block of a plan, bytes.
     pub fn bytes(plan: &Plan) -> usize {

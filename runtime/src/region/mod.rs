@@ -17,4 +17,5 @@ pub(crate) use checkpoint::CheckpointBlock;
 pub(crate) use checkpoint::Checkpoints;
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use header::{Command, Header, Phase};
+pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};

@@ -22,8 +22,11 @@ mod watcher;
 
 pub use failure::Failure;
 pub(crate) use hosted::{Host, Hosted};
-pub use protocol::{CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
-pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
+pub use protocol::{
+    CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, KINDS, KindAnswer, KindsAnswer,
+    WORKER,
+};
+pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource, Sibling};
 pub(crate) use rounds::Rounds;
 
 use std::os::fd::OwnedFd;

@@ -15,7 +15,7 @@ pub(super) fn time(ns: u64) -> String {
 /// The program of a component: its kind, or the file name of its program.
 pub(super) fn program(component: &ComponentPlan) -> String {
     match &component.program {
-        Program::Builtin { kind } => kind.clone(),
+        Program::Builtin { kind } | Program::Sibling { kind, .. } => kind.clone(),
         Program::Exec { path } => path
             .file_name()
             .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned()),

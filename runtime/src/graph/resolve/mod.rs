@@ -17,6 +17,7 @@ mod paths;
 mod robots;
 mod safety;
 mod scheduling;
+mod siblings;
 mod timing;
 mod topics;
 mod wiring;
@@ -32,6 +33,7 @@ use super::source::{Sources, Span};
 use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
+use siblings::Siblings;
 
 /// The file, the registry and the machine for which a graph is resolved.
 pub(super) struct Context<'c> {
@@ -43,6 +45,19 @@ pub(super) struct Context<'c> {
     pub registry: &'c Registry,
     /// The machine it will run on.
     pub machine: &'c Machine,
+    /// The other programs that host kinds, as far as they have been asked.
+    siblings: Siblings,
+}
+
+impl<'c> Context<'c> {
+    pub(super) fn new(
+        file: &'c Path,
+        sources: &'c Sources,
+        registry: &'c Registry,
+        machine: &'c Machine,
+    ) -> Self {
+        Self { file, sources, registry, machine, siblings: Siblings::default() }
+    }
 }
 
 /// A component as far as it is resolved.
@@ -69,7 +84,7 @@ impl Draft<'_, '_> {
     /// Its kind or its program, for messages.
     fn what(&self) -> String {
         match &self.program {
-            Some(Program::Builtin { kind }) => format!("`{kind}`"),
+            Some(Program::Builtin { kind } | Program::Sibling { kind, .. }) => format!("`{kind}`"),
             Some(Program::Exec { path }) => format!("`{}`", path.display()),
             None => format!("component `{}`", self.name),
         }

@@ -84,6 +84,7 @@ fn safe_within(plan: &Plan) -> String {
 fn program(component: &ComponentPlan) -> String {
     match &component.program {
         Program::Builtin { kind } => kind.clone(),
+        Program::Sibling { kind, path } => format!("{kind}\n{}", path.display()),
         Program::Exec { path } => path.display().to_string(),
     }
 }
