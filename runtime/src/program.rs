@@ -3,6 +3,7 @@
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
 
+use crate::declare::Declare;
 use crate::plan;
 use crate::run_folder::RunFolder;
 use crate::worker::{
@@ -146,10 +147,11 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
         return ExitCode::from(2);
     };
     let config = ConfigSource::Json(request.config);
-    let declared = match request.robots.is_empty() {
-        true => kind.declare(config, request.robot),
-        false => kind.declare_for(config, request.robots),
+    let declare = match request.robots.is_empty() {
+        true => Declare::new(request.robot),
+        false => Declare::of_robots(request.robots),
     };
+    let declared = kind.declare_in(config, declare.placed(request.placement));
     let (declaration, error) = match declared {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
 use motorium::launcher::{Exit, Report};
+use motorium::region::Refusal;
 use rustix::process::Signal;
 
 fn assert_goals_reached(report: &Report) {
@@ -216,4 +217,27 @@ fn tools_look_at_a_running_graph_without_disturbing_it() {
     let ended = run.finish();
     assert_eq!(ended.report().exit, Exit::Finished);
     assert!(ended.report().components.iter().all(|component| component.restarts == 0));
+}
+
+#[test]
+fn commands_of_a_sensor_with_a_long_latency_are_refused_by_their_source_unless_the_graph_allows_it() {
+    let _machine = machine();
+    let stale = |report: &Report| -> u64 {
+        let gate = report.components.iter().find_map(|component| component.gate.as_ref()).expect("a gate");
+        gate.refused.iter().filter(|refused| refused.reason == Refusal::StaleSource).map(|r| r.count).sum()
+    };
+    // commands are made from the newest reading, whether or not there is a new target
+    let trigger = "controller.trigger=panda/joint_state";
+    let latency = ["--for", "500 ms", "--set", "encoder.config.latency=30 ms", "--set", trigger];
+    let allowed = [&latency[..], &["--set", "safety.source_stale_after=45 ms"]].concat();
+    let ended = run(&panda_reach(), &[&latency[..], &["--clock", "lockstep"]].concat());
+    assert!(stale(ended.report()) > 400, "{:?}", ended.report().components);
+    let ended = run(&panda_reach(), &[&allowed[..], &["--clock", "lockstep"]].concat());
+    assert_eq!(stale(ended.report()), 0);
+    for more in [&["--clock", "lockstep"][..], &[]] {
+        let ended = run(&panda_reach(), &[&allowed[..], more].concat());
+        let latency = &ended.report().latencies[0];
+        assert!(latency.count > 100 && latency.missed == latency.count, "{latency:?}");
+        assert!(latency.latency_ns.p50 >= 29_000_000, "{latency:?}");
+    }
 }

@@ -8,12 +8,12 @@ use motorium::prelude::*;
 
 use motorium_robots::RobotSource;
 
-use crate::encoder::{EncoderModel, EncoderSettings};
+use crate::encoder::{EncoderModel, EncoderSettings, StateTimes};
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
 /// It samples each joint state once, at the tick at which it first sees it, and publishes each reading once, at the
-/// first tick at which its latency is over. When the joint state stops coming, so do the readings. A velocity is
+/// first tick at which its latency is over, with the source time of the state that it was taken from. When the joint state stops coming, so do the readings. A velocity is
 /// differentiated by the run's time of the state, which does not jitter with the time of its publication.
 #[derive(Debug)]
 pub struct JointEncoder {
@@ -39,8 +39,16 @@ impl Component for JointEncoder {
             ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        // the period is not known yet: one that allows any latency
-        build(config, joints(robot)?, 0, config.latency.into())?;
+        // without a known period, one that allows any latency
+        let period = declare.period().unwrap_or(config.latency.into());
+        build(config, joints(robot)?, 0, period)?;
+        if config.latency.ns > 0 && Duration::from(config.latency) < period {
+            let period = TimeSpan { ns: period.as_nanos() as u64 };
+            declare
+                .warn(format!("a latency of {} is shorter than the period", config.latency))
+                .at("latency")
+                .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
+        }
         declare.input::<JointState>("joint_state", "true joint state");
         declare.output::<JointState>("measured", "measured joint state");
         Ok(())
@@ -70,7 +78,7 @@ impl Component for JointEncoder {
                 self.model
                     .sample_state(
                         tick.time_ns,
-                        state.time_ns(),
+                        StateTimes { state: state.time_ns(), source: stamp.source_time },
                         state.position(),
                         state.velocity(),
                         state.effort(),
@@ -90,7 +98,8 @@ impl Component for JointEncoder {
         measured.position_mut().copy_from_slice(reading.position);
         measured.velocity_mut().copy_from_slice(reading.velocity);
         measured.effort_mut().copy_from_slice(reading.effort);
-        measured.publish()?;
+        // A reading is as old as the state that it was taken from, with its latency.
+        measured.publish_from(reading.source)?;
         self.published += 1;
         Ok(())
     }

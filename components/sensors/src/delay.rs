@@ -10,6 +10,8 @@ pub struct DelayLine {
     width: usize,
     /// Ring of frames, oldest first from `head`; the oldest is the one that was last read, once one was.
     times: Vec<u64>,
+    /// What the owner of each frame noted with it.
+    notes: Vec<u64>,
     values: Vec<f64>,
     head: usize,
     count: usize,
@@ -28,6 +30,7 @@ impl DelayLine {
             latency: latency_ns,
             width,
             times: vec![0; capacity],
+            notes: vec![0; capacity],
             values: vec![0.0; capacity * width],
             head: 0,
             count: 0,
@@ -53,6 +56,11 @@ impl DelayLine {
     /// Takes in the frame of a time and returns the place to write it to. A time before that of the last frame means
     /// that the clock began anew, and empties the line.
     pub fn push(&mut self, time: u64) -> &mut [f64] {
+        self.push_noted(time, 0)
+    }
+
+    /// As [`push`](Self::push), with a number that [`read_noted`](Self::read_noted) gives back, such as another time of the frame.
+    pub fn push_noted(&mut self, time: u64, note: u64) -> &mut [f64] {
         if self.count > 0 && time < self.times[self.slot(self.count - 1)] {
             self.clear();
         }
@@ -63,11 +71,17 @@ impl DelayLine {
         let slot = self.slot(self.count);
         self.count += 1;
         self.times[slot] = time;
+        self.notes[slot] = note;
         &mut self.values[slot * self.width..(slot + 1) * self.width]
     }
 
     /// The newest frame that is due at a time, with the time it was taken. Stays readable until the next one is due.
     pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
+        self.read_noted(now).map(|(time, _, values)| (time, values))
+    }
+
+    /// As [`read`](Self::read), with the number that was noted with the frame; 0 if it was pushed without one.
+    pub fn read_noted(&mut self, now: u64) -> Option<(u64, u64, &[f64])> {
         while self.count > 1 && self.is_due(1, now) {
             self.drop_oldest();
         }
@@ -75,7 +89,7 @@ impl DelayLine {
             return None;
         }
         let slot = self.slot(0);
-        Some((self.times[slot], &self.values[slot * self.width..(slot + 1) * self.width]))
+        Some((self.times[slot], self.notes[slot], &self.values[slot * self.width..(slot + 1) * self.width]))
     }
 
     fn is_due(&self, index: usize, now: u64) -> bool {

@@ -9,12 +9,14 @@
 //! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such
 //!   as `physics.rapier`.
 
+mod clock;
 mod error;
 mod helper;
 mod setup;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::transport::Parameter;
+pub use clock::RunClock;
 pub use error::ConfigureError;
 pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
@@ -29,8 +31,8 @@ use std::time::Duration;
 /// use motorium::component::Tick;
 /// use std::time::Duration;
 ///
-/// let tick = Tick { index: 3, time_ns: 3_000_000, period: Duration::from_millis(1), episode: 0 };
-/// assert_eq!((tick.dt(), tick.time()), (0.001, 0.003));
+/// let tick = Tick::periodic(3, Duration::from_millis(1));
+/// assert_eq!((tick.dt(), tick.time(), tick.deadline_ns), (0.001, 0.003, 4_000_000));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
@@ -39,6 +41,10 @@ pub struct Tick {
     /// Nanoseconds since the run, or its present episode, began for which the step computes: the scheduled release of a time-triggered
     /// component, the publish time of the sample that woke a triggered one, the arrival of the event that released a sporadic one.
     pub time_ns: u64,
+    /// Deadline of the step, ns on the clock of `time_ns`: a period after it, when the next step of a time-triggered
+    /// component is due. In lockstep it is the same number, and no step is ever late: time stands still while a component
+    /// steps. [`RunClock::left_ns`] says how much of the time is left.
+    pub deadline_ns: u64,
     /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
     /// component at the head of its chain; for one that events release its `min_interval`.
     pub period: Duration,
@@ -64,6 +70,13 @@ pub struct Episode {
 }
 
 impl Tick {
+    /// The step of this number of a time-triggered component, in the first episode: for tests of components.
+    pub fn periodic(index: u64, period: Duration) -> Self {
+        let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
+        let time_ns = index.saturating_mul(period_ns);
+        Self { index, time_ns, deadline_ns: time_ns.saturating_add(period_ns), period, episode: 0 }
+    }
+
     /// Nominal time between two steps, s.
     pub fn dt(&self) -> f64 {
         self.period.as_secs_f64()
@@ -130,6 +143,10 @@ pub trait Component: Sized + 'static {
     type Config: serde::de::DeserializeOwned + schemars::JsonSchema;
 
     /// Declares ports and parameters, and checks the configuration as far as that is possible without running.
+    ///
+    /// It is cheap: `motorium check`, editors and every start call it, and wait for it. Reading the model of a robot or
+    /// the header of a file is fine; fitting, training or planning belongs into [`configure`](Self::configure).
+    /// `motorium check` measures it, and warns of one that takes longer than 100 ms.
     ///
     /// # Errors
     /// The configuration cannot work: the graph is refused before anything starts.

@@ -1,12 +1,13 @@
 //! The set-up of a component: its ports, its parameters, its place in the graph.
 
 use std::os::fd::OwnedFd;
+use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::{ConfigureError, Helpers};
+use super::{ConfigureError, Helpers, RunClock};
 use crate::declare::{RobotReference, TopicPattern};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
 use crate::region::CHECKPOINT_BYTES;
@@ -135,6 +136,17 @@ impl Setup {
     /// Nominal time between two steps.
     pub fn period(&self) -> Duration {
         Duration::from_nanos(self.component().period_ns())
+    }
+
+    /// The clock of the run.
+    pub fn clock(&self) -> RunClock {
+        RunClock::new(self.context.clone())
+    }
+
+    /// The folder in which relative paths of the `config` table start, as
+    /// [`Declare::folder`](crate::declare::Declare::folder) gave it.
+    pub fn folder(&self) -> &Path {
+        &self.component().folder
     }
 
     /// The component's own seed, derived from the run's seed and its name.

@@ -1,188 +1,16 @@
 //! The declaration of a component: its ports, its parameters, its needs.
 
 use core::cell::Cell;
+use std::path::Path;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::RobotReference;
+use super::{
+    ClockKind, DeclareWarning, Direction, ParameterDeclaration, ParameterValue, Placement, PortDeclaration,
+    RobotReference, TopicPattern,
+};
 use crate::state::{StateBuffer, TypeLayout};
-
-/// The direction of a port.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Direction {
-    /// Reads.
-    Input,
-    /// Writes.
-    Output,
-}
-
-/// The pattern by which a topic carries its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TopicPattern {
-    /// State: the newest value; older ones are gone.
-    State,
-    /// Stream: a queue for each reader; samples that do not fit are dropped, oldest first, and counted.
-    Stream {
-        /// Samples a reader may lag behind before it loses the oldest.
-        capacity: usize,
-    },
-    /// A queue of this many slices per reader, each of another length.
-    Slices {
-        /// Slices a reader may lag behind before it loses the oldest.
-        capacity: usize,
-        /// Elements of the longest slice. An input declares 0: its topic's writer says it.
-        longest: usize,
-    },
-}
-
-impl TopicPattern {
-    /// Samples or slices in a queue; `None` for a state, which has none.
-    pub fn capacity(self) -> Option<usize> {
-        match self {
-            Self::State => None,
-            Self::Stream { capacity } | Self::Slices { capacity, .. } => Some(capacity),
-        }
-    }
-}
-
-/// A declared port.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PortDeclaration {
-    /// Name of the port in the component's `subscribe` or `publish` table.
-    pub name: String,
-    /// Reads or writes.
-    pub direction: Direction,
-    /// State or stream.
-    pub pattern: TopicPattern,
-    /// Layout of its samples.
-    pub layout: TypeLayout,
-    /// True if the graph must wire it.
-    pub required: bool,
-    /// One line of explanation.
-    pub doc: String,
-}
-
-/// The type of a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ParameterKind {
-    /// A 64-bit float.
-    Float,
-    /// A 64-bit signed integer.
-    Integer,
-    /// True or false.
-    Boolean,
-}
-
-/// The value of a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(untagged)]
-pub enum ParameterValue {
-    /// True or false.
-    Boolean(bool),
-    /// A 64-bit signed integer.
-    Integer(i64),
-    /// A 64-bit float.
-    Float(f64),
-}
-
-impl ParameterValue {
-    /// The kind of this value.
-    pub fn kind(&self) -> ParameterKind {
-        match self {
-            Self::Boolean(_) => ParameterKind::Boolean,
-            Self::Integer(_) => ParameterKind::Integer,
-            Self::Float(_) => ParameterKind::Float,
-        }
-    }
-}
-
-impl From<f64> for ParameterValue {
-    fn from(value: f64) -> Self {
-        Self::Float(value)
-    }
-}
-
-impl From<i64> for ParameterValue {
-    fn from(value: i64) -> Self {
-        Self::Integer(value)
-    }
-}
-
-impl From<bool> for ParameterValue {
-    fn from(value: bool) -> Self {
-        Self::Boolean(value)
-    }
-}
-
-impl core::fmt::Display for ParameterValue {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Boolean(value) => write!(f, "{value}"),
-            Self::Integer(value) => write!(f, "{value}"),
-            Self::Float(value) => write!(f, "{value}"),
-        }
-    }
-}
-
-/// A declared parameter: a value that may change while the component runs, applied between two steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct ParameterDeclaration {
-    /// Name of the parameter, unique in its component.
-    pub name: String,
-    /// Value unless the graph file sets another.
-    pub default: ParameterValue,
-    /// Smallest value allowed.
-    pub min: Option<f64>,
-    /// Largest value allowed.
-    pub max: Option<f64>,
-    /// Unit, or empty.
-    pub unit: String,
-    /// One line of explanation.
-    pub doc: String,
-}
-
-impl ParameterDeclaration {
-    /// Checks a value against type and range; an integer is accepted for a float.
-    ///
-    /// # Errors
-    /// A text with the value found and the values expected.
-    pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
-        let value = match (self.default.kind(), value) {
-            (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
-            (_, value) => value,
-        };
-        if value.kind() != self.default.kind() {
-            return Err(format!(
-                "parameter `{}` is {value}, expected {}",
-                self.name,
-                match self.default.kind() {
-                    ParameterKind::Float => "a number",
-                    ParameterKind::Integer => "a whole number",
-                    ParameterKind::Boolean => "true or false",
-                }
-            ));
-        }
-        let number = match value {
-            ParameterValue::Float(x) => x,
-            ParameterValue::Integer(i) => i as f64,
-            ParameterValue::Boolean(_) => return Ok(value),
-        };
-        let (low, high) = (self.min.unwrap_or(f64::NEG_INFINITY), self.max.unwrap_or(f64::INFINITY));
-        if !number.is_finite() || number < low || number > high {
-            let range = match (self.min, self.max) {
-                (Some(low), Some(high)) => format!("from {low} to {high}"),
-                (Some(low), None) => format!("at least {low}"),
-                (None, Some(high)) => format!("at most {high}"),
-                (None, None) => "a finite number".to_string(),
-            };
-            return Err(format!("parameter `{}` is {value}, expected {range}", self.name));
-        }
-        Ok(value)
-    }
-}
 
 /// Everything a component declares.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -202,6 +30,9 @@ pub struct Declaration {
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
+    /// What works, and is probably not meant.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<DeclareWarning>,
 }
 
 /// The receiver of a component's declarations.
@@ -223,6 +54,7 @@ pub struct Declare {
     pub(crate) declaration: Declaration,
     robot: Option<RobotReference>,
     robots: Vec<RobotReference>,
+    placement: Placement,
     /// The component asked for them: it can work on several.
     takes_several: Cell<bool>,
 }
@@ -234,6 +66,7 @@ impl Declare {
             declaration: Declaration::default(),
             robot,
             robots: Vec::new(),
+            placement: Placement::default(),
             takes_several: Cell::new(false),
         }
     }
@@ -241,6 +74,51 @@ impl Declare {
     /// An empty declaration for a component that works on several robots.
     pub fn of_robots(robots: Vec<RobotReference>) -> Self {
         Self { robots, ..Self::new(None) }
+    }
+
+    /// Places the component in a graph.
+    #[must_use]
+    pub fn placed(self, placement: Placement) -> Self {
+        Self { placement, ..self }
+    }
+
+    /// Nominal time between two steps, as [`Setup::period`](crate::component::Setup::period) gives it later. `None` if
+    /// the graph file has a mistake in its rates and triggers, which is reported by itself, and outside of a graph.
+    pub fn period(&self) -> Option<Duration> {
+        self.placement.period
+    }
+
+    /// The clock of the graph: real time or lockstep.
+    pub fn clock(&self) -> ClockKind {
+        self.placement.clock
+    }
+
+    /// The folder in which relative paths of the `config` table start: that of the graph file, or of the file of several
+    /// in which the component stands. [`Setup::folder`](crate::component::Setup::folder) is the same.
+    pub fn folder(&self) -> &Path {
+        &self.placement.folder
+    }
+
+    /// Warns of something in the configuration that works, and is probably not meant. `motorium check` and `run` print
+    /// it with the place in the graph file: the component, or the key that [`DeclareWarning::at`] names.
+    ///
+    /// ```
+    /// use motorium::prelude::*;
+    ///
+    /// fn check_latency(latency: TimeSpan, declare: &mut Declare) {
+    ///     if let Some(period) = declare.period() && period > latency.into() {
+    ///         declare
+    ///             .warn(format!("a latency of {latency}, less than a period of the component"))
+    ///             .at("latency")
+    ///             .advise("raise its rate");
+    ///     }
+    /// }
+    /// ```
+    pub fn warn(&mut self, message: impl Into<String>) -> &mut DeclareWarning {
+        let warnings = &mut self.declaration.warnings;
+        warnings.push(DeclareWarning::new(message));
+        let last = warnings.len() - 1;
+        &mut warnings[last]
     }
 
     /// The collected declaration.

@@ -70,6 +70,14 @@ pub enum StepError {
         /// The transport's reason.
         reason: &'static str,
     },
+    /// A source time given for an output lies in the future; the sample was not published.
+    #[error("output `{port}`: its source time is {ahead_ns} ns in the future")]
+    SourceInFuture {
+        /// The port.
+        port: &'static str,
+        /// Distance from the present, ns.
+        ahead_ns: u64,
+    },
     /// Any other failure, with the component's message.
     #[error("{0}")]
     Failed(Cow<'static, str>),

@@ -2,11 +2,16 @@
 
 mod declaration;
 mod error;
+mod parameter;
+mod placement;
+mod port;
 mod robot;
+mod warning;
 
-pub use declaration::{
-    Declaration, Declare, Direction, ParameterDeclaration, ParameterKind, ParameterValue, PortDeclaration,
-    TopicPattern,
-};
+pub use declaration::{Declaration, Declare};
 pub use error::{ConfigError, StepError};
+pub use parameter::{ParameterDeclaration, ParameterKind, ParameterValue};
+pub use placement::{ClockKind, Placement};
+pub use port::{Direction, PortDeclaration, TopicPattern};
 pub use robot::{BasePose, RobotReference};
+pub use warning::DeclareWarning;

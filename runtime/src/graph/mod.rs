@@ -49,7 +49,22 @@ pub struct Checked {
     pub plan: Plan,
     /// Findings that are allowed but probably not meant.
     pub warnings: Vec<Diagnostic>,
+    /// Time that each component took to declare itself, in the order of the file.
+    pub declared: Vec<DeclareTime>,
 }
+
+/// The time that a component took to declare itself.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct DeclareTime {
+    /// The component.
+    pub component: String,
+    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with its start and
+    /// its end.
+    pub wall_ns: u64,
+}
+
+/// The longest time that a component may take to declare itself before `motorium check` warns of it, ns.
+pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Reads a graph file, puts `overrides` in place and checks everything that can be checked before anything starts, for
 /// the machine this runs on.
@@ -132,7 +147,7 @@ fn check_layers(
     let texts = parse::Texts::new(&sources, overrides);
     let plan = texts.parse(&mut report).and_then(|graph| resolve::resolve(&graph, &context, &mut report));
     match plan {
-        Some(plan) => Ok(Checked { plan, warnings: report.into_diagnostics() }),
+        Some((plan, declared)) => Ok(Checked { plan, warnings: report.into_diagnostics(), declared }),
         None => Err(GraphError::new(report.into_diagnostics())),
     }
 }

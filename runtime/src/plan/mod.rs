@@ -10,21 +10,12 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::declare::ClockKind;
 use crate::declare::{ParameterDeclaration, ParameterValue, RobotReference, TopicPattern};
 use crate::state::{Digest, TypeLayout};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
-
-/// The clock of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ClockKind {
-    /// The machine's monotonic clock: components step at absolute times.
-    Realtime,
-    /// Simulated time, tick by tick in a fixed order, as fast as the machine allows.
-    Lockstep,
-}
 
 /// A graph, resolved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -261,6 +252,9 @@ pub struct ComponentPlan {
     pub parameters: Vec<ParameterPlan>,
     /// The `config` table.
     pub config: serde_json::Value,
+    /// Folder in which relative paths of the `config` table start.
+    #[serde(default)]
+    pub folder: PathBuf,
     /// The robot it works on.
     pub robot: Option<RobotReference>,
     /// The robots it works on, where the graph gives it several by `robots`.

@@ -1,10 +1,7 @@
 //! The age of a command: by its publication and by its measurement, on a clock that counts suspend.
 
 use crate::region::Refusal;
-use crate::state::Stamp;
-
-/// A stamp may lie this far ahead of the clock, ns: two cores read the clock at slightly different times.
-pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
+use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
 /// A difference of the two clocks beyond which the machine was suspended, ns.
 const SUSPENDED_NS: u64 = 1_000_000;

@@ -27,7 +27,7 @@ mod states;
 #[cfg(test)]
 mod tests;
 
-pub use freshness::{Age, FUTURE_TOLERANCE_NS, Freshness, SuspendClock};
+pub use freshness::{Age, Freshness, SuspendClock};
 pub use gate::{Account, Gate, GateSettings, Measured, Offer, Verdict};
 pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
 pub use port::CommandGate;

@@ -35,7 +35,7 @@ pub use motion::{BaseState, ImuSample, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
 pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
-pub use stamp::Stamp;
+pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 
 #[doc(hidden)]
 pub use iceoryx2::prelude::ZeroCopySend as __ZeroCopySend;

@@ -3,6 +3,9 @@
 #[cfg(doc)]
 use super::StateBuffer;
 
+/// A stamp may lie this far ahead of the clock, ns: two cores read the clock at slightly different times.
+pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
+
 crate::state_buffer! {
     /// The header of a sample: its number, its times and its publisher. The user header of every [`StateBuffer`]
     /// sample.
@@ -11,8 +14,9 @@ crate::state_buffer! {
     pub struct Stamp as "motorium.Stamp" {
         /// Number of the sample among those of its publisher, from 1; 0 is never published.
         pub sequence: u64,
-        /// Time of publication of the sample at the head of the chain: a sample made from an input has the
-        /// input's source time, so `publish_time - source_time` is the latency of the whole chain so far.
+        /// Time of publication of the sample at the head of the chain, or the time that its component gave with
+        /// [`Loan::publish_from`](crate::transport::Loan::publish_from): a sample made from an input has the input's
+        /// source time, so `publish_time - source_time` is the latency of the whole chain so far.
         pub source_time: u64,
         /// Time of publication of this sample.
         pub publish_time: u64,

@@ -18,6 +18,7 @@ mod output;
 mod parameter;
 mod raw_input;
 mod raw_output;
+mod stamping;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]

@@ -12,6 +12,7 @@ use iceoryx2::node::Node;
 
 use super::context::AfterStep;
 use super::latest::{StateWriter, TopicMemory};
+use super::stamping::{source_time, stamp};
 use super::stream::{Lent, StreamWriter};
 use super::topic::{refused, same_layout};
 use super::{Context, PortError, Shared};
@@ -233,6 +234,36 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that does not fit: it is then
     /// not published, and its readers keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
+        self.finish(None)
+    }
+
+    /// As [`publish`](Self::publish), with the source time of the value: the time at which it was measured, received or
+    /// recorded, ns on the clock of [`Stamp`]s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
+    ///
+    /// It stands in the place of the source time of the step's input, and of the time of publication in a step without
+    /// one. End-to-end latencies count from it, and a [`CommandGate`](crate::safety::CommandGate) refuses a command whose
+    /// source is too old. A source time up to 1 ms after the present becomes the present.
+    ///
+    /// ```
+    /// # use motorium::component::RunClock;
+    /// # use motorium::prelude::*;
+    /// /// Publishes a wrench that the sensor took two milliseconds before the step.
+    /// fn publish(output: &mut Output<Wrench>, clock: &RunClock, tick: &Tick, wrench: &Wrench) -> Result<(), StepError> {
+    ///     let mut loan = output.loan()?;
+    ///     *loan = *wrench;
+    ///     loan.publish_from(clock.stamp_ns(tick.time_ns.saturating_sub(2_000_000)))
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than that: the value is
+    /// not published, and counted as refused.
+    pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
+        self.finish(Some(source_ns))
+    }
+
+    #[inline(always)]
+    fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
         if let Err(defect) = self.check() {
             add(&self.output.context.block().refused, 1);
             return Err(StepError::InvalidOutput { port: self.output.port, defect });
@@ -245,11 +276,13 @@ impl<T: StateBuffer> Loan<'_, T> {
             add(&context.block().refused, 1);
             return Ok(());
         }
+        let source = source_time(context, source_ns, now)
+            .map_err(|ahead_ns| StepError::SourceInFuture { port: output.port, ahead_ns })?;
         let sequence = match &output.sink {
             Sink::State(state) => state.number(),
             Sink::Unwired(_) | Sink::Stream(_) => wired.next_number(),
         };
-        let stamp = stamp(context, sequence, now);
+        let stamp = stamp(context, sequence, now, source);
         if context.clock().is_lockstep() {
             // SAFETY: as in `deref`.
             wired.digest(context, stamp, |digest| unsafe { value.as_ref() }.digest(digest));
@@ -270,18 +303,6 @@ impl<T: StateBuffer> Loan<'_, T> {
         }
         wired.announce(context, stamp);
         Ok(())
-    }
-}
-
-/// The stamp of a publication of this step.
-pub(super) fn stamp(context: &Context, sequence: u64, now: u64) -> Stamp {
-    Stamp {
-        sequence,
-        source_time: context.causality().source_time_or(now),
-        publish_time: now,
-        state_time: context.causality().state_time_or(context.clock().step_ns()),
-        publisher: context.index() as u32,
-        restart_count: context.restart_count(),
     }
 }
 

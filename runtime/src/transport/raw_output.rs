@@ -7,7 +7,8 @@ use std::rc::Rc;
 use iceoryx2::node::Node;
 
 use super::latest::{StateWriter, TopicMemory};
-use super::output::{Wired, stamp};
+use super::output::Wired;
+use super::stamping::{source_time, stamp};
 use super::topic::{fits, refused};
 use super::{Context, PortError, Probe, Shared};
 use crate::declare::TopicPattern;
@@ -36,6 +37,12 @@ pub enum RawError {
     /// The step is past its deadline, and the component's `on_overrun` is `hold`.
     #[error("the step is past its deadline")]
     Late,
+    /// The given source time lies in the future.
+    #[error("its source time is {ahead_ns} ns in the future")]
+    SourceInFuture {
+        /// Distance from the present, ns.
+        ahead_ns: u64,
+    },
 }
 
 impl RawOutput {
@@ -98,20 +105,20 @@ impl RawOutput {
     /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than
     /// the type, or comes too late.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
-        self.publish_value(bytes, None)
+        self.finish(bytes, None)
     }
 
-    /// As [`publish`](Self::publish), of a value that was measured at `source_time_ns` on `CLOCK_MONOTONIC`, such as the time
-    /// at which it was received. A time in the future counts as the present. In lockstep, where times are simulated, it is
-    /// not looked at.
+    /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
+    /// [`Loan::publish_from`](super::Loan::publish_from).
     ///
     /// # Errors
-    /// As `publish`.
-    pub fn publish_from(&mut self, bytes: &[u8], source_time_ns: u64) -> Result<(), RawError> {
-        self.publish_value(bytes, Some(source_time_ns))
+    /// As [`publish`](Self::publish); and the source time is in the future by more than 1 ms.
+    pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), RawError> {
+        self.finish(bytes, Some(source_ns))
     }
 
-    fn publish_value(&mut self, bytes: &[u8], source_time_ns: Option<u64>) -> Result<(), RawError> {
+    #[inline(always)]
+    fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
         let context = &*self.context;
         if let Err(defect) = self.check.check(bytes) {
             add(&context.block().refused, 1);
@@ -123,12 +130,11 @@ impl RawOutput {
             add(&context.block().refused, 1);
             return Err(RawError::Late);
         }
+        let source =
+            source_time(context, source_ns, now).map_err(|ahead_ns| RawError::SourceInFuture { ahead_ns })?;
         // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
-        let mut stamp = stamp(context, state.number(), now);
-        if let Some(source_time) = source_time_ns.filter(|_| !context.clock().is_lockstep()) {
-            stamp.source_time = source_time.min(now);
-        }
+        let stamp = stamp(context, state.number(), now, source);
         if context.clock().is_lockstep() {
             wired.digest(context, stamp, |digest| self.check.digest(bytes, digest));
         }

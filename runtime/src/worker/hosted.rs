@@ -64,7 +64,7 @@ impl<C: Component> Hosted for Open<C> {
     }
 
     fn step(&mut self, time_ns: u64, began_ns: u64) -> Result<u64, Failure> {
-        self.stepper.step(Timing::lockstep(time_ns))?;
+        self.stepper.step(Timing::lockstep(time_ns, self.stepper.period_ns()))?;
         let ended_ns = os::monotonic_ns();
         self.stepper.account_inline(ended_ns.saturating_sub(began_ns));
         Ok(ended_ns)

@@ -33,7 +33,7 @@ pub(super) fn run<C: Component>(stepper: &mut Stepper<C>, ports: &[Rc<dyn Connec
         } else {
             let time_ns = block.tick_time_ns.load(Acquire);
             let began = monotonic_ns();
-            stepper.step(Timing::lockstep(time_ns))?;
+            stepper.step(Timing::lockstep(time_ns, stepper.period_ns()))?;
             stepper.account_lockstep(monotonic_ns() - began);
         }
         let block = stepper.context().block();

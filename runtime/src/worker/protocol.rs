@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Kind;
-use crate::declare::{ConfigError, Declaration, RobotReference};
+use crate::declare::{ConfigError, Declaration, Placement, RobotReference};
 
 /// First argument of a program that is to describe its component.
 pub const DESCRIBE: &str = "motorium-describe";
@@ -31,6 +31,9 @@ pub struct DescribeRequest {
     /// The robots that the graph gives it by `robots`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
+    /// Its place in the graph.
+    #[serde(default)]
+    pub placement: Placement,
 }
 
 /// The description of a component: JSON on standard output.

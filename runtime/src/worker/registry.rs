@@ -66,19 +66,19 @@ impl Kind {
         config: ConfigSource<'_>,
         robot: Option<RobotReference>,
     ) -> Result<Declaration, ConfigProblem> {
-        (self.declare)(config, Declare::new(robot))
+        self.declare_in(config, Declare::new(robot))
     }
 
-    /// As [`declare`](Self::declare), for several robots.
+    /// As [`declare`](Self::declare), into a declaration that has its robots and its place in the graph already.
     ///
     /// # Errors
     /// The configuration cannot work, or a component of this kind works on one robot at most.
-    pub fn declare_for(
+    pub fn declare_in(
         &self,
         config: ConfigSource<'_>,
-        robots: Vec<RobotReference>,
+        declare: Declare,
     ) -> Result<Declaration, ConfigProblem> {
-        (self.declare)(config, Declare::of_robots(robots))
+        (self.declare)(config, declare)
     }
 
     /// The JSON Schema (draft 7) of the `config` table by itself, and the definitions to which it refers.

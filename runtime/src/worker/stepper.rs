@@ -58,8 +58,9 @@ pub(super) struct Timing {
 
 impl Timing {
     /// A step in lockstep: it takes no simulated time.
-    pub(super) fn lockstep(time_ns: u64) -> Self {
-        Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns: u64::MAX, behind: false }
+    pub(super) fn lockstep(time_ns: u64, period_ns: u64) -> Self {
+        let deadline_ns = time_ns.saturating_add(period_ns);
+        Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns, behind: false }
     }
 }
 
@@ -109,9 +110,11 @@ impl<C: Component> Stepper<C> {
         let context = &*self.context;
         let block = context.block();
         let steps = block.steps.load(Relaxed);
+        let start_ns = context.clock().start_ns();
         let tick = Tick {
             index: steps - self.first,
-            time_ns: timing.release_ns.saturating_sub(context.clock().start_ns()),
+            time_ns: timing.release_ns.saturating_sub(start_ns),
+            deadline_ns: timing.deadline_ns.saturating_sub(start_ns),
             period: self.period,
             episode: context.episode(),
         };

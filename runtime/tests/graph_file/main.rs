@@ -1,5 +1,6 @@
 //! The graph file: what a good one becomes, and what each mistake is answered with.
 
+mod declared;
 mod files;
 mod keys;
 mod kinds;

@@ -48,6 +48,7 @@ fn an_override_is_as_good_as_an_edit() {
     // only the place of the file differs
     for plan in [&mut edited, &mut set] {
         plan.file = "graph.toml".into();
+        plan.components.iter_mut().for_each(|component| component.folder = "".into());
         plan.components.iter_mut().filter_map(|component| component.robot.as_mut()).for_each(|robot| {
             robot.base = "".into();
         });

@@ -53,6 +53,27 @@ fn declaration(ports: &[&str]) -> String {
 }
 
 #[test]
+fn a_program_is_told_its_period_its_clock_and_its_folder_and_its_warnings_are_shown() {
+    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = folder.path().join("my-component");
+    let mut answer: serde_json::Value = serde_json::from_str(&declaration(&["out"])).expect("JSON");
+    answer["declaration"]["warnings"] = serde_json::json!([{ "key": "gain", "message": "a large gain" }]);
+    let script = format!("#!/bin/sh\ncat > {}/request\necho '{answer}'\n", folder.path().display());
+    std::fs::write(&program, script).expect("a script");
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("a program");
+    check_graph(folder.path(), "my-component").expect("a good graph");
+    let request = std::fs::read_to_string(folder.path().join("request")).expect("the request");
+    let placement = &serde_json::from_str::<serde_json::Value>(&request).expect("JSON")["placement"];
+    assert_eq!(placement["period"], serde_json::json!({ "secs": 0, "nanos": 100_000_000 }));
+    assert_eq!(placement["clock"], "realtime");
+    assert_eq!(placement["folder"], folder.path().to_str().expect("a path of text"));
+    let warnings = load(&folder.path().join("graph.toml")).expect("a good graph").warnings;
+    let text: String = warnings.iter().map(|warning| warning.render(false)).collect();
+    assert!(text.contains("`mine.config.gain`: a large gain"), "{text}");
+}
+
+#[test]
 fn a_program_that_answers_is_a_component() {
     let answer = declaration(&["out"]);
     assert_eq!(check(&format!("cat > /dev/null; echo '{answer}'")), Ok(vec!["out".to_string()]));

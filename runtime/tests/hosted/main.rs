@@ -3,6 +3,7 @@
 mod episodes;
 mod example;
 mod kit;
+mod stamps;
 mod time;
 
 // the example of a component, which `example` includes, installs the allocator that counts

@@ -2,6 +2,7 @@
 
 mod admission;
 mod components;
+mod declared;
 mod memory;
 
 use std::path::PathBuf;
@@ -71,6 +72,7 @@ impl Check {
             let mut answer = serde_json::json!({
                 "valid": !admission.refuses(),
                 "diagnostics": diagnostics,
+                "declared": declared::of(&checked.declared),
                 "plan": plan,
                 "memory": memory::of(plan),
                 "admission": admission,
@@ -81,6 +83,7 @@ impl Check {
             }
             outln!("{}", serde_json::to_string_pretty(&answer)?);
         } else {
+            err!("{}", declared::warnings(&checked.declared));
             self.print(plan, &admission, known.origin, drawn.as_ref().filter(|_| !to_file));
         }
         Ok(if admission.refuses() { exit::invalid() } else { ExitCode::SUCCESS })

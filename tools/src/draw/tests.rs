@@ -49,6 +49,7 @@ fn component(
         robot: None,
         robots: Vec::new(),
         stop_within_ns: None,
+        folder: Default::default(),
         actuator,
         seed: 0,
         on_overrun: OnOverrun::Skip,

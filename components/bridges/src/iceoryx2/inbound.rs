@@ -1,7 +1,7 @@
 //! A topic of the graph, fed by foreign programs.
 
 use iceoryx2::node::Node;
-use motorium::component::ConfigureError;
+use motorium::component::{ConfigureError, RunClock};
 use motorium::os::monotonic_ns;
 use motorium::state::ContentDefect;
 use motorium::telemetry::set_apart;
@@ -22,8 +22,9 @@ pub(super) struct Inbound {
     max_age_ns: u64,
     /// The value taken last.
     taken: Box<[u8]>,
-    /// The newest valid value, and whether it is yet to be published.
+    /// The newest valid value, the step that took it (ns on the clock of stamps), and whether it is yet to be published.
     newest: Box<[u8]>,
+    taken_ns: u64,
     is_pending: bool,
     /// Time of the step that published last, ns since the run began.
     published_ns: Option<u64>,
@@ -60,6 +61,7 @@ impl Inbound {
             max_age_ns: config.max_age.ns,
             taken: zeros.clone(),
             newest: zeros,
+            taken_ns: 0,
             is_pending: false,
             published_ns: None,
             looked_ns: monotonic_ns(),
@@ -69,7 +71,7 @@ impl Inbound {
     }
 
     /// Takes what came since the last step, and publishes the newest valid value if it is time.
-    pub(super) fn step(&mut self, time_ns: u64, now_ns: u64) {
+    pub(super) fn step(&mut self, time_ns: u64, now_ns: u64, clock: &RunClock) {
         // A waiting value arrived after the queue was last emptied, so it is no older than that.
         let is_old = now_ns.saturating_sub(self.looked_ns) > self.max_age_ns;
         self.looked_ns = now_ns;
@@ -82,28 +84,31 @@ impl Inbound {
                 break;
             }
             self.counts.received += 1;
-            if is_old { self.counts.too_old += 1 } else { self.admit() }
+            if is_old { self.counts.too_old += 1 } else { self.admit(clock.stamp_ns(time_ns)) }
         }
         let is_time = self.published_ns.is_none_or(|last| time_ns.saturating_sub(last) >= self.period_ns);
         if is_time && core::mem::take(&mut self.is_pending) {
-            match self.output.publish(&self.newest) {
+            // A value that has waited for its turn is as old as the step that took it.
+            match self.output.publish_from(&self.newest, self.taken_ns) {
                 Ok(()) => {
                     self.counts.published += 1;
                     self.published_ns = Some(time_ns);
                 }
                 Err(RawError::Content(defect)) => self.counts.refuse(defect),
-                Err(RawError::Late) => self.counts.too_late += 1,
+                // The time of a step is never in the future.
+                Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
             }
         }
     }
 
-    /// Keeps the value taken last if it is valid.
-    fn admit(&mut self) {
+    /// Keeps the value taken last, in the step of this time, if it is valid.
+    fn admit(&mut self, taken_ns: u64) {
         if let Err(defect) = self.output.check(&self.taken) {
             self.counts.refuse(defect);
             return;
         }
         core::mem::swap(&mut self.taken, &mut self.newest);
+        self.taken_ns = taken_ns;
         if core::mem::replace(&mut self.is_pending, true) {
             self.counts.above_max_rate += 1;
         }

@@ -9,7 +9,7 @@ mod service;
 pub use config::{Iceoryx2BridgeConfig, InboundConfig};
 pub use feed::{Feed, FeedError};
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::os::monotonic_ns;
 use serde_json::{Map, Value, json};
@@ -21,10 +21,11 @@ use outbound::Outbound;
 ///
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp) as user
 /// header. An inbound topic `NAME` is fed by the service `in/NAME`, which has no user header: a value gets the bridge's
-/// own stamp.
+/// own stamp, with the step that took it from the service as source time.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,
+    clock: RunClock,
 }
 
 impl Component for Iceoryx2Bridge {
@@ -45,7 +46,7 @@ impl Component for Iceoryx2Bridge {
 
     fn configure(config: Iceoryx2BridgeConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let node = setup.domain().node().map_err(ConfigureError::failed)?;
-        let mut bridge = Self { outbound: Vec::new(), inbound: Vec::new() };
+        let mut bridge = Self { outbound: Vec::new(), inbound: Vec::new(), clock: setup.clock() };
         for port in &config.out {
             bridge.outbound.push(Outbound::new(&node, setup.raw_input(port)?)?);
         }
@@ -62,7 +63,7 @@ impl Component for Iceoryx2Bridge {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let now_ns = monotonic_ns();
-        self.inbound.iter_mut().for_each(|inbound| inbound.step(tick.time_ns, now_ns));
+        self.inbound.iter_mut().for_each(|inbound| inbound.step(tick.time_ns, now_ns, &self.clock));
         self.outbound.iter_mut().for_each(Outbound::step);
         Ok(())
     }

@@ -6,6 +6,8 @@
 mod config;
 mod socket;
 
+use motorium::component::RunClock;
+use motorium::declare::ClockKind;
 use motorium::os::{monotonic_ns, realtime_ns};
 use motorium::prelude::*;
 use motorium::state::ContentDefect;
@@ -25,6 +27,7 @@ pub struct UdpSensor {
     socket: Socket,
     senders: Vec<Sender>,
     output: RawOutput,
+    clock: RunClock,
     /// Payload of the datagram read last; a byte longer than a value.
     read: Box<[u8]>,
     /// The newest valid value of a step.
@@ -57,6 +60,10 @@ impl Component for UdpSensor {
         config.senders()?;
         declare.raw_output(VALUE, config.layout()?, "newest datagram");
         declare.wakes_on_descriptor();
+        if declare.clock() == ClockKind::Lockstep {
+            let warning = declare.warn("datagrams come in real time: no two runs in lockstep are the same");
+            warning.advise("simulate their source by a component in its place");
+        }
         Ok(())
     }
 
@@ -72,6 +79,7 @@ impl Component for UdpSensor {
             socket,
             senders: config.senders().map_err(refused)?,
             output,
+            clock: setup.clock(),
             read: vec![0; size + 1].into_boxed_slice(),
             newest: vec![0; size + 1].into_boxed_slice(),
             counts: Counts::default(),
@@ -138,14 +146,20 @@ impl UdpSensor {
     }
 
     fn publish(&mut self, datagram: &Datagram) {
+        let size = self.output.layout().size;
+        let value = &self.newest[..size];
         let (now_ns, wall_ns) = (monotonic_ns(), realtime_ns());
         // both clocks go at the same speed since: what was set on the wall clock meanwhile makes the value older, never newer
         let age_ns = datagram.received_ns.map_or(0, |received| wall_ns.saturating_sub(received));
-        let size = self.output.layout().size;
-        match self.output.publish_from(&self.newest[..size], now_ns.saturating_sub(age_ns)) {
+        let published = match self.clock.kind() {
+            ClockKind::Realtime => self.output.publish_from(value, now_ns.saturating_sub(age_ns)),
+            ClockKind::Lockstep => self.output.publish(value),
+        };
+        match published {
             Ok(()) => self.counts.published += 1,
             Err(RawError::Content(defect)) => self.counts.refuse(defect),
-            Err(RawError::Late) => self.counts.too_late += 1,
+            // a receive time is never in the future
+            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
         }
     }
 }

@@ -92,6 +92,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         declare.actuator();
         // Everything that could be refused later is refused now.
         let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
+        for warning in simulation.warnings() {
+            declare.warn(warning.to_string());
+        }
         for robot in &robots {
             declare.input::<state::JointCommand>(&robot.port("joint_command"), "commands of the drives");
             let doc = "positions, velocities and efforts after the step";

@@ -3,5 +3,5 @@
 mod model;
 mod settings;
 
-pub use model::{EncoderModel, Reading, SampleError};
+pub use model::{EncoderModel, Reading, SampleError, StateTimes};
 pub use settings::{EncoderSettings, SettingsError, VelocitySource};

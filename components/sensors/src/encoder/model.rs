@@ -36,11 +36,22 @@ enum Velocity {
     Differentiated { cutoff_hz: f64, since: Option<u64>, position: Vec<f64>, estimate: Vec<f64> },
 }
 
+/// The times of a joint state, ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StateTimes {
+    /// The time for which it is.
+    pub state: u64,
+    /// Its source time: that of its measurement, as its stamp has it.
+    pub source: u64,
+}
+
 /// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
     /// Time of the sampling, ns.
     pub sampled_at: u64,
+    /// Source time of the state that was sampled, as [`sample_state`](EncoderModel::sample_state) was given it, ns.
+    pub source: u64,
     /// Positions, rad or m.
     pub position: &'a [f64],
     /// Velocities, rad/s or m/s.
@@ -124,18 +135,18 @@ impl EncoderModel {
     /// # Errors
     /// Slices of another length than the encoder has joints; nothing is sampled then.
     pub fn sample(&mut self, time_ns: u64, q: &[f64], v: &[f64], tau: &[f64]) -> Result<(), SampleError> {
-        self.sample_state(time_ns, time_ns, q, v, tau)
+        self.sample_state(time_ns, StateTimes { state: time_ns, source: time_ns }, q, v, tau)
     }
 
-    /// As [`sample`](Self::sample), with the time (ns) that the state is for, by which a velocity is differentiated:
-    /// unlike the time of sampling it does not jitter.
+    /// As [`sample`](Self::sample), with the times of the state: that for which it is, by which a velocity is
+    /// differentiated (unlike the time of sampling it does not jitter), and its source time.
     ///
     /// # Errors
     /// As there.
     pub fn sample_state(
         &mut self,
         time_ns: u64,
-        state_ns: u64,
+        times: StateTimes,
         q: &[f64],
         v: &[f64],
         tau: &[f64],
@@ -144,7 +155,8 @@ impl EncoderModel {
         if [q.len(), v.len(), tau.len()] != [joints; 3] {
             return Err(SampleError { position: q.len(), velocity: v.len(), effort: tau.len(), joints });
         }
-        let (position, rest) = self.line.push(time_ns).split_at_mut(joints);
+        let state_ns = times.state;
+        let (position, rest) = self.line.push_noted(time_ns, times.source).split_at_mut(joints);
         let (velocity, effort) = rest.split_at_mut(joints);
         position.copy_from_slice(q);
         self.position.disturb(position);
@@ -181,10 +193,10 @@ impl EncoderModel {
     /// The newest reading that is available at a time (ns); none until the latency has passed once.
     pub fn reading(&mut self, now_ns: u64) -> Option<Reading<'_>> {
         let joints = self.joints;
-        let (sampled_at, values) = self.line.read(now_ns)?;
+        let (sampled_at, source, values) = self.line.read_noted(now_ns)?;
         let (position, rest) = values.split_at(joints);
         let (velocity, effort) = rest.split_at(joints);
-        Some(Reading { sampled_at, position, velocity, effort })
+        Some(Reading { sampled_at, source, position, velocity, effort })
     }
 
     /// Number of joints.

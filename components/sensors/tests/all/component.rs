@@ -131,3 +131,16 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
     let (_, message) = declare(serde_json::json!({}), false).unwrap_err();
     assert_eq!(message, "the component names no robot, and needs its joints");
 }
+
+#[test]
+fn a_reading_has_the_source_time_of_the_state_it_was_taken_from() {
+    let (graph, probe) = graph(truth(1000), r#"latency = "7 ms""#);
+    graph.run("100 ms").unwrap();
+    let samples = probe.samples();
+    assert_eq!(samples.len(), 93);
+    for sample in samples {
+        assert_eq!(sample.stamp.publish_time - sample.stamp.source_time, 7_000_000);
+        let tick = sample.stamp.source_time / 1_000_000;
+        assert_eq!(sample.value.position()[0], tick as f64 * 1e-3);
+    }
+}

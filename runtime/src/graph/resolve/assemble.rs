@@ -77,6 +77,7 @@ impl Parts<'_, '_> {
             cause: self.latencies.causes[index],
             parameters: self.parameters[index].clone(),
             config: draft.config.clone(),
+            folder: draft.placement.folder.clone(),
             robot: draft.robot.clone(),
             robots: draft.robots.clone(),
             actuator: declaration.actuator,

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use serde_json::Value as Json;
 use toml::Spanned;
@@ -9,17 +10,18 @@ use toml::de::{DeTable, DeValue};
 
 use super::robots::Robot;
 use super::siblings::Home;
-use super::{Context, Draft, exec, paths};
-use crate::declare::{ConfigError, Declaration, TopicPattern};
+use super::{Context, Draft, doubts, exec, paths, periods};
+use crate::declare::{Declaration, Declare, Placement, TopicPattern};
+use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
-use crate::graph::json::{find, to_json};
+use crate::graph::json::to_json;
 use crate::graph::model::{ComponentTable, GraphTable};
-use crate::graph::read::{At, Value, good};
+use crate::graph::read::{At, Value, good, good_or};
 use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
-use crate::nearest::{nearest, suggest};
+use crate::nearest::suggest;
 use crate::plan::Program;
-use crate::worker::{ConfigProblem, ConfigSource};
+use crate::worker::{ConfigProblem, ConfigSource, DescribeRequest};
 
 /// Most components of a graph: what is beyond is no robot, and would take the analysis of its times long.
 const MOST: usize = 512;
@@ -49,7 +51,8 @@ pub(super) fn resolve<'g, 'i>(
     }
     let mut used = vec![false; robots.len()];
     let mut drafts = Vec::new();
-    for (name, at) in components {
+    let clock = good_or(&graph.clock, defaults::CLOCK);
+    for ((name, at), period_ns) in components.iter().zip(periods::of(components)) {
         check_name("a component", name, &at.key, report);
         let Some(table) = at.get() else { continue };
         let mut find = |wanted: &At<String>| {
@@ -70,10 +73,20 @@ pub(super) fn resolve<'g, 'i>(
             table,
             robot: robot.flatten(),
             robots: several.unwrap_or_default(),
+            placement: Placement {
+                period: period_ns.map(Duration::from_nanos),
+                clock,
+                folder: context.sources.folder(&at.key).to_path_buf(),
+            },
             program: None,
             config: Json::Object(serde_json::Map::new()),
             declaration: None,
+            declare_ns: 0,
         };
+        if let (true, Some(robot)) = (table.kind.is_some(), draft.robot.as_ref().or(draft.robots.first())) {
+            // where its paths have been made relative to, see `paths`
+            draft.placement.folder = robot.base.clone();
+        }
         let written = config_value(&draft, graph, context, report);
         let config = to_json(&written, report);
         if let Some(config) = &config {
@@ -82,6 +95,9 @@ pub(super) fn resolve<'g, 'i>(
         let table_is_good = table.config.as_ref().is_none_or(|at| at.get().is_some());
         let ask = config.is_some() && table_is_good && robot_is_known;
         let declaration = identify(&mut draft, written, ask, context, report);
+        for warning in declaration.iter().flat_map(|declaration| &declaration.warnings) {
+            doubts::warning(&draft, warning, report);
+        }
         draft.declaration = declaration.filter(|declaration| is_sane(declaration, &draft, report));
         drafts.push(draft);
     }
@@ -207,12 +223,14 @@ fn identify(
             if !ask {
                 return None;
             }
-            let source = ConfigSource::Toml(config);
-            let declared = match draft.robots.as_slice() {
-                [] => kind.declare(source, draft.robot.clone()),
-                robots => kind.declare_for(source, robots.to_vec()),
+            let declare = match draft.robots.as_slice() {
+                [] => Declare::new(draft.robot.clone()),
+                robots => Declare::of_robots(robots.to_vec()),
             };
-            declared.map_err(|problem| config_problem(draft, &problem, report)).ok()
+            let declare = declare.placed(draft.placement.clone());
+            let declared =
+                timed(&mut draft.declare_ns, || kind.declare_in(ConfigSource::Toml(config), declare));
+            declared.map_err(|problem| doubts::problem(draft, &problem, report)).ok()
         }
         (None, Some(at)) => {
             let path = exec::find(at.get()?, context.sources.folder(&at.span))
@@ -226,16 +244,23 @@ fn identify(
 
 /// The declaration of a component by the program that hosts it.
 fn asked(
-    draft: &Draft<'_, '_>,
+    draft: &mut Draft<'_, '_>,
     path: &Path,
     kind: Option<&str>,
     span: &Span,
     report: &mut Report,
 ) -> Option<Declaration> {
-    match exec::describe(path, kind, &draft.config, (draft.robot.as_ref(), &draft.robots)) {
+    let request = DescribeRequest {
+        kind: kind.map(str::to_string),
+        config: draft.config.clone(),
+        robot: draft.robot.clone(),
+        robots: draft.robots.clone(),
+        placement: draft.placement.clone(),
+    };
+    match timed(&mut draft.declare_ns, || exec::describe(path, &request)) {
         Ok(Ok(declaration)) => Some(declaration),
         Ok(Err(error)) => {
-            config_problem(draft, &ConfigProblem { span: None, error }, report);
+            doubts::problem(draft, &ConfigProblem { span: None, error }, report);
             None
         }
         Err(problem) => {
@@ -243,6 +268,14 @@ fn asked(
             None
         }
     }
+}
+
+/// Measures the wall time of a call, ns.
+fn timed<T>(wall_ns: &mut u64, call: impl FnOnce() -> T) -> T {
+    let began = Instant::now();
+    let value = call();
+    *wall_ns = u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    value
 }
 
 /// The `config` table with its places, its paths as the component can find them, and the graph's world where the kind
@@ -279,49 +312,6 @@ fn config_value<'i>(
         }
     }
     value
-}
-
-/// Reports a configuration that a component refused.
-fn config_problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut Report) {
-    let ConfigError { key, message, advice } = &problem.error;
-    let by_key = key.as_deref().and_then(|key| place_of(key, draft));
-    let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
-    let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
-    let subject = match key.as_deref() {
-        Some(key @ ("robot" | "robots")) => format!("`{}.{key}`", draft.name),
-        Some(key) => format!("`{}.config.{key}`", draft.name),
-        None if problem.span.is_some() => format!("`{}.config`", draft.name),
-        None => format!("component `{}`", draft.name),
-    };
-    let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
-        Some(Program::Exec { .. } | Program::Sibling { .. }) => {
-            "see the configuration of this program".to_string()
-        }
-        _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
-    });
-    report
-        .error(format!("{subject}: {message}"))
-        .at(&place, format!("refused by {}", draft.what()))
-        .advise(advice);
-}
-
-/// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
-fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
-    let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
-    inside.or_else(|| match key {
-        "robot" => draft.table.robot.as_ref().map(|robot| robot.span.clone()),
-        "robots" => draft.table.robots.as_ref().map(|robots| robots.span.clone()),
-        _ => None,
-    })
-}
-
-/// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".
-fn near_field(message: &str) -> Option<String> {
-    let rest =
-        message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;
-    let (written, known) = rest.split_once('`')?;
-    let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
-    nearest(written, known).map(|near| format!("did you mean `{near}`?"))
 }
 
 /// A user's program may declare anything: what no component built with this crate would declare is refused.

@@ -1,7 +1,7 @@
 //! Programs of the user: found, and asked what they declare.
 //!
-//! The program is run once as `program motorium-describe`, gets `{"config": ..., "robot": ...}` on its standard input
-//! and answers on its standard output with `{"motorium": VERSION, "declaration": ...}`, or with
+//! The program is run once as `program motorium-describe`, gets `{"config": ..., "robot": ..., "placement": ...}` on its
+//! standard input and answers on its standard output with `{"motorium": VERSION, "declaration": ...}`, or with
 //! `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice": ...}}`.
 
 use std::io::{Read as _, Write as _};
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value as Json;
 
 use super::Draft;
-use crate::declare::{ConfigError, Declaration, RobotReference};
+use crate::declare::{ConfigError, Declaration};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
 use crate::region::layout_digest;
@@ -90,17 +90,9 @@ pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
 /// Asks the program for its declaration with this configuration.
 pub(super) fn describe(
     path: &Path,
-    kind: Option<&str>,
-    config: &Json,
-    (robot, robots): (Option<&RobotReference>, &[RobotReference]),
+    request: &DescribeRequest,
 ) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
-    let request = DescribeRequest {
-        kind: kind.map(str::to_string),
-        config: config.clone(),
-        robot: robot.cloned(),
-        robots: robots.to_vec(),
-    };
-    let request = serde_json::to_string(&request)
+    let request = serde_json::to_string(request)
         .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
     let reply: DescribeAnswer = answer(path, DESCRIBE, request)?;
     match (reply.declaration, reply.error) {

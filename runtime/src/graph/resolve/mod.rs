@@ -6,6 +6,7 @@
 mod activate;
 mod assemble;
 mod declare;
+mod doubts;
 mod episodes;
 mod exec;
 mod history;
@@ -14,6 +15,7 @@ mod liveness;
 mod order;
 mod parameters;
 mod paths;
+mod periods;
 mod robots;
 mod safety;
 mod scheduling;
@@ -24,13 +26,14 @@ mod wiring;
 
 use std::path::Path;
 
+use super::DeclareTime;
 use super::defaults;
 use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
 use super::read::good_or;
 use super::source::{Sources, Span};
-use crate::declare::{Declaration, Direction, PortDeclaration, RobotReference};
+use crate::declare::{Declaration, Direction, Placement, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
 use siblings::Siblings;
@@ -72,12 +75,16 @@ struct Draft<'g, 'i> {
     robot: Option<RobotReference>,
     /// The robots it works on by `robots`.
     robots: Vec<RobotReference>,
+    /// Its period, clock and folder.
+    placement: Placement,
     /// Its program.
     program: Option<Program>,
     /// Its `config` table.
     config: serde_json::Value,
     /// Its declaration; `None` if it could not be asked, which has been reported.
     declaration: Option<Declaration>,
+    /// Wall time that its declaration took, ns.
+    declare_ns: u64,
 }
 
 impl Draft<'_, '_> {
@@ -96,8 +103,12 @@ impl Draft<'_, '_> {
     }
 }
 
-/// Resolves a graph. Gives nothing if and only if an error has been reported.
-pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Option<Plan> {
+/// Resolves a graph, with the time that each declaration took. Gives nothing if and only if an error has been reported.
+pub(super) fn resolve(
+    graph: &GraphTable<'_>,
+    context: &Context<'_>,
+    report: &mut Report,
+) -> Option<(Plan, Vec<DeclareTime>)> {
     if graph.name.is_none() && !graph.meant.contains(&"name") {
         report
             .error("the graph has no name")
@@ -122,6 +133,10 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         return None;
     }
     let order = order::of(&timing);
+    let times = drafts
+        .iter()
+        .map(|draft| DeclareTime { component: draft.name.to_string(), wall_ns: draft.declare_ns })
+        .collect();
     let parts = assemble::Parts {
         drafts,
         wiring,
@@ -135,5 +150,5 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         order,
     };
     let plan = parts.assemble(graph, context);
-    Some(plan.expect("every part of a graph without errors is resolved"))
+    Some((plan.expect("every part of a graph without errors is resolved"), times))
 }

@@ -19,7 +19,8 @@ use crate::plan::TopicPlan;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::input::InputPlace;
-use crate::transport::output::{Wired, stamp};
+use crate::transport::output::Wired;
+use crate::transport::stamping::{source_time, stamp};
 use crate::transport::topic::{open_slices, refused};
 use crate::transport::{Connect, Context, PortError, Probe};
 
@@ -258,6 +259,21 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
     /// # Errors
     /// [`StepError::InvalidOutput`] if it holds a number that is not finite: it is then not published.
     pub fn publish(self) -> Result<(), StepError> {
+        self.finish(None)
+    }
+
+    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure of an image, ns on the clock
+    /// of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is in the future by more than
+    /// 1 ms.
+    pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
+        self.finish(Some(source_ns))
+    }
+
+    #[inline(always)]
+    fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
         let port = self.output.port;
         if let Err(defect) = T::check_all(&self) {
             add(&self.output.context.block().refused, 1);
@@ -271,7 +287,9 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
             add(&context.block().refused, 1);
             return Ok(());
         }
-        let stamp = stamp(context, wired.next_number(), now);
+        let source = source_time(context, source_ns, now)
+            .map_err(|ahead_ns| StepError::SourceInFuture { port, ahead_ns })?;
+        let stamp = stamp(context, wired.next_number(), now, source);
         if context.clock().is_lockstep() {
             wired.digest(context, stamp, |digest| {
                 digest.write_u64(sample.payload().len() as u64);

@@ -37,6 +37,7 @@ fn component(name: &str) -> ComponentPlan {
         robot: None,
         robots: Vec::new(),
         stop_within_ns: None,
+        folder: Default::default(),
         actuator: false,
         seed: 0,
         on_overrun: OnOverrun::Skip,

@@ -1,0 +1,43 @@
+//! The place of a component in its graph, as far as it is known before its ports are.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+/// The clock of a run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockKind {
+    /// The machine's monotonic clock: components step at absolute times.
+    #[default]
+    Realtime,
+    /// Simulated time, tick by tick in a fixed order, as fast as the machine allows.
+    Lockstep,
+}
+
+/// The place of a component in its graph, as far as it is known before its ports are.
+///
+/// ```
+/// use std::time::Duration;
+/// use motorium::declare::{ClockKind, Declare, Placement};
+///
+/// let placement = Placement { period: Some(Duration::from_millis(1)), clock: ClockKind::Lockstep, ..Placement::default() };
+/// let declare = Declare::new(None).placed(placement);
+/// assert_eq!(declare.period(), Some(Duration::from_millis(1)));
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Placement {
+    /// Nominal time between two steps; `None` if it is not known yet.
+    pub period: Option<Duration>,
+    /// The clock of the graph. Default real time.
+    pub clock: ClockKind,
+    /// Folder in which relative paths of the `config` table start. Default the working directory.
+    pub folder: PathBuf,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { period: None, clock: ClockKind::Realtime, folder: PathBuf::from(".") }
+    }
+}

@@ -1,0 +1,44 @@
+//! Warnings of a component about its own configuration.
+
+use serde::{Deserialize, Serialize};
+
+/// A warning of a component about its own configuration: it works, and is probably not meant.
+///
+/// ```
+/// use motorium::declare::Declare;
+///
+/// let mut declare = Declare::new(None);
+/// declare.warn("a noise of 3 rad, more than the range of the joint").at("noise").advise("0.003 is usual");
+/// let warning = &declare.into_declaration().warnings[0];
+/// assert_eq!((warning.key.as_deref(), warning.advice.as_deref()), (Some("noise"), Some("0.003 is usual")));
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DeclareWarning {
+    /// The key of the `config` table that it is about, dotted; without one it is about the component.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key: Option<String>,
+    /// What was found, and what follows from it.
+    pub message: String,
+    /// Advice, in one sentence.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub advice: Option<String>,
+}
+
+impl DeclareWarning {
+    /// A warning about the component as a whole.
+    pub(super) fn new(message: impl Into<String>) -> Self {
+        Self { key: None, message: message.into(), advice: None }
+    }
+
+    /// Names the key of the `config` table that it is about, dotted, such as `goals[0].duration`.
+    pub fn at(&mut self, key: impl Into<String>) -> &mut Self {
+        self.key = Some(key.into());
+        self
+    }
+
+    /// Adds advice, in one sentence.
+    pub fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
+        self.advice = Some(advice.into());
+        self
+    }
+}

@@ -1,0 +1,74 @@
+//! What components say of their own configuration: errors and warnings, with the places of the keys that they name.
+
+use super::Draft;
+use crate::declare::{ConfigError, DeclareWarning};
+use crate::graph::diagnostic::Report;
+use crate::graph::json::find;
+use crate::graph::read::good;
+use crate::graph::source::Span;
+use crate::nearest::nearest;
+use crate::plan::Program;
+use crate::worker::ConfigProblem;
+
+/// Reports what a component finds doubtful in its configuration.
+pub(super) fn warning(draft: &Draft<'_, '_>, warning: &DeclareWarning, report: &mut Report) {
+    let DeclareWarning { key, message, advice } = warning;
+    let place = key.as_deref().and_then(|key| place_of(key, draft));
+    let subject = subject(draft, key.as_deref());
+    let diagnostic = report
+        .warning(format!("{subject}: {message}"))
+        .at(&place.unwrap_or_else(|| draft.place.clone()), format!("{} warns of this", draft.what()));
+    if let Some(advice) = advice {
+        diagnostic.advise(advice.as_str());
+    }
+}
+
+/// The part of a component that a message is about.
+fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
+    match key {
+        Some(key @ ("robot" | "robots")) => format!("`{}.{key}`", draft.name),
+        Some(key) => format!("`{}.config.{key}`", draft.name),
+        None => format!("component `{}`", draft.name),
+    }
+}
+
+/// Reports a configuration that a component refused.
+pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut Report) {
+    let ConfigError { key, message, advice } = &problem.error;
+    let by_key = key.as_deref().and_then(|key| place_of(key, draft));
+    let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
+    let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
+    let subject = match key.as_deref() {
+        None if problem.span.is_some() => format!("`{}.config`", draft.name),
+        key => subject(draft, key),
+    };
+    let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
+        Some(Program::Exec { .. } | Program::Sibling { .. }) => {
+            "see the configuration of this program".to_string()
+        }
+        _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
+    });
+    report
+        .error(format!("{subject}: {message}"))
+        .at(&place, format!("refused by {}", draft.what()))
+        .advise(advice);
+}
+
+/// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
+fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
+    let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
+    inside.or_else(|| match key {
+        "robot" => draft.table.robot.as_ref().map(|robot| robot.span.clone()),
+        "robots" => draft.table.robots.as_ref().map(|robots| robots.span.clone()),
+        _ => None,
+    })
+}
+
+/// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".
+fn near_field(message: &str) -> Option<String> {
+    let rest =
+        message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;
+    let (written, known) = rest.split_once('`')?;
+    let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
+    nearest(written, known).map(|near| format!("did you mean `{near}`?"))
+}

@@ -1,0 +1,160 @@
+//! What a component is told when it declares itself, and what it may answer: warnings with their places.
+
+use std::path::Path;
+
+use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::declare::{ClockKind, ConfigError, Declare, StepError};
+use motorium::graph::{self, Checked};
+use motorium::state::Wrench;
+use motorium::worker::{Kind, Registry, RobotSource};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::machine;
+
+#[derive(Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct SurveyorConfig {
+    /// Smallest period without a warning, ms.
+    least_period_ms: u64,
+    /// A file.
+    map: Option<String>,
+    /// Time that its declaration takes, ms.
+    slow_ms: u64,
+}
+
+/// Names a port after its place in the graph.
+struct Surveyor;
+
+impl Component for Surveyor {
+    const KIND: &'static str = "test.surveyor";
+    const SUMMARY: &'static str = "declares what it is told";
+    type Config = SurveyorConfig;
+
+    fn declare(config: &SurveyorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        std::thread::sleep(std::time::Duration::from_millis(config.slow_ms));
+        let period_us = declare.period().map(|period| period.as_micros() as u64);
+        let clock = match declare.clock() {
+            ClockKind::Realtime => "real",
+            ClockKind::Lockstep => "lockstep",
+        };
+        let name = format!("{clock}-{}", period_us.map_or("unknown".to_string(), |us| us.to_string()));
+        if let Some(map) = &config.map {
+            let path = declare.folder().join(map);
+            if !path.is_file() {
+                declare.warn(format!("there is no map at {}", path.display())).at("map").advise("draw one");
+            }
+        }
+        if period_us.is_some_and(|us| us < 1_000 * config.least_period_ms) {
+            declare.warn("it steps more often than it need");
+        }
+        declare.optional_input::<Wrench>("in", "input");
+        declare.output::<Wrench>("out", "output");
+        declare.output::<Wrench>(&name, "what it was told");
+        Ok(())
+    }
+
+    fn configure(_: SurveyorConfig, _: &mut Setup) -> Result<Self, ConfigureError> {
+        Err(ConfigureError::failed("this kind is only there to be checked"))
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        Err(StepError::failed("this kind is only there to be checked"))
+    }
+}
+
+fn check_at(path: &Path, text: &str) -> Checked {
+    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
+    let checked = graph::check(path, text.to_string(), &[], &registry, &machine());
+    checked.unwrap_or_else(|error| panic!("{}", error.render(false)))
+}
+
+fn check(text: &str) -> Checked {
+    check_at(Path::new("graph.toml"), text)
+}
+
+/// The port that says what each component was told.
+fn told(checked: &Checked) -> Vec<String> {
+    let last =
+        |component: &motorium::plan::ComponentPlan| component.outputs.last().map(|port| port.port.clone());
+    checked.plan.components.iter().filter_map(last).collect()
+}
+
+#[test]
+fn a_component_knows_its_clock_and_its_period_also_at_the_end_of_a_trigger_chain() {
+    let text = r#"
+        name = "chain"
+        [component.third]
+        kind = "test.surveyor"
+        trigger = "b"
+        subscribe = { in = "b" }
+        [component.second]
+        kind = "test.surveyor"
+        trigger = "a"
+        subscribe = { in = "a" }
+        publish = { out = "b" }
+        [component.first]
+        kind = "test.surveyor"
+        rate = "400 Hz"
+        publish = { out = "a" }
+    "#;
+    assert_eq!(told(&check(text)), ["real-2500", "real-2500", "real-2500"]);
+    let lockstep = check(&text.replace("name = \"chain\"", "name = \"chain\"\nclock = \"lockstep\""));
+    assert_eq!(told(&lockstep), ["lockstep-2500", "lockstep-2500", "lockstep-2500"]);
+    for component in &lockstep.plan.components {
+        assert_eq!(component.period_ns(), 2_500_000, "as it is resolved after the declarations");
+    }
+}
+
+#[test]
+fn a_component_without_a_known_period_is_asked_all_the_same() {
+    let text = r#"
+        name = "loop"
+        [component.one]
+        kind = "test.surveyor"
+        trigger = "a"
+        subscribe = { in = "a" }
+        publish = { out = "b" }
+        [component.two]
+        kind = "test.surveyor"
+        trigger = "b"
+        subscribe = { in = "b" }
+        publish = { out = "a" }
+    "#;
+    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
+    let error =
+        graph::check(Path::new("graph.toml"), text.to_string(), &[], &registry, &machine()).unwrap_err();
+    let text = error.render(false);
+    assert!(text.contains("trigger loop") && !text.contains("surveyor"), "{text}");
+}
+
+#[test]
+fn a_warning_of_a_component_stands_at_its_key_or_at_the_component() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("graph.toml");
+    let text = "name = \"doubts\"\n[component.mine]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\n\
+                publish = { out = \"a\" }\nconfig = { least_period_ms = 5, map = \"hall.png\" }\n";
+    let warnings = check_at(&path, text).warnings;
+    let reports: Vec<_> = warnings.iter().map(|warning| warning.report()).collect();
+    let ours: Vec<_> =
+        reports.iter().filter(|report| report.label == "`test.surveyor` warns of this").collect();
+    let place = |line, column| (Some(line), Some(column));
+    assert_eq!((ours[0].line, ours[0].column), place(2, 12));
+    assert_eq!(ours[0].message, "component `mine`: it steps more often than it need");
+    assert_eq!((ours[1].line, ours[1].column), place(6, 39));
+    let expected =
+        format!("`mine.config.map`: there is no map at {}", folder.path().join("hall.png").display());
+    assert_eq!((ours[1].message.as_str(), ours[1].advice.as_deref()), (expected.as_str(), Some("draw one")));
+    std::fs::write(folder.path().join("hall.png"), "").expect("a file");
+    let text = check_at(&path, text).warnings.iter().map(|warning| warning.render(false)).collect::<String>();
+    assert!(!text.contains("no map"), "relative to the graph file: {text}");
+}
+
+#[test]
+fn the_time_of_each_declaration_is_measured() {
+    let text = "name = \"times\"\n[component.quick]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\npublish = { out = \"a\" }\n\
+                [component.slow]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\npublish = { out = \"b\" }\nconfig = { slow_ms = 30 }\n";
+    let declared = check(text).declared;
+    assert_eq!(declared.iter().map(|time| time.component.as_str()).collect::<Vec<_>>(), ["quick", "slow"]);
+    assert!(declared[1].wall_ns >= 30_000_000 && declared[1].wall_ns > declared[0].wall_ns, "{declared:?}");
+}
