@@ -9,6 +9,7 @@
 //! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such
 //!   as `physics.rapier`.
 
+mod checkpoint;
 mod clock;
 mod error;
 mod helper;
@@ -16,12 +17,13 @@ mod setup;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::transport::Parameter;
+pub use checkpoint::Checkpoint;
 pub use clock::RunClock;
 pub use error::ConfigureError;
 pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
 pub(crate) use setup::Prepared;
-pub use setup::{Checkpoint, EpisodeEnd, Setup};
+pub use setup::{EpisodeEnd, Setup};
 
 use std::time::Duration;
 
