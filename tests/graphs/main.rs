@@ -5,6 +5,7 @@ mod access;
 mod bridge;
 mod commands;
 mod corruption;
+mod events;
 mod exhaustion;
 mod exposition;
 mod faults;

@@ -111,6 +111,20 @@ impl Run {
         std::thread::sleep(Duration::from_millis(100));
     }
 
+    /// Whether it has ended.
+    pub(crate) fn has_ended(&mut self) -> bool {
+        let child = self.child.as_mut().expect("the run has a process");
+        child.try_wait().expect("the process can be asked").is_some()
+    }
+
+    /// Process and steps of a component; `None` once the run, or the words that tell, are gone.
+    pub(crate) fn glance(&self, component: &str) -> Option<(u32, u64)> {
+        let (plan, region) = (self.folder.plan().ok()?, self.folder.region().ok()?);
+        let index = plan.components.iter().position(|c| c.name == component)?;
+        let block = region.components().get(index)?;
+        Some((block.pid.load(std::sync::atomic::Ordering::Relaxed), steps(block)))
+    }
+
     /// Waits for the end; exit code, report, standard error.
     pub(crate) fn finish(mut self) -> Ended {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");

@@ -161,8 +161,9 @@ impl Helpers {
             let _ = sender.send(os::thread_id());
             run(&request);
         });
-        let thread =
-            thread.map_err(|error| ConfigureError::failed(format!("starting helper `{name}`: {error}")))?;
+        let thread = thread.map_err(|error| {
+            ConfigureError::failed(format!("starting helper `{name}`: {}", os::named(&error)))
+        })?;
         let kernel_id = receiver
             .recv()
             .map_err(|_| ConfigureError::failed(format!("helper `{name}` ended before it began")))?;

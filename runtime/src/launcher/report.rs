@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoreReport, Launch};
+use super::{CoreReport, Launch, LoggedEvent};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
@@ -72,6 +72,12 @@ pub struct Report {
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
+    /// Number of events that are not in `events`: overwritten in the log, or beyond the most that a report has.
+    #[serde(default)]
+    pub events_left_out: u64,
+    /// The newest events of the run, at most 256, oldest first.
+    #[serde(default)]
+    pub events: Vec<LoggedEvent>,
 }
 
 /// One episode in the report.
@@ -204,6 +210,7 @@ impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
+        let (events, events_left_out) = self.reported_events();
         let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         Report {
             version: REPORT_VERSION,
@@ -227,6 +234,8 @@ impl Launch {
                 .iter()
                 .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
                 .collect(),
+            events_left_out,
+            events,
         }
     }
 

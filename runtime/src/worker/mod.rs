@@ -129,7 +129,10 @@ fn live<C: Component>(
     let context = Rc::new(Context::new(plan, index, region.clone()));
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
-        Some(watcher::start(&context).map_err(|error| at_setup(format!("watching the launcher: {error}")))?)
+        Some(
+            watcher::start(&context)
+                .map_err(|error| at_setup(format!("watching the launcher: {}", os::named(&error))))?,
+        )
     } else {
         None
     };
@@ -148,7 +151,7 @@ fn live<C: Component>(
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
     }
-    connect(&ports).map_err(at_setup)?;
+    failure::guard(|| connect(&ports)).map_err(at_setup)?;
     if realtime {
         let denied = apply_realtime(plan, index, region, true);
         if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
@@ -219,7 +222,8 @@ fn configure<C: Component>(
     let at_setup = |message: String| Failure { tick, message };
     let config = serde_json::from_value(component.config.clone())
         .map_err(|error| at_setup(format!("its configuration: {error}")))?;
-    let mut setup = Setup::new(folder, plan, index, context.clone()).map_err(at_setup)?;
+    let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
+    let mut setup = setup.map_err(at_setup)?;
     let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
     let made = made.map_err(at_setup)?;
     let Prepared { ports, parameters, trigger, descriptor, helpers } = setup.finish();

@@ -163,17 +163,20 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
             .stderr(Stdio::piped())
             .spawn()
     };
-    let start =
-        |error: std::io::Error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() };
+    let start = |error: std::io::Error| ExecProblem::Start {
+        path: path.to_path_buf(),
+        reason: crate::os::named(&error),
+    };
     let mut child = spawn().map_err(start)?;
     let silent = || ExecProblem::Silent(path.to_path_buf());
     let deadline = Instant::now() + DESCRIBE_TIMEOUT;
     if let Some(mut stdin) = child.stdin.take() {
         // a program that never reads must not hold us up; whether it read at all shows in its answer
-        std::thread::spawn(move || stdin.write_all(request.as_bytes()));
+        let spawned = thread().spawn(move || stdin.write_all(request.as_bytes()));
+        spawned.map(drop).or_else(|error| ended(&mut child, error)).map_err(start)?;
     }
-    let stdout = read_all(child.stdout.take());
-    let stderr = read_all(child.stderr.take());
+    let stdout = read_all(child.stdout.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
+    let stderr = read_all(child.stderr.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
     let finished = wait_until(&mut child, deadline);
     let Some(status) = finished.map_err(start)? else {
         // it may have ended by itself just now: then there is nothing left to end
@@ -191,18 +194,29 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
     Ok(Answer { status, stdout, stderr: last.trim().to_string() })
 }
 
+fn thread() -> std::thread::Builder {
+    std::thread::Builder::new().name("describe".to_string())
+}
+
+/// Ends a program that cannot be talked to, for want of a thread.
+fn ended<T>(child: &mut Child, error: std::io::Error) -> std::io::Result<T> {
+    let _ = child.kill();
+    let _ = child.wait();
+    Err(error)
+}
+
 /// Reads a stream to its end on a thread of its own; a child of the program may keep it open for ever.
-fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> mpsc::Receiver<String> {
+fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> std::io::Result<mpsc::Receiver<String>> {
     let (send, receive) = mpsc::channel();
-    std::thread::spawn(move || {
+    thread().spawn(move || {
         let mut bytes = Vec::new();
         if let Some(stream) = stream {
             // what was read before an error is still worth showing
             let _ = stream.take(LONGEST_ANSWER).read_to_end(&mut bytes);
         }
         let _ = send.send(String::from_utf8_lossy(&bytes).into_owned());
-    });
-    receive
+    })?;
+    Ok(receive)
 }
 
 fn wait_until(child: &mut Child, deadline: Instant) -> std::io::Result<Option<ExitStatus>> {
