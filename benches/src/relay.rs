@@ -5,6 +5,7 @@ use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::os::monotonic_ns;
 use motorium::telemetry::Histogram;
 use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -22,6 +23,11 @@ pub struct RelayConfig {
 
 fn default_bytes() -> usize {
     512
+}
+
+/// The kind of the component, for the program that hosts it.
+pub fn kind() -> Kind {
+    Kind::of::<Relay>()
 }
 
 /// Reads all of a payload and writes all of the next. Without an input it is the head of a chain, without an output

@@ -18,6 +18,8 @@ mod places;
 mod program;
 mod runs;
 mod sessions;
+mod siblings;
+mod sockets;
 mod supervisors;
 mod support;
 mod top;

@@ -35,6 +35,17 @@ pub(crate) struct Run {
 impl Run {
     /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
     pub(crate) fn start(graph: &Path, arguments: &[&str]) -> Self {
+        Self::start_when(graph, arguments, |_, region| {
+            region.components().iter().all(|block| steps(block) > 20)
+        })
+    }
+
+    /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until it is ready.
+    pub(crate) fn start_when(
+        graph: &Path,
+        arguments: &[&str],
+        is_ready: impl Fn(&motorium::plan::Plan, &motorium::region::Region) -> bool,
+    ) -> Self {
         let child = Command::new(MOTORIUM)
             .arg("run")
             .arg(graph)
@@ -55,7 +66,7 @@ impl Run {
                 folder.region().is_ok_and(|region| {
                     region.header().launcher.load(std::sync::atomic::Ordering::Relaxed) == launcher
                         && !region.components().is_empty()
-                        && region.components().iter().all(|block| steps(block) > 20)
+                        && folder.plan().is_ok_and(|plan| is_ready(&plan, &region))
                 })
             });
             if let Some(folder) = own {

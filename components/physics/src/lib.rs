@@ -28,7 +28,9 @@ pub use articulated::{
 };
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
-pub use component::{ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, RapierPhysics};
+pub use component::{
+    ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, RapierPhysics, kinds,
+};
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use options::Options;

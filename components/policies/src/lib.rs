@@ -31,8 +31,20 @@ pub mod library;
 pub mod promp;
 mod robot;
 
+use motorium::worker::Kind;
+
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;
 pub use joint_command::JointCommandConfig;
 pub use library::LibraryPolicy;
 pub use promp::ProMpPolicy;
+
+/// The kinds of this crate, for a program that hosts them.
+///
+/// ```
+/// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();
+/// assert!(names.contains(&"policy.dmp"));
+/// ```
+pub fn kinds() -> [Kind; 4] {
+    [Kind::of::<CpgPolicy>(), Kind::of::<DmpPolicy>(), Kind::of::<ProMpPolicy>(), Kind::of::<LibraryPolicy>()]
+}

@@ -5,6 +5,7 @@ pub mod merge;
 use std::time::Duration;
 
 use motorium::prelude::*;
+use motorium::worker::Kind;
 
 use motorium_robots::RobotSource;
 
@@ -140,4 +141,14 @@ fn build(
 ) -> Result<EncoderModel, ConfigError> {
     EncoderModel::new(joints, settings, seed, period)
         .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
+}
+
+/// The kinds of this crate, for a program that hosts them.
+///
+/// ```
+/// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();
+/// assert!(names.contains(&"sensor.joint_encoder"));
+/// ```
+pub fn kinds() -> [Kind; 2] {
+    [Kind::of::<JointEncoder>(), Kind::of::<merge::JointMerge>()]
 }

@@ -32,5 +32,5 @@ pub mod delay;
 pub mod encoder;
 pub mod noise;
 
-pub use component::JointEncoder;
 pub use component::merge::JointMerge;
+pub use component::{JointEncoder, kinds};

@@ -269,7 +269,9 @@ impl Launch {
             return Ok(Child::played(&component.name, block));
         }
         let child = match (&component.program, self.options.hosting) {
-            (Program::Exec { path }, _) => Child::process(path, &self.folder, &component.name)?,
+            (Program::Exec { path } | Program::Sibling { path, .. }, _) => {
+                Child::process(path, &self.folder, &component.name)?
+            }
             (Program::Builtin { .. }, Hosting::Processes) => {
                 Child::process(&self.options.program, &self.folder, &component.name)?
             }

@@ -109,7 +109,8 @@ pub struct ComponentReport {
     pub steps: u64,
     /// Steps per second since its first step; to the run's end, or to now, for one that no longer steps.
     pub rate_hz: f64,
-    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns.
+    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns. Of a release by a
+    /// descriptor from its wake-up, or from the time to which `min_interval` deferred it.
     pub lateness_ns: Percentiles,
     /// Execution time: from the beginning to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
@@ -121,6 +122,9 @@ pub struct ComponentReport {
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
+    /// Releases by a descriptor that came sooner than `min_interval` after the one before, and waited for it.
+    #[serde(default)]
+    pub deferred: u64,
     /// Steps that returned an error and were tolerated.
     pub errors: u64,
     /// Samples withheld or refused because of their content or their lateness.
@@ -287,6 +291,7 @@ pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u6
         spin_ns: block.spin_ns.load(Relaxed),
         stalls: block.stalls(),
         misses: block.misses(),
+        deferred: block.deferred.load(Relaxed),
         errors: block.errors.load(Relaxed),
         refused: block.refused.load(Relaxed),
         restarts: block.restarts.load(Relaxed),

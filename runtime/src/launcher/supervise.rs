@@ -297,7 +297,7 @@ impl Launch {
         let steps_again = block.phase() == Phase::Running
             && (self.plan.clock == ClockKind::Lockstep
                 || block.steps.load(Relaxed) > down.steps
-                || supervision.watchdog.waits_for_trigger());
+                || supervision.watchdog.may_stay_silent());
         if steps_again && is_alive {
             observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
             // Without it the next restart finds what others have left.

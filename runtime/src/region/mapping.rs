@@ -13,7 +13,7 @@ use super::{ComponentBlock, EdgeBlock, EventLog, Header, LatencyBlock, TopicBloc
 use crate::plan::Plan;
 
 /// First word of every control block; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_0006;
+const MAGIC: u64 = 0x6d6f_746f_7269_0007;
 
 /// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +80,27 @@ impl Counts {
 pub struct Region {
     memory: MmapRaw,
     counts: Counts,
+}
+
+/// A digest of the layout of all parts of a control block: programs that share one have the same.
+pub(crate) fn layout_digest() -> String {
+    let mut digest = crate::state::Digest::default();
+    digest.write_u64(MAGIC);
+    for size in [
+        size_of::<Header>(),
+        size_of::<EventLog>(),
+        size_of::<ComponentBlock>(),
+        core::mem::offset_of!(ComponentBlock, lateness),
+        core::mem::offset_of!(ComponentBlock, gate),
+        core::mem::offset_of!(ComponentBlock, checkpoint),
+        size_of::<TopicBlock>(),
+        size_of::<EdgeBlock>(),
+        size_of::<LatencyBlock>(),
+        size_of::<crate::state::Stamp>(),
+    ] {
+        digest.write_u64(size as u64);
+    }
+    format!("{:016x}", digest.finish())
 }
 
 impl Region {

@@ -22,5 +22,6 @@ pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord
 pub(crate) use events::{Ring, RingFound};
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use header::{Command, Header, Phase};
+pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};
 pub use turn::TurnBlock;

@@ -9,6 +9,7 @@ pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use tasks::*;
 
 use motorium::prelude::*;
+use motorium::worker::Kind;
 use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
@@ -278,4 +279,14 @@ impl QpController {
 
 fn period_ns(tick: &Tick) -> u64 {
     u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// The kinds of this crate, for a program that hosts them.
+///
+/// ```
+/// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();
+/// assert!(names.contains(&"control.qp"));
+/// ```
+pub fn kinds() -> [Kind; 1] {
+    [Kind::of::<QpController>()]
 }

@@ -11,6 +11,7 @@ use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
+use motorium::worker::Kind;
 use motorium_robots::Dynamics;
 use serde_json::json;
 
@@ -291,4 +292,14 @@ impl Totals {
         self.overspeed += u64::from(report.overspeed > 0);
         self.near_contact += u64::from(report.near_contact);
     }
+}
+
+/// The kinds of this crate, for a program that hosts them.
+///
+/// ```
+/// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
+/// assert!(names.contains(&"physics.articulated"));
+/// ```
+pub fn kinds() -> [Kind; 2] {
+    [Kind::of::<ArticulatedPhysics>(), Kind::of::<RapierPhysics>()]
 }

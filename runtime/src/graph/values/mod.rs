@@ -21,7 +21,7 @@ use crate::plan::{
 };
 use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use expectations::Expectations;
-pub(super) use scheduling::{Schedule, Share, SpinChoice};
+pub(super) use scheduling::{EventSource, Schedule, Share, SpinChoice};
 pub(super) use triple::Triple;
 
 impl<'i> Read<'i> for String {
@@ -271,6 +271,7 @@ macro_rules! choices {
 choices! {
     ClockKind: Realtime, Lockstep;
     OnDenied: Warn, Strict;
+    EventSource: Fd;
     OnOverrun: Skip, CatchUp, Rephase, Hold, SafeStop;
     OnError: Fail, Hold;
     OnFailure: SafeStop, Ignore;
