@@ -178,8 +178,11 @@ fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
     run(graph, &[&["--clock", "lockstep"], arguments].concat())
 }
 
+/// Kind, simulated time, episode, component and text of an event.
+type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
+
 /// What does not depend on the machine: everything but times in real time, and lines that were printed.
-fn repeatable(events: &[LoggedEvent]) -> Vec<(EventKind, Option<f64>, Option<u64>, Option<String>, String)> {
+fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
     let told = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
     told.map(|event| {
         (event.kind, event.simulated_s, event.episode, event.component.clone(), event.text.clone())

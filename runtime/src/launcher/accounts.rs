@@ -174,18 +174,18 @@ impl Account {
         let followed = core::mem::replace(&mut self.follows, follows);
         self.entries = entries;
         // It came and went between two looks.
+        let since_ns = block.safe_since_ns.load(Relaxed);
         if !followed && times > 0 {
-            observe(Event::LeftSafeState { component });
+            observe(Event::LeftSafeState { component, before_ns: Some(since_ns) });
         }
         if times > 0 {
             let is_end = region.header().command() as u32 > Command::Run as u32;
             let latch = block.gate.latch().or(region.header().latched());
             let cause = cause(latch, is_end, refuses);
-            let since_ns = block.safe_since_ns.load(Relaxed);
             observe(Event::EnteredSafeState { component, times, cause, is_end, since_ns });
         }
         if follows {
-            observe(Event::LeftSafeState { component });
+            observe(Event::LeftSafeState { component, before_ns: None });
         }
     }
 

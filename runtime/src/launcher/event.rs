@@ -96,6 +96,8 @@ pub enum Event<'a> {
     LeftSafeState {
         /// The actuator.
         component: &'a str,
+        /// Time by which it did, `CLOCK_MONOTONIC` ns, if it is in its safe state again; else it does now.
+        before_ns: Option<u64>,
     },
     /// The graph goes to its safe state.
     SafeStop {
@@ -238,7 +240,7 @@ impl Event<'_> {
             | Self::Missed { component, .. }
             | Self::Refused { component, .. }
             | Self::EnteredSafeState { component, .. }
-            | Self::LeftSafeState { component }
+            | Self::LeftSafeState { component, .. }
             | Self::LosesSteps { component, .. }
             | Self::Waiting { component, .. } => Some(component),
             _ => None,

@@ -97,6 +97,8 @@ impl EventWriter {
         let component = event.component().and_then(|name| self.names.iter().position(|other| other == name));
         let time_ns = match event {
             Event::EnteredSafeState { since_ns, .. } => *since_ns,
+            // Of the same time the less severe one is read first.
+            Event::LeftSafeState { before_ns: Some(before_ns), .. } => *before_ns,
             _ => monotonic_ns(),
         };
         self.region.events().write(&EventRecord {

@@ -55,7 +55,7 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, ": {cause}")
             }
-            Self::LeftSafeState { component } => write!(f, "`{component}` follows its commands"),
+            Self::LeftSafeState { component, .. } => write!(f, "`{component}` follows its commands"),
             Self::SafeStop { reason } => f.write_str(reason),
             Self::Safe { after_ns } => {
                 write!(f, "all actuators in their safe state after {:.2} ms", milliseconds(after_ns))
