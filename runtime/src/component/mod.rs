@@ -14,7 +14,7 @@ mod error;
 mod setup;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
-pub use crate::transport::Parameter;
+pub use crate::transport::{Choice, Parameter, ParameterArray};
 pub use clock::RunClock;
 pub use error::ConfigureError;
 pub use setup::{Checkpoint, EpisodeEnd, Setup};
