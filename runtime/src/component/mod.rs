@@ -12,12 +12,14 @@
 mod clock;
 mod error;
 mod setup;
+mod weights;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::transport::{Choice, Parameter, ParameterArray};
 pub use clock::RunClock;
 pub use error::ConfigureError;
 pub use setup::{Checkpoint, EpisodeEnd, Setup};
+pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
