@@ -30,7 +30,7 @@ fn main() -> ExitCode {
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
         Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
-        Some(Program::Describe) | None => {}
+        Some(Program::Describe | Program::Kinds) | None => {}
     }
     let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
     let bench = Bench {

@@ -36,6 +36,14 @@ pub(crate) enum Site {
     Save,
     /// A restarted component asks which checkpoint is complete.
     Load,
+    /// A writer has entered a slot of a ring, before it changes the record there.
+    Enter,
+    /// A writer leaves a slot of a ring with its record whole.
+    Leave,
+    /// A reader asks whether a slot of a ring holds a whole record.
+    Begin,
+    /// A reader, having read a record, before it asks whether the slot was entered meanwhile.
+    Confirm,
 }
 
 /// An unsigned number that several threads or processes use at once.

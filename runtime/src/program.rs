@@ -4,9 +4,11 @@ use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
 
 use crate::declare::Declare;
+use crate::plan;
 use crate::run_folder::RunFolder;
 use crate::worker::{
-    CLEANER, ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, Kind, Outcome, WORKER, Worker,
+    CLEANER, ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, KINDS, Kind, KindAnswer,
+    KindsAnswer, Outcome, WORKER, Worker,
 };
 
 /// The request of motorium to a program, from its arguments.
@@ -14,6 +16,8 @@ use crate::worker::{
 pub enum Program {
     /// Describe its component.
     Describe,
+    /// Say which kinds of components it hosts.
+    Kinds,
     /// Guard a run.
     Guard(RunFolder),
     /// Free the places of the dead processes of a run.
@@ -32,6 +36,7 @@ impl Program {
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
+            [_, first] if first == KINDS => Some(Self::Kinds),
             [_, first, folder] if first == GUARD => Some(Self::Guard(RunFolder::open(folder.as_ref()))),
             [_, first, folder] if first == CLEANER => Some(Self::Cleaner(RunFolder::open(folder.as_ref()))),
             [_, first, folder, component] if first == WORKER => {
@@ -46,7 +51,8 @@ impl Program {
 pub fn main(kind: &Kind) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
-        Some(Program::Describe) => describe(kind),
+        Some(Program::Describe) => describe(core::slice::from_ref(kind)),
+        Some(Program::Kinds) => list(core::slice::from_ref(kind)),
         Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
         Some(Program::Cleaner(folder)) => clean(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
@@ -63,6 +69,47 @@ pub fn main(kind: &Kind) -> ExitCode {
     }
 }
 
+/// The `main` of a program that hosts several kinds for `motorium`; use [`host!`](crate::host).
+pub fn host(kinds: &[Kind]) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    match Program::from_arguments(&arguments) {
+        Some(Program::Describe) => describe(kinds),
+        Some(Program::Kinds) => list(kinds),
+        Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
+        Some(Program::Cleaner(folder)) => clean(&folder),
+        Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |plan| {
+            let (plan::Program::Sibling { kind, .. } | plan::Program::Builtin { kind }) = &plan.program
+            else {
+                return None;
+            };
+            kinds.iter().find(|known| known.name == kind).copied()
+        }),
+        None => {
+            let name = arguments.first().map_or("this", String::as_str);
+            eprintln!(
+                "{name} hosts kinds of components for `motorium`, which starts it. In a graph file write one of"
+            );
+            kinds.iter().for_each(|kind| eprintln!("kind = \"{}\"   # {}", kind.name, kind.summary));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Answers a request for the kinds that the program hosts: JSON on standard output.
+pub fn list(kinds: &[Kind]) -> ExitCode {
+    let mut kinds: Vec<KindAnswer> = kinds.iter().map(KindAnswer::of).collect();
+    kinds.sort_by(|one, other| one.name.cmp(&other.name));
+    let motorium = env!("CARGO_PKG_VERSION").to_string();
+    print(&KindsAnswer { motorium, memory: crate::region::layout_digest(), kinds })
+}
+
+fn print(answer: &impl serde::Serialize) -> ExitCode {
+    match serde_json::to_string(answer).map(|text| std::io::stdout().write_all(text.as_bytes())) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    }
+}
+
 /// Frees the places of the dead processes of a run.
 pub fn clean(folder: &RunFolder) -> ExitCode {
     crate::transport::quieten();
@@ -75,8 +122,9 @@ pub fn clean(folder: &RunFolder) -> ExitCode {
     }
 }
 
-/// Answers a request for the component's description: JSON on standard input, JSON on standard output.
-pub fn describe(kind: &Kind) -> ExitCode {
+/// Answers a request for a component's description: JSON on standard input, JSON on standard output. A program of one kind
+/// need not be told which.
+pub fn describe(kinds: &[Kind]) -> ExitCode {
     let mut text = String::new();
     let request: Result<DescribeRequest, String> = std::io::stdin()
         .read_to_string(&mut text)
@@ -89,6 +137,15 @@ pub fn describe(kind: &Kind) -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    let wanted = match (&request.kind, kinds) {
+        (None, [only]) => Some(only),
+        (None, _) => None,
+        (Some(name), kinds) => kinds.iter().find(|kind| kind.name == name),
+    };
+    let Some(kind) = wanted else {
+        eprintln!("this program hosts no kind `{}`", request.kind.unwrap_or_default());
+        return ExitCode::from(2);
+    };
     let config = ConfigSource::Json(request.config);
     let declare = match request.robots.is_empty() {
         true => Declare::new(request.robot),
@@ -99,11 +156,7 @@ pub fn describe(kind: &Kind) -> ExitCode {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),
     };
-    let answer = DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error };
-    match serde_json::to_string(&answer).map(|text| std::io::stdout().write_all(text.as_bytes())) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
-        _ => ExitCode::FAILURE,
-    }
+    print(&DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error })
 }
 
 /// Runs one component of a run in this process; `kinds` finds the component's type.
@@ -142,6 +195,22 @@ macro_rules! main {
 
         fn main() -> std::process::ExitCode {
             $crate::program::main(&$crate::worker::Kind::of::<$component>())
+        }
+    };
+}
+
+/// Makes component types into a program that hosts their kinds for `motorium`: `motorium::host!(Web, Recorder);`.
+///
+/// Installed beside `motorium`, or on `PATH`, under the name that `motorium` knows for the family of its kinds, it is found
+/// by every graph that names one of them with `kind`. It counts its heap allocations.
+#[macro_export]
+macro_rules! host {
+    ($($component:ty),+ $(,)?) => {
+        #[global_allocator]
+        static ALLOCATOR: $crate::telemetry::CountingAllocator = $crate::telemetry::CountingAllocator;
+
+        fn main() -> std::process::ExitCode {
+            $crate::program::host(&[$($crate::worker::Kind::of::<$component>()),+])
         }
     };
 }

@@ -257,6 +257,41 @@ fn a_graph_runs_in_a_user_namespace_of_its_own() {
 }
 
 #[test]
+fn a_run_of_another_user_on_the_same_core_is_told_as_far_as_the_kernel_tells_it() {
+    let _machine = machine();
+    if !is_root() || !others_can_start() {
+        return eprintln!("skipped: needs root, and a program that other users can start");
+    }
+    let user = NOBODY.to_string();
+    let mut command = Command::new("setpriv");
+    command.args(["--clear-groups", "--inh-caps=+sys_nice", "--ambient-caps=+sys_nice"]);
+    command.args(["--reuid", &user, "--regid", &user, MOTORIUM]);
+    command.args(["run", "graphs/panda-reach.toml", "--for", "60 s", "--force"]);
+    command.current_dir(workspace()).stdin(Stdio::null()).env_remove("XDG_RUNTIME_DIR");
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("setpriv runs");
+    let folder = await_run_in(Path::new("/dev/shm/motorium-65534"), &mut child);
+    let priority = |block: &motorium::region::ComponentBlock| {
+        block.fifo_priority.load(std::sync::atomic::Ordering::Relaxed)
+    };
+    let has_priorities =
+        folder.region().is_ok_and(|region| region.components().iter().all(|block| priority(block) > 0));
+    // Its folder and its plan are closed to others; that it has real-time threads on the core is not.
+    let ours = crate::support::run(&panda_reach(), &["--for", "100 ms", "--force"]);
+    rustix::process::kill_process(rustix::process::Pid::from_child(&child), rustix::process::Signal::INT)
+        .expect("it is there");
+    assert!(child.wait().is_ok());
+    if !has_priorities {
+        return eprintln!("skipped: the other user was granted no real-time priority");
+    }
+    let words = "other users have real-time work on the cores of this run";
+    let line = ours.stderr.lines().find(|line| line.contains(words));
+    let line = line.unwrap_or_else(|| panic!("{}", ours.stderr));
+    assert!(line.contains("of user 65534, SCHED_FIFO ") && line.contains("on core "), "{line}");
+    let event = ours.report().events.iter().find(|event| event.text.starts_with(words));
+    assert_eq!(event.map(|event| event.severity), Some(motorium::region::EventSeverity::Warning));
+}
+
+#[test]
 fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
     let _machine = machine();
     let id = |run: Run| run.folder.id().to_string();

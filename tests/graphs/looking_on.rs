@@ -84,7 +84,9 @@ fn a_running_graph_shows_its_topics_and_takes_parameters() {
 fn lists_topics(run: &str) {
     let rows = json(&["topic", "list", "--run", run, "--json"]);
     let rows = rows.as_array().expect("rows");
-    assert_eq!(rows.len(), 2);
+    // Those of the graph, and the log of events.
+    assert_eq!(rows.len(), 3);
+    assert_eq!(rows[2]["name"], "motorium/events");
     let state = rows.iter().find(|row| row["name"] == "panda/joint_state").expect("the state");
     assert_eq!(state["type"], "motorium.JointState");
     assert_eq!(state["pattern"], "state");

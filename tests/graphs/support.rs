@@ -35,6 +35,17 @@ pub(crate) struct Run {
 impl Run {
     /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
     pub(crate) fn start(graph: &Path, arguments: &[&str]) -> Self {
+        Self::start_when(graph, arguments, |_, region| {
+            region.components().iter().all(|block| steps(block) > 20)
+        })
+    }
+
+    /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until it is ready.
+    pub(crate) fn start_when(
+        graph: &Path,
+        arguments: &[&str],
+        is_ready: impl Fn(&motorium::plan::Plan, &motorium::region::Region) -> bool,
+    ) -> Self {
         let child = Command::new(MOTORIUM)
             .arg("run")
             .arg(graph)
@@ -54,7 +65,7 @@ impl Run {
                 folder.region().is_ok_and(|region| {
                     region.header().launcher.load(std::sync::atomic::Ordering::Relaxed) == launcher
                         && !region.components().is_empty()
-                        && region.components().iter().all(|block| steps(block) > 20)
+                        && folder.plan().is_ok_and(|plan| is_ready(&plan, &region))
                 })
             });
             if let Some(folder) = own {
@@ -98,6 +109,20 @@ impl Run {
             std::thread::sleep(Duration::from_millis(5));
         }
         std::thread::sleep(Duration::from_millis(100));
+    }
+
+    /// Whether it has ended.
+    pub(crate) fn has_ended(&mut self) -> bool {
+        let child = self.child.as_mut().expect("the run has a process");
+        child.try_wait().expect("the process can be asked").is_some()
+    }
+
+    /// Process and steps of a component; `None` once the run, or the words that tell, are gone.
+    pub(crate) fn glance(&self, component: &str) -> Option<(u32, u64)> {
+        let (plan, region) = (self.folder.plan().ok()?, self.folder.region().ok()?);
+        let index = plan.components.iter().position(|c| c.name == component)?;
+        let block = region.components().get(index)?;
+        Some((block.pid.load(std::sync::atomic::Ordering::Relaxed), steps(block)))
     }
 
     /// Waits for the end; exit code, report, standard error.

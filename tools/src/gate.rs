@@ -1,6 +1,6 @@
 //! The account of a command gate as text.
 
-use motorium::region::{GateReport, Latch, LimitKind, Refusal};
+use motorium::region::{GateReport, Latch, LimitKind};
 
 /// Joints and limits that a line names; the rest is in `--json`.
 const NAMED: usize = 4;
@@ -32,11 +32,8 @@ pub(crate) fn words(gate: &GateReport) -> Option<String> {
         let rest = if rest > 0 { format!(", {rest} others") } else { String::new() };
         parts.push(format!("beyond a limit: {}{rest}", shown.join(", ")));
     }
-    let refused: Vec<String> = gate
-        .refused
-        .iter()
-        .map(|refused| format!("{} {}", refused.count, refusal_words(refused.reason)))
-        .collect();
+    let refused: Vec<String> =
+        gate.refused.iter().map(|refused| format!("{} {}", refused.count, refused.reason.words())).collect();
     if !refused.is_empty() {
         parts.push(format!("commands refused: {}", refused.join(", ")));
     }
@@ -56,21 +53,9 @@ fn limit_words(limit: LimitKind) -> &'static str {
     }
 }
 
-fn refusal_words(reason: Refusal) -> &'static str {
-    match reason {
-        Refusal::Content => "not finite",
-        Refusal::Count => "for another number of joints",
-        Refusal::NegativeGain => "with a negative gain",
-        Refusal::Limits => "beyond a limit",
-        Refusal::Future => "stamped in the future",
-        Refusal::Sequence => "out of order",
-        Refusal::StaleSource => "from an old measurement",
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use motorium::region::{Limited, Refused};
+    use motorium::region::{Limited, Refusal, Refused};
 
     use super::*;
 

@@ -52,12 +52,12 @@ pub fn main() -> ExitCode {
             let registry = registry::with_benches();
             return run_worker(&folder, &component, |plan| match &plan.program {
                 motorium::plan::Program::Builtin { kind } => registry.find(kind).copied(),
-                motorium::plan::Program::Exec { .. } => None,
+                motorium::plan::Program::Exec { .. } | motorium::plan::Program::Sibling { .. } => None,
             });
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
         Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
-        Some(Program::Describe) | None => {}
+        Some(Program::Describe | Program::Kinds) | None => {}
     }
     if let Some(role) = motorium_benches::Role::from_arguments(&arguments) {
         return role.run();

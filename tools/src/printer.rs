@@ -76,7 +76,8 @@ impl Printer {
         let (end, ended) = sync_channel::<()>(0);
         let (dropped, states) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
         let (lost, shown) = (dropped.clone(), states.clone());
-        std::thread::Builder::new().name("printer".to_string()).spawn(move || {
+        let thread = std::thread::Builder::new().name("printer".to_string());
+        let spawned = thread.spawn(move || {
             for message in messages {
                 let count = lost.swap(0, Relaxed);
                 if count > 0 {
@@ -93,6 +94,9 @@ impl Printer {
             // The terminal is as it was before the end is told.
             drop(sink);
             drop(end);
+        });
+        spawned.map_err(|error| {
+            anyhow::anyhow!("starting the thread that prints: {}", motorium::os::named(&error))
         })?;
         Ok(Self { sender, ended, dropped, states, wants })
     }

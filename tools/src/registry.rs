@@ -3,11 +3,17 @@
 use std::path::Path;
 
 use motorium::declare::ConfigError;
-use motorium::worker::{Kind, Registry, RobotSource};
+use motorium::worker::{Kind, Registry, RobotSource, Sibling};
+
+/// The programs that host kinds which this one does not, because of what they depend on.
+const SIBLINGS: &[Sibling] = &[
+    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" },
+    Sibling { family: "bridge", program: "motorium-bridges", install: "cargo install motorium-bridges" },
+];
 
 /// The kinds that a graph may use.
 pub(crate) fn registry() -> Registry {
-    Registry::new(RobotSource { check: check_robot }, kinds())
+    Registry::new(RobotSource { check: check_robot }, kinds()).with_siblings(SIBLINGS)
 }
 
 /// The kinds that a graph may use, and those that only the graphs of benchmarks are made of.
@@ -29,6 +35,7 @@ fn kinds() -> Vec<Kind> {
         Kind::of::<motorium_policies::LibraryPolicy>(),
         Kind::of::<motorium_bridges::Iceoryx2Bridge>(),
         Kind::of::<motorium_interfaces::ConsoleLog>(),
+        Kind::of::<motorium_interfaces::UdpSensor>(),
     ]
 }
 

@@ -170,6 +170,7 @@ fn missed_steps(report: &Report, text: &mut String) {
             (misses.long_step, "step too long"),
             (misses.late_input, "stale command, safe state applied"),
             (misses.over_budget, "over budget"),
+            (c.deferred, "events deferred by `min_interval`"),
             (c.errors, "errors tolerated"),
             (c.refused, "samples refused"),
         ]

@@ -9,16 +9,22 @@
 //! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such
 //!   as `physics.rapier`.
 
+mod checkpoint;
 mod clock;
 mod error;
+mod helper;
 mod setup;
 mod weights;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::transport::{Choice, Parameter, ParameterArray};
+pub use checkpoint::Checkpoint;
 pub use clock::RunClock;
 pub use error::ConfigureError;
-pub use setup::{Checkpoint, EpisodeEnd, Setup};
+pub(crate) use helper::Helpers;
+pub use helper::StopRequest;
+pub(crate) use setup::Prepared;
+pub use setup::{EpisodeEnd, Setup};
 pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
@@ -37,14 +43,14 @@ pub struct Tick {
     /// Number of the step in its episode, from 0; it goes on through restarts of the component.
     pub index: u64,
     /// Nanoseconds since the run, or its present episode, began for which the step computes: the scheduled release of a time-triggered
-    /// component, the publish time of the sample that woke a triggered one.
+    /// component, the publish time of the sample that woke a triggered one, the arrival of the event that released a sporadic one.
     pub time_ns: u64,
     /// Deadline of the step, ns on the clock of `time_ns`: a period after it, when the next step of a time-triggered
     /// component is due. In lockstep it is the same number, and no step is ever late: time stands still while a component
     /// steps. [`RunClock::left_ns`] says how much of the time is left.
     pub deadline_ns: u64,
     /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
-    /// time-triggered component at the head of its chain.
+    /// component at the head of its chain; for one that events release its `min_interval`.
     pub period: Duration,
     /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
     pub episode: u64,

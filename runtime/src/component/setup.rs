@@ -1,15 +1,15 @@
 //! The set-up of a component: its ports, its parameters, its place in the graph.
 
+use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::{ConfigureError, RunClock};
+use super::{ConfigureError, Helpers, RunClock};
 use crate::declare::{ParameterKind, RobotReference, TopicPattern};
-use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan};
-use crate::region::CHECKPOINT_BYTES;
+use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
@@ -50,9 +50,19 @@ pub struct Setup {
     parameters: ParameterReader,
     ports: Vec<Rc<dyn Connect>>,
     trigger: Option<Trigger>,
+    pub(super) descriptor: Option<OwnedFd>,
+    pub(super) helpers: Helpers,
 }
 
-type Finished = (Vec<Rc<dyn Connect>>, ParameterReader, Option<Trigger>);
+/// What a configured component was given.
+pub(crate) struct Prepared {
+    pub(crate) ports: Vec<Rc<dyn Connect>>,
+    pub(crate) parameters: ParameterReader,
+    pub(crate) trigger: Option<Trigger>,
+    /// The descriptor that releases its steps.
+    pub(crate) descriptor: Option<OwnedFd>,
+    pub(crate) helpers: Helpers,
+}
 
 impl Setup {
     pub(crate) fn new(
@@ -71,11 +81,24 @@ impl Setup {
             }
             _ => None,
         };
-        Ok(Self { plan: plan.clone(), index, domain, node, context, parameters, ports: Vec::new(), trigger })
+        let stop_within = Duration::from_nanos(component.stop_within_ns.unwrap_or(STOP_WITHIN_NS));
+        Ok(Self {
+            plan: plan.clone(),
+            index,
+            domain,
+            node,
+            context,
+            parameters,
+            ports: Vec::new(),
+            trigger,
+            descriptor: None,
+            helpers: Helpers::stopping_within(stop_within / 2),
+        })
     }
 
-    pub(crate) fn finish(self) -> Finished {
-        (self.ports, self.parameters, self.trigger)
+    pub(crate) fn finish(self) -> Prepared {
+        let Self { ports, parameters, trigger, descriptor, helpers, .. } = self;
+        Prepared { ports, parameters, trigger, descriptor, helpers }
     }
 
     pub(crate) fn plan(&self) -> &Plan {
@@ -304,20 +327,6 @@ impl Setup {
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context.clone() })
     }
-
-    /// Memory for numbers that outlives a crash of this component.
-    ///
-    /// # Errors
-    /// The checkpoint has no room for so many.
-    pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
-        if numbers * 8 > CHECKPOINT_BYTES {
-            return Err(ConfigureError::failed(format!(
-                "a checkpoint of {numbers} numbers, but it holds {}",
-                CHECKPOINT_BYTES / 8
-            )));
-        }
-        Ok(Checkpoint { context: self.context.clone(), words: vec![0; numbers] })
-    }
 }
 
 /// The right of one component to end the episodes of its graph: a task is solved, or failed.
@@ -360,47 +369,4 @@ fn same_type(layout: &TypeLayout, plan: &PortPlan) -> Result<(), PortError> {
         port: plan.port.clone(),
         difference: plan.layout.difference("declared", layout, "opened"),
     })
-}
-
-/// Numbers that outlive a crash of their component: saved at a step, loaded after a restart.
-///
-/// ```
-/// use motorium::prelude::*;
-///
-/// /// The angle of a motion, which goes on after a crash where it was.
-/// fn resume(setup: &mut Setup) -> Result<(Checkpoint, f64), ConfigureError> {
-///     let mut checkpoint = setup.checkpoint(1)?;
-///     let angle = checkpoint.resume().map_or(0.0, |numbers| numbers[0]);
-///     Ok((checkpoint, angle))
-/// }
-///
-/// fn step(checkpoint: &mut Checkpoint, angle: &mut f64, tick: &Tick) {
-///     *angle += tick.dt();
-///     checkpoint.save([*angle]);
-/// }
-/// ```
-#[derive(Debug)]
-pub struct Checkpoint {
-    context: Rc<Context>,
-    words: Vec<u64>,
-}
-
-impl Checkpoint {
-    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older
-    /// ones.
-    pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
-        for (word, number) in self.words.iter_mut().zip(numbers) {
-            *word = number.to_bits();
-        }
-        self.context.block().checkpoint.save(self.words.iter().copied());
-    }
-
-    /// The numbers saved before a restart of the component; `None` at its first start, or if one is not finite.
-    pub fn resume(&mut self) -> Option<Vec<f64>> {
-        if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
-            return None;
-        }
-        let numbers: Vec<f64> = self.words.iter().map(|word| f64::from_bits(*word)).collect();
-        numbers.iter().all(|number| number.is_finite()).then_some(numbers)
-    }
 }

@@ -27,6 +27,9 @@ pub struct Declaration {
     /// True if it can end an episode.
     #[serde(default)]
     pub may_end_episodes: bool,
+    /// True if a file descriptor can release its steps.
+    #[serde(default)]
+    pub wakes_on_descriptor: bool,
     /// What works, and is probably not meant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
@@ -218,6 +221,13 @@ impl Declare {
     /// says `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
+    }
+
+    /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
+    /// `activate = { on = "fd", min_interval = "1 ms" }`. It names the descriptor by
+    /// [`Setup::wake_on`](crate::component::Setup::wake_on).
+    pub fn wakes_on_descriptor(&mut self) {
+        self.declaration.wakes_on_descriptor = true;
     }
 
     /// A number that may change while the component runs, within `range`, in `unit`.

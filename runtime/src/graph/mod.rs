@@ -143,7 +143,7 @@ fn check_layers(
         // without the file below, what is above it would give false errors
         return Err(GraphError::new(report.into_diagnostics()));
     }
-    let context = resolve::Context { file: path, sources: &sources, registry, machine };
+    let context = resolve::Context::new(path, &sources, registry, machine);
     let texts = parse::Texts::new(&sources, overrides);
     let plan = texts.parse(&mut report).and_then(|graph| resolve::resolve(&graph, &context, &mut report));
     match plan {

@@ -7,10 +7,7 @@ use super::diagnostic::Report;
 use super::read::{At, Keys, Read, Value};
 use super::values::{AnyTable, Name, Named, Schedule, Share, SpinChoice, TopicName};
 use crate::declare::ParameterValue;
-use crate::plan::{
-    ClockKind, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen, ResumeRule,
-    SafeState,
-};
+use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen};
 use crate::units::{Rate, TimeSpan};
 
 /// A table whose fields are the values of the keys of the same names.
@@ -20,9 +17,13 @@ macro_rules! take_fields {
     };
 }
 
+mod activate;
 mod robot;
+mod safety;
 
+pub(super) use activate::ActivateTable;
 pub(super) use robot::{BaseTable, RobotTable};
+pub(super) use safety::SafetyTable;
 
 /// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
@@ -220,6 +221,8 @@ pub(super) struct ComponentTable<'i> {
     pub rate: Option<At<Rate>>,
     /// Steps whenever this topic is published; the component must subscribe to it.
     pub trigger: Option<At<TopicName>>,
+    /// Steps when an event comes from outside of the graph, for kinds that wait for one.
+    pub activate: Option<At<ActivateTable>>,
     /// Offset of the first step within the period; only with `rate`.
     #[schemars(extend("default" = defaults::PHASE))]
     pub phase: Option<At<TimeSpan>>,
@@ -279,7 +282,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("component.{key}"), value, report)?;
         let mut table = take_fields!(
-            keys, kind, exec, robot, robots, rate, trigger, phase, budget, schedule, priority, spin, core, subscribe, publish,
+            keys, kind, exec, robot, robots, rate, trigger, activate, phase, budget, schedule, priority, spin, core, subscribe, publish,
             params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
             ends_episode; meant: Vec::new()
         );
@@ -341,56 +344,6 @@ impl<'i> Read<'i> for LatencyTable {
         let mut keys = Keys::read(key, value, report)?;
         let mut table = take_fields!(keys, from, to, max, on_miss; meant: Vec::new());
         table.meant = keys.finish("`[[latency]]`");
-        Some(table)
-    }
-}
-
-/// Limits and states that keep the robot safe. The actuator applies them by itself, whichever process died.
-#[derive(Debug, JsonSchema)]
-#[schemars(deny_unknown_fields, rename = "Safety")]
-pub(super) struct SafetyTable {
-    /// A command older than this is never applied.
-    #[schemars(extend("default" = defaults::STALE_AFTER))]
-    pub stale_after: Option<At<TimeSpan>>,
-    /// State applied instead.
-    #[schemars(extend("default" = defaults::SAFE_STATE))]
-    pub safe_state: Option<At<SafeState>>,
-    /// Time for which the actuators stay in the safe state before they are stopped, at every end of a run.
-    #[schemars(extend("default" = defaults::SETTLE))]
-    pub settle: Option<At<TimeSpan>>,
-    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and twice the
-    /// periods of the components from the measurement to the command.
-    pub source_stale_after: Option<At<TimeSpan>>,
-    /// Treatment of a command beyond a limit of the robot's joints.
-    #[schemars(extend("default" = defaults::LIMITS))]
-    pub limits: Option<At<LimitPolicy>>,
-    /// The way out of the safe state once commands are fresh again.
-    #[schemars(extend("default" = defaults::RESUME))]
-    pub resume: Option<At<ResumeRule>>,
-    /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
-    /// `motorium resume`.
-    pub emergency_stop: Option<At<TopicName>>,
-    /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
-    /// each one stops by itself.
-    #[schemars(extend("default" = false))]
-    pub stop_together: Option<At<bool>>,
-}
-
-impl<'i> Read<'i> for SafetyTable {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let mut keys = Keys::read(key, value, report)?;
-        let table = take_fields!(
-            keys,
-            stale_after,
-            safe_state,
-            settle,
-            source_stale_after,
-            limits,
-            resume,
-            emergency_stop,
-            stop_together
-        );
-        keys.finish("`[safety]`");
         Some(table)
     }
 }

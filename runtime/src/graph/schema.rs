@@ -29,7 +29,7 @@ pub fn schema(registry: &Registry) -> Schema {
         if let Some(kind) = component.get_mut("properties").and_then(|keys| keys.get_mut("kind")) {
             kind["oneOf"] = Json::Array(names);
         }
-        let mut rules = vec![exactly_one("kind", "exec"), exactly_one("rate", "trigger")];
+        let mut rules = vec![exactly_one(&["kind", "exec"]), exactly_one(&["rate", "trigger", "activate"])];
         rules.push(json!({ "if": { "required": ["phase"] }, "then": { "required": ["rate"] } }));
         rules.extend(kinds.zip(configs).map(|(kind, (config, required))| {
             json!({
@@ -83,8 +83,9 @@ fn world(schema: &mut Schema, registry: &Registry) {
     }
 }
 
-fn exactly_one(one: &str, other: &str) -> Json {
-    json!({ "oneOf": [{ "required": [one] }, { "required": [other] }] })
+fn exactly_one(keys: &[&str]) -> Json {
+    let choices: Vec<Json> = keys.iter().map(|key| json!({ "required": [key] })).collect();
+    json!({ "oneOf": choices })
 }
 
 /// `config` itself is required if one of its keys is.

@@ -15,7 +15,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 
 use super::{LaunchError, STOP_WITHIN};
-use crate::os::{Watch, interrupt_thread, with_shortage};
+use crate::os::{Watch, interrupt_thread, named, with_shortage};
 use crate::region::{ComponentBlock, Phase};
 use crate::run_folder::RunFolder;
 use crate::worker::{Failure, GUARD, Host, Hosted, Kind, Outcome, WORKER, Worker};
@@ -65,12 +65,7 @@ impl Child {
         name: &str,
     ) -> Result<Self, LaunchError> {
         let failed = |error: std::io::Error| {
-            let mut reason = error.to_string();
-            if error.raw_os_error() == Some(libc::EAGAIN) {
-                reason += "; this user has as many processes and threads as it may: raise the limit with `ulimit -u`, or \
-                           `TasksMax=` of the service";
-            }
-            let reason = with_shortage(reason, folder.path());
+            let reason = with_shortage(named(&error), folder.path());
             LaunchError::Start { name: name.to_string(), program: program.to_path_buf(), reason }
         };
         let mut process = command.spawn().map_err(failed)?;
@@ -113,7 +108,7 @@ impl Child {
         let thread = std::thread::Builder::new()
             .name(name.to_string())
             .spawn(move || (kind.run)(worker))
-            .map_err(|error| failed(error.to_string()))?;
+            .map_err(|error| failed(named(&error)))?;
         Ok(Self::of_this_process(name, Body::Thread(Some(thread))))
     }
 

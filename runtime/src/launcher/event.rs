@@ -1,8 +1,10 @@
 //! The events of a run.
 
-use super::Status;
+mod words;
+
+use super::{Exit, Status};
 use crate::plan::Plan;
-use crate::region::Latch;
+use crate::region::{EventKind, EventSeverity, Latch, Misses, Refusal};
 
 /// An event of a run.
 #[derive(Debug)]
@@ -42,6 +44,58 @@ pub enum Event<'a> {
         component: &'a str,
         /// Time from its end to its first step, ns.
         after_ns: u64,
+    },
+    /// All components and simulated time were set back for an episode.
+    Reset {
+        /// Number of the episode.
+        episode: u64,
+        /// Its seed.
+        seed: u64,
+    },
+    /// Steps of a component ended after their deadline.
+    Missed {
+        /// The component.
+        component: &'a str,
+        /// Their number by cause, since the last event of this kind.
+        misses: Misses,
+    },
+    /// Latencies were above their budget.
+    LatencyMissed {
+        /// Topic at the head of the chain.
+        from: &'a str,
+        /// Topic at its end.
+        to: &'a str,
+        /// Their number since the last event of this kind.
+        count: u64,
+        /// The budget, ns.
+        max_ns: u64,
+        /// The longest latency of the run so far, ns.
+        longest_ns: u64,
+    },
+    /// The command gate of an actuator refused commands.
+    Refused {
+        /// The actuator.
+        component: &'a str,
+        /// Their number by reason, since the last event of this kind.
+        refused: &'a [(Refusal, u64)],
+    },
+    /// An actuator that followed commands applies its safe state.
+    EnteredSafeState {
+        /// The actuator.
+        component: &'a str,
+        /// Number of times since the last event of this kind, if it came back in between.
+        times: u64,
+        /// The reason.
+        cause: &'a str,
+        /// Whether it is the end of the run that brought it there.
+        is_end: bool,
+        /// Time of the last entry, `CLOCK_MONOTONIC` ns.
+        since_ns: u64,
+    },
+    /// An actuator follows its commands.
+    LeftSafeState {
+        /// The actuator.
+        component: &'a str,
     },
     /// The graph goes to its safe state.
     SafeStop {
@@ -87,8 +141,137 @@ pub enum Event<'a> {
         /// Time since its beginning, ns.
         for_ns: u64,
     },
-    /// The run ends, but not as the graph asks.
+    /// Something is not as the graph asks, or may come to be so.
     Warning(&'a str),
+    /// The components are asked to end.
+    Ending(&'a Exit),
+    /// The launcher does not respond. Told by the guard.
+    LauncherSilent {
+        /// The run's name.
+        run: &'a str,
+    },
+    /// The launcher responds again. Told by the guard.
+    LauncherBack {
+        /// The run's name.
+        run: &'a str,
+    },
+    /// The launcher has ended or was killed. Told by the guard, which ends the run in its place.
+    LauncherEnded {
+        /// The run's name.
+        run: &'a str,
+        /// What became of the launcher.
+        cause: &'a str,
+    },
+    /// The guard has brought the robot to its safe state. Told by the guard.
+    GuardActed {
+        /// What became of the actuators.
+        actuators: &'a str,
+        /// Whether all of them are in their safe state.
+        is_safe: bool,
+    },
     /// The status of the graph.
     Status(&'a Status),
+}
+
+impl Event<'_> {
+    /// Its kind; `None` for a status, which is no event of the log.
+    pub fn kind(&self) -> Option<EventKind> {
+        Some(match self {
+            Self::Created { .. } => EventKind::Created,
+            Self::Lost(_) => EventKind::Denied,
+            Self::Started => EventKind::Started,
+            Self::Output { .. } => EventKind::Output,
+            Self::Failed { .. } => EventKind::Failed,
+            Self::Restarted { .. } => EventKind::Restarted,
+            Self::Reset { .. } => EventKind::Reset,
+            Self::Missed { .. } => EventKind::Missed,
+            Self::LatencyMissed { .. } => EventKind::LatencyMissed,
+            Self::Refused { .. } => EventKind::Refused,
+            Self::EnteredSafeState { .. } => EventKind::EnteredSafeState,
+            Self::LeftSafeState { .. } => EventKind::LeftSafeState,
+            Self::SafeStop { .. } => EventKind::SafeStop,
+            Self::Safe { .. } => EventKind::Safe,
+            Self::NotSafe { .. } => EventKind::NotSafe,
+            Self::Stopped { .. } => EventKind::Stopped,
+            Self::Resumed => EventKind::Resumed,
+            Self::LosesSteps { .. } => EventKind::LosesSteps,
+            Self::Waiting { .. } => EventKind::Waiting,
+            Self::Warning(_) => EventKind::Warning,
+            Self::Ending(_) => EventKind::Ending,
+            Self::LauncherSilent { .. } => EventKind::LauncherSilent,
+            Self::LauncherBack { .. } => EventKind::LauncherBack,
+            Self::LauncherEnded { .. } => EventKind::LauncherEnded,
+            Self::GuardActed { .. } => EventKind::GuardActed,
+            Self::Status(_) => return None,
+        })
+    }
+
+    /// Its severity.
+    pub fn severity(&self) -> EventSeverity {
+        match self {
+            Self::Failed { .. }
+            | Self::SafeStop { .. }
+            | Self::NotSafe { .. }
+            | Self::LauncherEnded { .. }
+            | Self::GuardActed { is_safe: false, .. }
+            | Self::Ending(Exit::SafeStop { .. }) => EventSeverity::Error,
+            Self::Lost(_)
+            | Self::Missed { .. }
+            | Self::LatencyMissed { .. }
+            | Self::Refused { .. }
+            | Self::EnteredSafeState { is_end: false, .. }
+            | Self::Stopped { .. }
+            | Self::LosesSteps { .. }
+            | Self::Waiting { .. }
+            | Self::Warning(_)
+            | Self::LauncherSilent { .. } => EventSeverity::Warning,
+            _ => EventSeverity::Information,
+        }
+    }
+
+    /// The component that it is about.
+    pub fn component(&self) -> Option<&str> {
+        match self {
+            Self::Output { component, .. }
+            | Self::Failed { component, .. }
+            | Self::Restarted { component, .. }
+            | Self::Missed { component, .. }
+            | Self::Refused { component, .. }
+            | Self::EnteredSafeState { component, .. }
+            | Self::LeftSafeState { component }
+            | Self::LosesSteps { component, .. }
+            | Self::Waiting { component, .. } => Some(component),
+            _ => None,
+        }
+    }
+
+    /// A number that belongs to it, as its [kind](EventKind) says; else 0.
+    pub fn value(&self) -> f64 {
+        let seconds = |ns: u64| ns as f64 * 1e-9;
+        match self {
+            Self::Restarted { after_ns, .. } | Self::Safe { after_ns } => seconds(*after_ns),
+            Self::Reset { episode, .. } => *episode as f64,
+            Self::Missed { misses, .. } => misses.missed() as f64,
+            Self::LatencyMissed { count, .. } => *count as f64,
+            Self::Refused { refused, .. } => refused.iter().map(|(_, count)| *count).sum::<u64>() as f64,
+            Self::LosesSteps { share, .. } => *share,
+            Self::Waiting { for_ns, .. } => seconds(*for_ns),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether it stands in the log alone: `motorium run` prints no line of it, since the closing summary counts it.
+    pub fn is_logged_only(&self) -> bool {
+        matches!(
+            self,
+            Self::Reset { .. }
+                | Self::Missed { .. }
+                | Self::LatencyMissed { .. }
+                | Self::Refused { .. }
+                | Self::EnteredSafeState { .. }
+                | Self::LeftSafeState { .. }
+                | Self::Ending(_)
+                | Self::Status(_)
+        )
+    }
 }

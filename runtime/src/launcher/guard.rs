@@ -1,6 +1,7 @@
 //! The guard, a process that outlives a killed launcher: it brings the robot to its safe state and cleans up.
 
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
@@ -9,6 +10,8 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
+use super::Event;
+use super::event_log::EventWriter;
 use super::hang::{SILENCE_NS, describe};
 use super::shutdown::Reached;
 use super::watchdog::{Counters, Watchdog};
@@ -28,7 +31,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
     }
     let (plan, region) = match (folder.plan(), folder.region()) {
-        (Ok(plan), Ok(region)) => (plan, region),
+        (Ok(plan), Ok(region)) => (plan, Rc::new(region)),
         (Err(error), _) | (_, Err(error)) => {
             eprintln!("motorium guard: {error}");
             return ExitCode::FAILURE;
@@ -40,17 +43,20 @@ pub fn main(folder: &RunFolder) -> ExitCode {
         eprintln!("motorium guard: {error}");
     }
     let folder = &folder;
+    let log = EventWriter::new(&plan, region.clone());
     let cause = match Watch::new(region.header().launcher.load(Relaxed)) {
-        Ok(launcher) => await_cause(&plan, &region, folder, &launcher),
+        Ok(launcher) => await_cause((&plan, &region, folder), &launcher, &log),
         Err(_) => "was killed".to_string(),
     };
     let noticed = monotonic_ns();
+    log.write(&Event::LauncherEnded { run: folder.id(), cause: &cause });
     let workers = workers(&plan, &region, folder);
     region.header().safe_stop_ns.store(noticed, Relaxed);
     region.header().order(Command::SafeStop);
     workers.iter().for_each(|(_, watch)| watch.signal(Signal::USR2));
     std::thread::sleep(Duration::from_nanos(plan.safety.settle_ns));
-    let safe = describe_safety(&plan, &region, &workers, noticed);
+    let (safe, is_safe) = describe_safety(&plan, &region, &workers, noticed);
+    log.write(&Event::GuardActed { actuators: &safe, is_safe });
     region.header().order(Command::Stop);
     let until = Instant::now() + Duration::from_secs(1);
     for (_, watch) in &workers {
@@ -91,7 +97,15 @@ fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Wat
 ///
 /// A launcher that is stopped or hangs is told once. The graph goes on without it as long as all components step; when one
 /// dies or hangs, nobody else can act on it, and the guard kills the launcher and ends the run.
-fn await_cause(plan: &Plan, region: &Region, folder: &RunFolder, launcher: &Watch) -> String {
+fn await_cause(
+    (plan, region, folder): (&Plan, &Region, &RunFolder),
+    launcher: &Watch,
+    log: &EventWriter,
+) -> String {
+    let tell = |event: Event<'_>| {
+        log.write(&event);
+        eprintln!("motorium: {event}");
+    };
     let header = region.header();
     let mut last_look = monotonic_ns();
     let mut silent: Option<Silence> = None;
@@ -108,14 +122,11 @@ fn await_cause(plan: &Plan, region: &Region, folder: &RunFolder, launcher: &Watc
             && now.saturating_sub(alive_ns) > SILENCE_NS;
         match &mut silent {
             None if is_silent => {
-                eprintln!(
-                    "motorium: the launcher of {} does not respond (stopped?); the guard monitors the graph",
-                    folder.id()
-                );
+                tell(Event::LauncherSilent { run: folder.id() });
                 silent = Some(Silence::new(plan, region, folder, now));
             }
             Some(_) if !is_silent => {
-                eprintln!("motorium: the launcher of {} responds again", folder.id());
+                tell(Event::LauncherBack { run: folder.id() });
                 silent = None;
             }
             Some(silence) => {
@@ -161,10 +172,16 @@ impl Silence {
     }
 }
 
-fn describe_safety(plan: &Plan, region: &Region, workers: &[(String, Watch)], noticed: u64) -> String {
+/// What became of the actuators, as text, and whether all are in their safe state.
+fn describe_safety(
+    plan: &Plan,
+    region: &Region,
+    workers: &[(String, Watch)],
+    noticed: u64,
+) -> (String, bool) {
     let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
     let state = state.as_str().unwrap_or_default();
-    let mut words = Vec::new();
+    let (mut words, mut are_safe) = (Vec::new(), true);
     for (component, block) in plan.components.iter().zip(region.components()) {
         if !component.actuator {
             continue;
@@ -172,7 +189,9 @@ fn describe_safety(plan: &Plan, region: &Region, workers: &[(String, Watch)], no
         let name = &component.name;
         let worker = workers.iter().find(|(worker, _)| worker == name);
         let ended = worker.is_none_or(|(_, watch)| watch.has_ended());
-        words.push(match Reached::of(block, ended, noticed) {
+        let reached = Reached::of(block, ended, noticed);
+        are_safe &= matches!(reached, Reached::Safe { .. });
+        words.push(match reached {
             Reached::Safe { since_ns } if since_ns < noticed => {
                 let before = (noticed - since_ns) as f64 * 1e-6;
                 format!("`{name}` in its safe state ({state}) {before:.1} ms before the guard noticed")
@@ -185,5 +204,6 @@ fn describe_safety(plan: &Plan, region: &Region, workers: &[(String, Watch)], no
             Reached::Dead => format!("`{name}` was not there to reach its safe state"),
         });
     }
-    if words.is_empty() { "the graph has no actuators".to_string() } else { words.join(", ") }
+    let words = if words.is_empty() { "the graph has no actuators".to_string() } else { words.join(", ") };
+    (words, are_safe)
 }

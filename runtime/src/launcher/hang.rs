@@ -95,7 +95,7 @@ impl Launch {
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
             let name = &component.name;
-            if supervision.is_down() {
+            if supervision.is_down(block.steps.load(Relaxed)) {
                 self.warnings.push(format!("`{name}` was restarted and did not step again before the end"));
                 continue;
             }

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
 
+use super::event_log::logging;
 use super::supervise::{AfterEnd, Supervision};
 use super::{Event, Exit, Hosting, Launch};
 use crate::os::{futex_wait, futex_wake, monotonic_ns};
@@ -44,6 +45,7 @@ pub(crate) struct Limit {
 impl Launch {
     /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a failure.
     pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        let observe = &mut logging(&self.log, observe);
         let mut supervision = core::mem::take(&mut self.supervision);
         let exit = self.rounds(limit, &mut supervision, observe);
         self.supervision = supervision;
@@ -90,7 +92,9 @@ impl Launch {
             self.reached_ns = time + 1;
             let header = self.region.header();
             header.reached_ns.store(self.reached_ns, Relaxed);
-            if header.is_episode_over() {
+            let is_over = header.is_episode_over();
+            self.tell_accounts_at(time, observe);
+            if is_over {
                 return None;
             }
             if now_ns >= self.next_status_ns {
@@ -109,6 +113,8 @@ impl Launch {
         seed: u64,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Exit> {
+        let observe = &mut logging(&self.log, observe);
+        self.tell_last_accounts(observe);
         self.region.header().begin_episode(index, seed);
         let mut supervision = core::mem::take(&mut self.supervision);
         let mut exit = None;
@@ -124,6 +130,9 @@ impl Launch {
         self.region.topics().iter().for_each(|topic| topic.begin_episode());
         self.region.components().iter().for_each(|block| block.begin_episode());
         self.before_ns += core::mem::take(&mut self.reached_ns);
+        self.accounts.begin_episode();
+        self.next_account_ns = 0;
+        observe(Event::Reset { episode: index, seed });
         exit
     }
 
@@ -157,6 +166,7 @@ impl Launch {
     /// Looks at everything that no tick tells, if it is time to, and waits: for a signal, the end of a process, or a time on
     /// `CLOCK_MONOTONIC`, ns. The exit, if a signal came.
     pub(crate) fn wait(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        let observe = &mut logging(&self.log, observe);
         let now_ns = monotonic_ns();
         if now_ns >= self.next_status_ns {
             self.next_status_ns = now_ns + STATUS_NS;

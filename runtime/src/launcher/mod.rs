@@ -5,16 +5,19 @@
 //! fails, and leaves no shared memory behind. A [`guard`] process does the last two when the launcher itself is
 //! killed.
 
+mod accounts;
 mod barrier;
 mod child;
 mod cores;
 mod error;
 mod event;
+mod event_log;
 pub mod guard;
 mod hang;
 mod idle_states;
 mod lockstep;
 mod lost_steps;
+mod neighbours;
 mod options;
 mod places;
 mod report;
@@ -37,7 +40,9 @@ use crate::plan::{ClockKind, Plan, Program};
 use crate::region::{Command, Region};
 use crate::run_folder::RunFolder;
 use crate::worker::{Host, Registry, Rounds};
+use accounts::Accounts;
 use child::Child;
+use event_log::{EventWriter, logging};
 use idle_states::IdleStates;
 use places::Places;
 use reserve::Spare;
@@ -48,6 +53,7 @@ use supervise::Supervision;
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;
 pub use event::Event;
+pub use event_log::{LoggedEvent, REPORTED_EVENTS, logged};
 pub(crate) use lockstep::Limit;
 pub use options::{Hosting, Options};
 pub use report::{
@@ -79,6 +85,11 @@ pub(crate) struct Launch {
     /// The stop that was told last.
     stop: Option<stops::Stop>,
     cores: Option<CoreWatch>,
+    /// The log of events, and what it was told of the accounts of components.
+    log: Rc<EventWriter>,
+    accounts: Accounts,
+    /// Lockstep: simulated time of the next look at the accounts, ns.
+    next_account_ns: u64,
     /// The order of the ticks, and the simulated time from which on they are still to be made, ns.
     rounds: Rounds,
     reached_ns: u64,
@@ -104,21 +115,25 @@ impl Launch {
     ) -> Result<(Self, Option<Exit>), LaunchError> {
         crate::transport::quieten();
         options.check(&plan)?;
-        reserve::check(&plan)?;
+        reserve::check(&plan, options.hosting)?;
         if let Some(core) = options.core.filter(|_| plan.clock == ClockKind::Lockstep) {
             plan.components.iter_mut().for_each(|component| component.core = Some(core));
         }
         let signals = Signals::new(options.catch_signals)
             .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
         let (folder, region) = RunFolder::create(&plan)?;
+        let region = Rc::new(region);
         let plays = |index: usize| !options.stand_in.contains(&plan.components[index].name);
         let mut launch = Self {
             rounds: Rounds::new(&plan, plays),
+            log: Rc::new(EventWriter::new(&plan, region.clone())),
+            accounts: Accounts::new(&plan),
+            next_account_ns: 0,
             plan,
             registry: registry.clone(),
             options: options.clone(),
             folder,
-            region: Rc::new(region),
+            region,
             services: Services::default(),
             signals,
             children: Vec::new(),
@@ -139,6 +154,7 @@ impl Launch {
             due_ns: 0,
             _placement: Placement::remember(),
         };
+        let observe = &mut logging(&launch.log, observe);
         let exit = launch.set_up(observe)?;
         Ok((launch, exit))
     }
@@ -152,6 +168,7 @@ impl Launch {
         self.services = Services::create(&self.folder, &self.plan)?;
         self.spare = Spare::reserve(&self.folder)?;
         observe(Event::Created { run: self.folder.id(), plan: &self.plan });
+        self.tell_neighbours(observe);
         for index in 0..self.plan.components.len() {
             let child = self.start_child(index)?;
             self.children.push(child);
@@ -176,6 +193,7 @@ impl Launch {
 
     /// Ends the run and reports it.
     pub(crate) fn finish(&mut self, exit: Exit, observe: &mut dyn FnMut(Event<'_>)) -> Report {
+        let observe = &mut logging(&self.log, observe);
         let start = self.region.header().start_ns.load(Relaxed);
         let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
         let lockstep = self.plan.clock == ClockKind::Lockstep;
@@ -185,7 +203,10 @@ impl Launch {
         if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
             self.note_unmet(observe);
         }
+        self.tell_last_accounts(observe);
+        observe(Event::Ending(&exit));
         self.end(observe);
+        self.tell_last_accounts(observe);
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
@@ -241,7 +262,9 @@ impl Launch {
             return Ok(Child::played(&component.name, block));
         }
         let child = match (&component.program, self.options.hosting) {
-            (Program::Exec { path }, _) => Child::process(path, &self.folder, &component.name)?,
+            (Program::Exec { path } | Program::Sibling { path, .. }, _) => {
+                Child::process(path, &self.folder, &component.name)?
+            }
             (Program::Builtin { .. }, Hosting::Processes) => {
                 Child::process(&self.options.program, &self.folder, &component.name)?
             }

@@ -101,9 +101,14 @@ impl Options {
                 format!("graph `{}` runs in real time, where each component waits for itself", plan.name);
             return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
         }
-        let is_program = |program: &Program| matches!(program, Program::Exec { .. });
+        let is_program = |program: &Program| !matches!(program, Program::Builtin { .. });
         if let Some(component) = plan.components.iter().find(|component| is_program(&component.program)) {
-            let reason = format!("component `{}` is a program of its own (`exec`)", component.name);
+            let reason = match &component.program {
+                Program::Sibling { kind, path } => {
+                    format!("component `{}` is a `{kind}`, which `{}` hosts", component.name, path.display())
+                }
+                _ => format!("component `{}` is a program of its own (`exec`)", component.name),
+            };
             return unsuitable("hosting inline", reason, "host the graph in processes");
         }
         Ok(())

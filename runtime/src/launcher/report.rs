@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoreReport, Launch};
+use super::{CoreReport, Launch, LoggedEvent};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
@@ -72,6 +72,12 @@ pub struct Report {
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
+    /// Number of events that are not in `events`: overwritten in the log, or beyond the most that a report has.
+    #[serde(default)]
+    pub events_left_out: u64,
+    /// The newest events of the run, at most 256, oldest first.
+    #[serde(default)]
+    pub events: Vec<LoggedEvent>,
 }
 
 /// One episode in the report.
@@ -100,7 +106,8 @@ pub struct ComponentReport {
     pub steps: u64,
     /// Steps per second since its first step; to the run's end, or to now, for one that no longer steps.
     pub rate_hz: f64,
-    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns.
+    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns. Of a release by a
+    /// descriptor from its wake-up, or from the time to which `min_interval` deferred it.
     pub lateness_ns: Percentiles,
     /// Execution time: from the beginning to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
@@ -112,6 +119,9 @@ pub struct ComponentReport {
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
+    /// Releases by a descriptor that came sooner than `min_interval` after the one before, and waited for it.
+    #[serde(default)]
+    pub deferred: u64,
     /// Steps that returned an error and were tolerated.
     pub errors: u64,
     /// Samples withheld or refused because of their content or their lateness.
@@ -200,6 +210,7 @@ impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
+        let (events, events_left_out) = self.reported_events();
         let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         Report {
             version: REPORT_VERSION,
@@ -223,6 +234,8 @@ impl Launch {
                 .iter()
                 .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
                 .collect(),
+            events_left_out,
+            events,
         }
     }
 
@@ -268,6 +281,7 @@ pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u6
         spin_ns: block.spin_ns.load(Relaxed),
         stalls: block.stalls(),
         misses: block.misses(),
+        deferred: block.deferred.load(Relaxed),
         errors: block.errors.load(Relaxed),
         refused: block.refused.load(Relaxed),
         restarts: block.restarts.load(Relaxed),

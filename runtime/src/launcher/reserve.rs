@@ -11,8 +11,11 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FallocateFlags, fallocate, ftruncate};
 use rustix::process::Resource;
 
-use super::LaunchError;
-use crate::os::{Room, amount, open_descriptors, raise_limit};
+use super::{Hosting, LaunchError};
+use crate::os::{
+    Room, amount, is_bound_by_process_limit, open_descriptors, process_limit, raise_limit,
+    threads_of_this_user,
+};
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
 use crate::transport::SHARED_MEMORY;
@@ -25,6 +28,10 @@ const COMPONENT: u64 = 64 * 1024;
 const SPARE: u64 = 256 * 1024;
 /// Files of a service, and of a process that joins the domain.
 const FILES: u64 = 8;
+/// Processes besides those of components: the guard, and one that frees the places of the dead.
+const PROCESSES: u64 = 2;
+/// Threads that each component in a process of its own takes: two of its own, two of the launcher that pass on its output.
+const THREADS_PER_COMPONENT: u64 = 4;
 /// Descriptors that each component costs the launcher: its process, its output, those of starting it.
 const PER_COMPONENT: u64 = 5;
 /// Descriptors of each service while it is made and held.
@@ -40,10 +47,12 @@ struct Need {
     descriptors: u64,
     /// The largest single file, bytes.
     largest: u64,
+    /// Processes and threads.
+    threads: u64,
 }
 
 impl Need {
-    fn of(plan: &Plan) -> Self {
+    fn of(plan: &Plan, hosting: Hosting) -> Self {
         let topics = plan.topics.iter().map(|topic| topic.memory_bytes() as u64);
         let (components, count) = (plan.components.len() as u64, plan.topics.len() as u64);
         let tables =
@@ -56,6 +65,11 @@ impl Need {
             files: FILES * (services + components) + 32,
             descriptors: OTHERS + PER_COMPONENT * components + PER_SERVICE * services,
             largest: topics.chain([region, SPARE, 1 << 20]).max().unwrap_or(SPARE),
+            threads: match hosting {
+                Hosting::Processes => PROCESSES + THREADS_PER_COMPONENT * components,
+                Hosting::Threads => components,
+                Hosting::Inline => 0,
+            },
         }
     }
 }
@@ -63,9 +77,9 @@ impl Need {
 /// Checks that a plan finds what it needs, before anything is made.
 ///
 /// # Errors
-/// Descriptors, the size of files or shared memory do not suffice: what is needed, what there is, what to try.
-pub(super) fn check(plan: &Plan) -> Result<(), LaunchError> {
-    let need = Need::of(plan);
+/// Descriptors, the size of files, processes or shared memory do not suffice: what is needed, what there is, what to try.
+pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
+    let need = Need::of(plan, hosting);
     let exhausted = |what: &'static str, need: String, found: String, advice: String| {
         Err(LaunchError::Exhausted { what, need, found, advice })
     };
@@ -88,6 +102,19 @@ pub(super) fn check(plan: &Plan) -> Result<(), LaunchError> {
             format!("files of {}", amount(need.largest)),
             found,
             advice,
+        );
+    }
+    if let Some(limit) = process_limit().filter(|_| need.threads > 0 && is_bound_by_process_limit())
+        && let Some(has) = threads_of_this_user().filter(|has| has + need.threads > limit)
+    {
+        return exhausted(
+            "too few processes and threads",
+            format!("{} more", need.threads),
+            format!("the limit is {limit} and this user has {has}"),
+            format!(
+                "raise it with `ulimit -u {}`, or `TasksMax=` of the service",
+                1024.max(2 * (has + need.threads))
+            ),
         );
     }
     let Some(room) = Room::of(Path::new(SHARED_MEMORY)) else {

@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use super::event_log::logging;
 use super::lost_steps::LostSteps;
 use super::restart::History;
 use super::watchdog::Watchdog;
@@ -18,6 +19,15 @@ const LOOK_NS: u64 = 20_000_000;
 const STATUS_NS: u64 = 50_000_000;
 /// Time in which a signal to end the run may arrive after that to a component, ns.
 const SIGNAL_NS: u64 = 50_000_000;
+
+/// Restarts in a row that crash before the component steps, from which on the shared memory of the run counts as damaged.
+const CRASHES: u32 = 2;
+
+/// Whether a component ended as one does that finds senseless words in shared memory.
+fn is_crash(reason: &str) -> bool {
+    let of_iceoryx2 = reason.starts_with("panicked") && reason.contains("iceoryx2");
+    of_iceoryx2 || ["SIGSEGV", "SIGBUS", "SIGABRT"].iter().any(|signal| reason.contains(signal))
+}
 
 /// The consequence of a component's end.
 pub(super) enum AfterEnd {
@@ -40,6 +50,8 @@ pub(super) struct Supervision {
     stepping_since_ns: u64,
     /// It has hung, and its process was killed.
     was_ended: bool,
+    /// Restarts in a row that crashed before the component stepped again.
+    crashes: u32,
     gone: bool,
     tolerated: u64,
 }
@@ -63,6 +75,7 @@ impl Supervision {
             down: None,
             stepping_since_ns: now_ns,
             was_ended: false,
+            crashes: 0,
             gone: false,
             tolerated: 0,
         }
@@ -73,9 +86,9 @@ impl Supervision {
         self.gone
     }
 
-    /// Whether it has ended and does not step again yet.
-    pub(super) fn is_down(&self) -> bool {
-        self.down.is_some()
+    /// Whether it has ended and not stepped since; `steps` is the number that it has done.
+    pub(super) fn is_down(&self, steps: u64) -> bool {
+        self.down.as_ref().is_some_and(|down| steps <= down.steps)
     }
 }
 
@@ -84,6 +97,7 @@ impl Launch {
     /// because something failed for good.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
+        let observe = &mut logging(&self.log, observe);
         let end = self.region.header().start_ns.load(Relaxed).saturating_add(until_ns);
         let mut supervision = core::mem::take(&mut self.supervision);
         let exit = loop {
@@ -115,8 +129,13 @@ impl Launch {
             return Some(None);
         }
         self.relay_output(observe);
-        if self.region.header().command() == Command::SafeStop {
-            let reason = stop_reason::reason(&self.plan, &self.region);
+        let command = self.region.header().command();
+        if command == Command::SafeStop || (command as u32) < Command::Run as u32 {
+            let reason = match command {
+                Command::SafeStop => stop_reason::reason(&self.plan, &self.region),
+                // Commands only rise.
+                _ => "the control block of the run was damaged: its command is one of the start".to_string(),
+            };
             self.safe_stop(&reason, observe);
             return Some(Some(Exit::SafeStop { reason }));
         }
@@ -139,6 +158,7 @@ impl Launch {
         self.monitor_guard(late, observe);
         self.look_at_places(observe);
         self.tell_stops(observe);
+        self.tell_accounts(now, observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));
@@ -203,8 +223,12 @@ impl Launch {
         self.relay_output(observe);
         let name = self.plan.components[index].name.clone();
         let policy = self.plan.components[index].restart;
+        supervision.crashes =
+            if supervision.down.is_some() && is_crash(&reason) { supervision.crashes + 1 } else { 0 };
+        let is_damaged = supervision.crashes >= CRASHES;
         let stepping_since = supervision.down.is_none().then_some(supervision.stepping_since_ns);
-        if let Some(delay_ns) = supervision.history.grant(&policy, failed, stepping_since, now) {
+        let granted = supervision.history.grant(&policy, failed, stepping_since, now);
+        if let Some(delay_ns) = granted.filter(|_| !is_damaged) {
             let consequence = match delay_ns / 1_000_000 {
                 0 => "restarting".to_string(),
                 delay_ms => format!("restarting in {delay_ms} ms"),
@@ -228,7 +252,15 @@ impl Launch {
         }
         supervision.gone = true;
         // It was not asked to end: a component that stopped in good order is missing all the same.
-        let reason = if failed { reason } else { "it ended while the graph runs".to_string() };
+        let reason = match failed {
+            true if is_damaged => {
+                format!(
+                    "{reason}; it crashes whenever it joins its topics: the shared memory of the run is damaged"
+                )
+            }
+            true => reason,
+            false => "it ended while the graph runs".to_string(),
+        };
         if self.plan.components[index].on_failure == OnFailure::Ignore {
             let consequence = "the graph goes on without it";
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
@@ -265,7 +297,7 @@ impl Launch {
         let steps_again = block.phase() == Phase::Running
             && (self.plan.clock == ClockKind::Lockstep
                 || block.steps.load(Relaxed) > down.steps
-                || supervision.watchdog.waits_for_trigger());
+                || supervision.watchdog.may_stay_silent());
         if steps_again && is_alive {
             observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
             // Without it the next restart finds what others have left.
@@ -313,6 +345,26 @@ impl Launch {
                 observe(Event::Failed { component, tick, reason: &reason, consequence });
             }
             block.forget_failure();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crash_in_shared_memory_is_told_from_other_ends() {
+        for crash in [
+            "killed by signal 11 (SIGSEGV)",
+            "panicked at /registry/iceoryx2-bb-lock-free-0.10.0/src/mpmc/robust_unique_index_set.rs:229: not initialized",
+        ] {
+            assert!(is_crash(crash), "{crash}");
+        }
+        for other in
+            ["killed by signal 9 (SIGKILL)", "panicked at src/main.rs:7: no camera", "ended with exit code 1"]
+        {
+            assert!(!is_crash(other), "{other}");
         }
     }
 }

@@ -2,9 +2,12 @@
 //!
 //! A component has hung when it has begun no step for `hang_after` although one was due: its last step has not ended, its
 //! release has passed, or a publication that triggers it has waited for so long. One whose trigger is silent has not hung.
+//! Between the steps of a component that waits for a descriptor nobody else knows whether a step is due: it has hung when
+//! its thread is stopped for so long.
 
 use std::sync::atomic::Ordering::Relaxed;
 
+use crate::os::process_state;
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan};
 use crate::region::Region;
 
@@ -16,6 +19,8 @@ pub(super) struct Counters {
     last_step_ns: u64,
     /// Publications of its trigger, and the time of the last one, ns.
     published: (u64, u64),
+    /// A signal or a debugger has stopped it; looked up of a component that waits for a descriptor only.
+    is_stopped: bool,
 }
 
 impl Counters {
@@ -28,14 +33,17 @@ impl Counters {
                 let count = topic.published.load(Relaxed);
                 (count, topic.last_publish_ns.load(Relaxed))
             }
-            Activation::Periodic { .. } => (0, 0),
+            Activation::Periodic { .. } | Activation::Descriptor { .. } => (0, 0),
         };
+        let by_descriptor = matches!(plan.components[index].activation, Activation::Descriptor { .. });
+        let state = || process_state(block.pid.load(Relaxed), block.thread.load(Relaxed));
         let ended = block.steps.load(Relaxed);
         Self {
             begun: block.begun.load(Relaxed),
             ended,
             last_step_ns: block.last_step_ns.load(Relaxed),
             published,
+            is_stopped: by_descriptor && matches!(state(), Some('T' | 't')),
         }
     }
 }
@@ -59,12 +67,22 @@ pub(super) enum Hang {
 #[derive(Debug, Clone)]
 pub(super) struct Watchdog {
     hang_after_ns: u64,
-    /// `None` for a component that the clock releases.
-    trigger: Option<Waiting>,
+    waits_for: WaitsFor,
     /// Nothing before this time counts, ns.
     since_ns: u64,
     /// Time of the next check at the latest, ns.
     due_ns: u64,
+}
+
+/// The source of a component's releases.
+#[derive(Debug, Clone)]
+enum WaitsFor {
+    /// The clock, and `stale_after` of an actuator: there is always a next release.
+    Clock,
+    /// The publications of a topic.
+    Trigger(Waiting),
+    /// A descriptor. The time since which its thread has been found stopped, ns.
+    Descriptor { stopped_ns: Option<u64> },
 }
 
 /// The wait of a triggered component for its trigger.
@@ -87,16 +105,18 @@ impl Watchdog {
         };
         let waiting = |period_ns| Waiting { period_ns, idle: (0, now_ns), overdue: None };
         Self {
-            // A triggered actuator steps by itself when its trigger is silent for `stale_after`.
+            // An actuator steps by itself when its trigger or its descriptor is silent for `stale_after`.
             hang_after_ns: match (&component.activation, component.actuator) {
-                (Activation::Triggered { .. }, true) => {
+                (Activation::Triggered { .. } | Activation::Descriptor { .. }, true) => {
                     hang_after_ns.saturating_add(plan.safety.stale_after_ns)
                 }
                 _ => hang_after_ns,
             },
-            trigger: match component.activation {
-                Activation::Triggered { period_ns, .. } if !component.actuator => Some(waiting(period_ns)),
-                Activation::Triggered { .. } | Activation::Periodic { .. } => None,
+            waits_for: match component.activation {
+                _ if component.actuator => WaitsFor::Clock,
+                Activation::Triggered { period_ns, .. } => WaitsFor::Trigger(waiting(period_ns)),
+                Activation::Descriptor { .. } => WaitsFor::Descriptor { stopped_ns: None },
+                Activation::Periodic { .. } => WaitsFor::Clock,
             },
             since_ns: now_ns,
             due_ns: now_ns,
@@ -119,9 +139,9 @@ impl Watchdog {
         self.due_ns
     }
 
-    /// True if its component steps when something is published, and else not.
-    pub(super) fn waits_for_trigger(&self) -> bool {
-        self.trigger.is_some()
+    /// True if its component steps when something is published or an event comes, and else not.
+    pub(super) fn may_stay_silent(&self) -> bool {
+        !matches!(self.waits_for, WaitsFor::Clock)
     }
 
     /// The same with half of `hang_after`.
@@ -145,8 +165,12 @@ impl Watchdog {
     fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
         let in_step = counters.begun > counters.ended;
         let last_ns = counters.last_step_ns.max(self.since_ns);
-        let waits_since = match &mut self.trigger {
-            Some(trigger) if !in_step => trigger.waits_since(counters, now_ns),
+        let waits_since = match &mut self.waits_for {
+            WaitsFor::Trigger(trigger) if !in_step => trigger.waits_since(counters, now_ns),
+            WaitsFor::Descriptor { stopped_ns } if !in_step => {
+                *stopped_ns = counters.is_stopped.then(|| stopped_ns.unwrap_or(now_ns));
+                *stopped_ns
+            }
             _ => Some(last_ns),
         };
         let Some(waits_since) = waits_since else { return Err(now_ns.saturating_add(self.hang_after_ns)) };
@@ -189,12 +213,13 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     fn watchdog(triggered: bool) -> Watchdog {
-        let trigger = triggered.then_some(Waiting { period_ns: MS, idle: (0, 0), overdue: None });
-        Watchdog { hang_after_ns: 20 * MS, trigger, since_ns: 0, due_ns: 0 }
+        let waiting = Waiting { period_ns: MS, idle: (0, 0), overdue: None };
+        let waits_for = if triggered { WaitsFor::Trigger(waiting) } else { WaitsFor::Clock };
+        Watchdog { hang_after_ns: 20 * MS, waits_for, since_ns: 0, due_ns: 0 }
     }
 
     fn stepped(steps: u64, last_ms: u64) -> Counters {
-        Counters { begun: steps, ended: steps, last_step_ns: last_ms * MS, published: (0, 0) }
+        Counters { begun: steps, ended: steps, last_step_ns: last_ms * MS, ..Counters::default() }
     }
 
     #[test]
@@ -212,7 +237,9 @@ mod tests {
     #[test]
     fn a_step_that_does_not_end_has_hung_although_nothing_else_is_due() {
         for triggered in [false, true] {
-            let inside = Counters { begun: 8, ended: 7, last_step_ns: 8 * MS, published: (8, 8 * MS) };
+            let last_step_ns = 8 * MS;
+            let published = (8, 8 * MS);
+            let inside = Counters { begun: 8, ended: 7, last_step_ns, published, is_stopped: false };
             let mut watched = watchdog(triggered);
             assert_eq!(watched.evaluate(&inside, 28 * MS), Err(28 * MS + 1));
             assert_eq!(watched.evaluate(&inside, 30 * MS), Ok(Hang::InStep { for_ns: 22 * MS }));
@@ -240,6 +267,21 @@ mod tests {
         assert_eq!(watched.evaluate(&later, 60 * MS), Err(71 * MS + 1));
         let last = Counters { published: (71, 71 * MS), ..idle };
         assert_eq!(watched.evaluate(&last, 71 * MS + 1), Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 }));
+    }
+
+    #[test]
+    fn a_component_that_waits_for_a_descriptor_has_hung_when_it_is_stopped_and_not_when_no_event_comes() {
+        let mut watched =
+            Watchdog { waits_for: WaitsFor::Descriptor { stopped_ns: None }, ..watchdog(false) };
+        let silent = stepped(50, 50);
+        assert_eq!(watched.evaluate(&silent, 10_000 * MS), Err(10_020 * MS));
+        let stopped = Counters { is_stopped: true, ..silent };
+        assert_eq!(watched.evaluate(&stopped, 10_010 * MS), Err(10_030 * MS + 1));
+        assert_eq!(watched.evaluate(&silent, 10_020 * MS), Err(10_040 * MS), "it goes on");
+        assert_eq!(watched.evaluate(&stopped, 10_030 * MS), Err(10_050 * MS + 1));
+        assert_eq!(watched.evaluate(&stopped, 10_051 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
+        let in_step = Counters { begun: 51, last_step_ns: 11_000 * MS, ..silent };
+        assert_eq!(watched.evaluate(&in_step, 11_021 * MS), Ok(Hang::InStep { for_ns: 21 * MS }));
     }
 
     #[test]

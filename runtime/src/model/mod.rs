@@ -4,6 +4,7 @@
 //! that passes with an ordering taken away would prove nothing about it.
 
 mod checkpoint;
+mod events;
 mod notify;
 mod pins;
 mod tap;

@@ -9,8 +9,10 @@ pub mod machine;
 mod prefetch;
 mod process;
 mod random;
+mod readiness;
 mod realtime;
 mod shortage;
+mod users;
 mod wait;
 
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
@@ -20,9 +22,15 @@ pub use prefetch::{prefetch_read, prefetch_write};
 pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
+pub use readiness::Readiness;
 pub use realtime::{
     Applied, Denied, Placement, Request, apply, leave_realtime, limit_cpu, page_faults, prefault_stack,
     times_asleep, wake_soon,
 };
-pub use shortage::{Room, amount, open_descriptors, raise_limit, shortage, with_shortage};
-pub use wait::{boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, sleep_until, yield_core};
+pub use shortage::{
+    Room, amount, named, open_descriptors, process_limit, raise_limit, shortage, with_shortage,
+};
+pub use users::{Foreign, is_bound_by_process_limit, realtime_of_others, threads_of_this_user};
+pub use wait::{
+    boottime_ns, current_core, futex_wait, futex_wake, monotonic_ns, realtime_ns, sleep_until, yield_core,
+};

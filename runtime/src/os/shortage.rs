@@ -82,6 +82,23 @@ pub fn with_shortage(reason: String, place: &Path) -> String {
     }
 }
 
+/// An error of starting a process or a thread, in words that name the limit if it was that.
+pub fn named(error: &std::io::Error) -> String {
+    if error.raw_os_error() != Some(libc::EAGAIN) {
+        return error.to_string();
+    }
+    let limit = process_limit().map_or_else(String::new, |limit| format!(" ({limit})"));
+    format!(
+        "{error}; this user has as many processes and threads as it may{limit}; raise the limit with `ulimit -u`, or \
+         `TasksMax=` of the service"
+    )
+}
+
+/// The number of processes and threads that this user may have; `None` for no limit.
+pub fn process_limit() -> Option<u64> {
+    limit(Resource::Nproc)
+}
+
 /// The limit in force on a resource of this process; `None` for no limit.
 fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current

@@ -20,6 +20,13 @@ pub fn boottime_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
+/// Now on `CLOCK_REALTIME`, which anybody may set, ns. Reads the vDSO: no system call.
+#[inline]
+pub fn realtime_ns() -> u64 {
+    let now = rustix::time::clock_gettime(ClockId::Realtime);
+    u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + now.tv_nsec as u64
+}
+
 /// Sleeps until `CLOCK_MONOTONIC` reaches `deadline_ns`; returns early when a signal arrives.
 pub fn sleep_until(deadline_ns: u64) {
     let deadline = Timespec {

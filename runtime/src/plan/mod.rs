@@ -125,6 +125,13 @@ pub enum Program {
         /// Name of the kind.
         kind: String,
     },
+    /// A kind that another installed program hosts.
+    Sibling {
+        /// Name of the kind.
+        kind: String,
+        /// Path of the executable.
+        path: PathBuf,
+    },
     /// The user's own program.
     Exec {
         /// Path of the executable.
@@ -149,9 +156,29 @@ pub enum Activation {
         topic: usize,
         /// Index in `inputs` of the port that reads it.
         input: usize,
-        /// Period of the time-triggered component at the head of the chain, ns.
+        /// Period of the component at the head of the chain, ns.
         period_ns: u64,
     },
+    /// Sporadic: while a file descriptor of the component is readable.
+    Descriptor {
+        /// Shortest time between two releases, ns.
+        min_interval_ns: u64,
+    },
+}
+
+impl Activation {
+    /// Nominal time between two steps, ns: of a sporadic component the shortest.
+    pub fn period_ns(&self) -> u64 {
+        match *self {
+            Self::Periodic { period_ns, .. } | Self::Triggered { period_ns, .. } => period_ns,
+            Self::Descriptor { min_interval_ns } => min_interval_ns,
+        }
+    }
+
+    /// True if the component is at the head of a trigger chain: it is not another one that releases it.
+    pub fn is_head(&self) -> bool {
+        !matches!(self, Self::Triggered { .. })
+    }
 }
 
 /// Scheduling class of one component.
@@ -318,9 +345,7 @@ impl Plan {
 impl ComponentPlan {
     /// Nominal time between two steps, ns.
     pub fn period_ns(&self) -> u64 {
-        match self.activation {
-            Activation::Periodic { period_ns, .. } | Activation::Triggered { period_ns, .. } => period_ns,
-        }
+        self.activation.period_ns()
     }
 }
 

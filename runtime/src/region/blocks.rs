@@ -96,6 +96,8 @@ pub struct ComponentBlock {
     late_input: AtomicU64,
     /// Releases dropped.
     pub skipped: AtomicU64,
+    /// Releases by a descriptor that waited for `min_interval`.
+    pub deferred: AtomicU64,
     /// Steps longer than the budget.
     pub over_budget: AtomicU64,
     /// Steps that returned an error and were tolerated.

@@ -152,6 +152,11 @@ impl GateBlock {
         self.latch.store(latch.map_or(0, |latch| latch as u32), Relaxed);
     }
 
+    /// Goes back to the safe state without an entry, since no command has been applied in the new episode.
+    pub fn begin_episode(&self) {
+        self.state.store(GateState::Safe as u32, Relaxed);
+    }
+
     /// Counts a limit that a command exceeded.
     pub fn limit(&self, joint: usize, kind: LimitKind) {
         if let Some(joint) = self.limited.get(joint) {
@@ -176,6 +181,16 @@ impl GateBlock {
     /// The latch.
     pub fn latch(&self) -> Option<Latch> {
         Latch::from_word(self.latch.load(Relaxed))
+    }
+
+    /// Refused commands so far, in the order of [`Refusal::ALL`].
+    pub fn refusals(&self) -> [u64; Refusal::ALL.len()] {
+        core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
+    }
+
+    /// Number of times that the safe state was entered after commands had been applied.
+    pub fn entries(&self) -> u64 {
+        self.entries.load(Relaxed)
     }
 
     /// The account so far; `None` if the component opened none.

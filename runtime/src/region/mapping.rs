@@ -9,11 +9,11 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use memmap2::{MmapOptions, MmapRaw};
 
-use super::{ComponentBlock, EdgeBlock, Header, LatencyBlock, TopicBlock};
+use super::{ComponentBlock, EdgeBlock, EventLog, Header, LatencyBlock, TopicBlock};
 use crate::plan::Plan;
 
 /// First word of every control block; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_0005;
+const MAGIC: u64 = 0x6d6f_746f_7269_0007;
 
 /// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]
@@ -46,6 +46,9 @@ struct Counts {
 }
 
 impl Counts {
+    /// The log of events stands between the header and the first block.
+    const COMPONENTS_AT: usize = size_of::<Header>() + size_of::<EventLog>();
+
     fn of(plan: &Plan) -> Self {
         Self {
             components: plan.components.len(),
@@ -60,7 +63,7 @@ impl Counts {
     }
 
     fn topics_at(self) -> usize {
-        size_of::<Header>() + self.components * size_of::<ComponentBlock>()
+        Self::COMPONENTS_AT + self.components * size_of::<ComponentBlock>()
     }
 
     fn latencies_at(self) -> usize {
@@ -77,6 +80,27 @@ impl Counts {
 pub struct Region {
     memory: MmapRaw,
     counts: Counts,
+}
+
+/// A digest of the layout of all parts of a control block: programs that share one have the same.
+pub(crate) fn layout_digest() -> String {
+    let mut digest = crate::state::Digest::default();
+    digest.write_u64(MAGIC);
+    for size in [
+        size_of::<Header>(),
+        size_of::<EventLog>(),
+        size_of::<ComponentBlock>(),
+        core::mem::offset_of!(ComponentBlock, lateness),
+        core::mem::offset_of!(ComponentBlock, gate),
+        core::mem::offset_of!(ComponentBlock, checkpoint),
+        size_of::<TopicBlock>(),
+        size_of::<EdgeBlock>(),
+        size_of::<LatencyBlock>(),
+        size_of::<crate::state::Stamp>(),
+    ] {
+        digest.write_u64(size as u64);
+    }
+    format!("{:016x}", digest.finish())
 }
 
 impl Region {
@@ -110,6 +134,7 @@ impl Region {
         header.topics.store(counts.topics as u32, Relaxed);
         header.latencies.store(counts.latencies as u32, Relaxed);
         header.edges.store(counts.edges as u32, Relaxed);
+        region.events().open(crate::os::monotonic_ns());
         header.magic.store(MAGIC, Release);
         Ok(region)
     }
@@ -123,7 +148,7 @@ impl Region {
         let wrong = |found: String| RegionError::NotARegion { path: path.to_path_buf(), found };
         let file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len() as usize;
-        if size < size_of::<Header>() {
+        if size < Counts::COMPONENTS_AT {
             return Err(wrong(format!("{size} bytes")));
         }
         let memory = MmapOptions::new().len(size).map_raw(&file).map_err(io)?;
@@ -155,9 +180,14 @@ impl Region {
         unsafe { &*self.memory.as_ptr().cast::<Header>() }
     }
 
+    /// The log of events.
+    pub fn events(&self) -> &EventLog {
+        &self.blocks(size_of::<Header>(), 1)[0]
+    }
+
     /// The block of each component, in the order of the plan.
     pub fn components(&self) -> &[ComponentBlock] {
-        self.blocks(size_of::<Header>(), self.counts.components)
+        self.blocks(Counts::COMPONENTS_AT, self.counts.components)
     }
 
     /// The block of each topic, in the order of the plan.

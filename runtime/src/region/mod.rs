@@ -1,10 +1,11 @@
 //! The control block of a run: its lifecycle, the ticks of lockstep, its measurements, in shared memory.
 //!
 //! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is atomics,
-//! for which zero bytes are valid; each part has one writer, named in its docs.
+//! for which zero bytes are valid; each part has one writer, named in its docs, but the log of events, which has several.
 
 mod blocks;
 mod checkpoint;
+mod events;
 mod gate;
 mod header;
 mod mapping;
@@ -15,6 +16,10 @@ pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
 #[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
+pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord, EventSeverity};
+#[cfg(test)]
+pub(crate) use events::{Ring, RingFound};
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use header::{Command, Header, Phase};
+pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};

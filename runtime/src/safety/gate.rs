@@ -274,9 +274,9 @@ impl Gate {
         }
     }
 
-    /// Takes the command into `next`, with what does not depend on the step before clamped.
+    /// Takes the command into `next`, with what does not depend on the step before clamped; the reason if it is refused.
     #[inline]
-    fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
+    pub(super) fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
         let command = offer.command;
         if command.check().is_err() {
             return Err(Refusal::Content);

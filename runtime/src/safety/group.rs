@@ -5,19 +5,27 @@ use core::cell::Cell;
 use super::gate::Account;
 use crate::region::{ComponentBlock, GateState, Latch, LimitKind, Refusal};
 
+/// Time for which all robots must have had good commands before those that stop together go on together, ns. Without it a
+/// robot whose commands are refused now and then would throw the others into the safe state and out of it each time.
+pub(super) const GO_ON_AFTER_NS: u64 = 500_000_000;
+
 /// What the gates of one actuator know of one another. Used by one thread.
 #[derive(Debug)]
 pub(super) struct Group {
     gates: Vec<Member>,
     /// A robot without a good command stops the others.
     together: bool,
+    /// Time from which on the robots may go on, ns; `None` while one of them has no good command.
+    go_on_ns: Cell<Option<u64>>,
+    /// All had good commands before: the start is no outage.
+    went_on: Cell<bool>,
 }
 
 #[derive(Debug)]
 struct Member {
     /// The first of its joints among all of the actuator.
     first: usize,
-    /// The newest command of its input is fresh and for its joints.
+    /// The newest command of its input is fresh, for its joints, and was not refused.
     good: Cell<bool>,
     state: Cell<GateState>,
     latch: Cell<Option<Latch>>,
@@ -37,22 +45,43 @@ impl Group {
             first += count;
             member
         };
-        Self { gates: joints.map(member).collect(), together }
+        let gates = joints.map(member).collect();
+        Self { gates, together, go_on_ns: Cell::new(None), went_on: Cell::new(false) }
     }
 
     pub(super) fn is_alone(&self) -> bool {
         self.gates.len() == 1
     }
 
-    /// Notes whether the newest command of a gate could be applied.
-    pub(super) fn set_good(&self, place: usize, good: bool) {
-        self.gates[place].good.set(good);
+    /// Whether a robot without a good command stops others.
+    pub(super) fn stops_together(&self) -> bool {
+        self.together && !self.is_alone()
     }
 
-    /// True if a gate must stay in its safe state for want of a good command of another one.
-    pub(super) fn holds(&self, place: usize) -> bool {
-        let others = || self.gates.iter().enumerate().filter(|(index, _)| *index != place);
-        self.together && others().any(|(_, gate)| !gate.good.get())
+    /// Notes at `now_ns` whether the newest command of a gate could be applied.
+    pub(super) fn set_good(&self, place: usize, good: bool, now_ns: u64) {
+        self.gates[place].good.set(good);
+        if !self.gates.iter().all(|gate| gate.good.get()) {
+            self.go_on_ns.set(None);
+        } else if self.go_on_ns.get().is_none() {
+            let wait_ns = if self.went_on.replace(true) { GO_ON_AFTER_NS } else { 0 };
+            self.go_on_ns.set(Some(now_ns.saturating_add(wait_ns)));
+        }
+    }
+
+    /// Sets a gate back for a new episode.
+    pub(super) fn reset(&self, place: usize) {
+        let gate = &self.gates[place];
+        gate.good.set(false);
+        gate.state.set(GateState::Safe);
+        gate.latch.set(None);
+        self.go_on_ns.set(None);
+        self.went_on.set(false);
+    }
+
+    /// True if a gate must stay in its safe state at `now_ns`: another one has no good command, or they do not go on yet.
+    pub(super) fn holds(&self, now_ns: u64) -> bool {
+        self.stops_together() && self.go_on_ns.get().is_none_or(|go_on_ns| now_ns < go_on_ns)
     }
 
     /// The state and latch that the account shows: the safest of all gates.
@@ -71,7 +100,7 @@ impl Group {
 
     /// The account of one gate, in which joints are numbered among all of the actuator.
     pub(super) fn account<'a>(&self, place: usize, block: &'a ComponentBlock) -> GroupAccount<'a> {
-        GroupAccount { block, first: self.gates[place].first }
+        GroupAccount { block, first: self.gates[place].first, has_refused: Cell::new(false) }
     }
 }
 
@@ -79,6 +108,17 @@ impl Group {
 pub(super) struct GroupAccount<'a> {
     block: &'a ComponentBlock,
     first: usize,
+    /// The command that was offered has been refused.
+    pub(super) has_refused: Cell<bool>,
+}
+
+/// An account of a command that is only looked at.
+pub(super) struct NoAccount;
+
+impl Account for NoAccount {
+    fn limited(&self, _: usize, _: LimitKind) {}
+
+    fn refused(&self, _: Refusal) {}
 }
 
 impl Account for GroupAccount<'_> {
@@ -87,6 +127,7 @@ impl Account for GroupAccount<'_> {
     }
 
     fn refused(&self, reason: Refusal) {
+        self.has_refused.set(true);
         self.block.refused(reason);
     }
 }
@@ -95,17 +136,38 @@ impl Account for GroupAccount<'_> {
 mod tests {
     use super::*;
 
+    const MS: u64 = 1_000_000;
+
     #[test]
     fn a_gate_is_held_by_another_without_a_good_command_where_they_stop_together() {
         let joints = || [7, 7].into_iter();
         let (alone, together) = (Group::new(joints(), false), Group::new(joints(), true));
         for group in [&alone, &together] {
-            group.set_good(0, true);
+            group.set_good(0, true, MS);
         }
-        assert!(!alone.holds(0) && together.holds(0), "the other has no command yet");
-        assert!(!together.holds(1));
-        together.set_good(1, true);
-        assert!(!together.holds(0) && !together.holds(1));
+        assert!(!alone.holds(MS) && together.holds(MS), "the other has no command yet");
+        together.set_good(1, true, 2 * MS);
+        assert!(!together.holds(2 * MS), "the start is no outage");
+        together.set_good(1, false, 3 * MS);
+        assert!(together.holds(3 * MS));
+    }
+
+    #[test]
+    fn robots_that_stopped_together_go_on_together_when_all_had_good_commands_for_a_time() {
+        let group = Group::new([7, 7].into_iter(), true);
+        (0..2).for_each(|place| group.set_good(place, true, 0));
+        group.set_good(0, false, MS);
+        group.set_good(0, true, 2 * MS);
+        assert!(group.holds(2 * MS) && group.holds(MS + GO_ON_AFTER_NS));
+        // Refused once more meanwhile: the time begins anew.
+        group.set_good(0, false, 300 * MS);
+        group.set_good(0, true, 301 * MS);
+        assert!(group.holds(300 * MS + GO_ON_AFTER_NS));
+        assert!(!group.holds(301 * MS + GO_ON_AFTER_NS));
+        group.reset(0);
+        assert!(group.holds(900 * MS), "a new episode begins without commands");
+        group.set_good(0, true, 900 * MS);
+        assert!(!group.holds(900 * MS), "and its start is no outage");
     }
 
     #[test]

@@ -5,13 +5,13 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::freshness::{Age, Freshness, SuspendClock};
 use super::gate::{Account as _, Gate, GateSettings, Measured, Offer, Verdict};
-use super::group::Group;
+use super::group::{Group, NoAccount};
 use super::limits::{JointLimits, JointSetpoint};
 use crate::component::{ConfigureError, Setup};
 use crate::os::{boottime_ns, monotonic_ns};
 use crate::plan::EMERGENCY_STOP_PORT;
 use crate::region::{Command, GateState, Latch, MissCause};
-use crate::state::{EmergencyStop, Field as _, JointCommand, MAX_JOINTS, Stamp};
+use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
 use crate::transport::{Context, Input};
 
 /// The gate through which the commands of an actuator pass, at every step.
@@ -149,7 +149,8 @@ impl CommandGate {
         self.gate.reset();
         self.freshness.reset();
         self.armed = false;
-        self.group.set_good(self.place, false);
+        self.group.reset(self.place);
+        self.context.block().gate.begin_episode();
         (self.offered, self.stepped_ns, self.shown) = (None, 0, None);
     }
 
@@ -174,8 +175,9 @@ impl CommandGate {
     /// Offers the newest command, if it is fresh.
     #[inline]
     fn offer(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
+        let step_ns = self.context.clock().step_ns();
         let Some(reading) = input.latest() else {
-            self.group.set_good(self.place, false);
+            self.group.set_good(self.place, false, step_ns);
             return self.gate.make_safe(measured, dt);
         };
         let stamp = reading.stamp();
@@ -198,16 +200,29 @@ impl CommandGate {
         if self.clock.is_from_before(stamp.publish_time) && !clock.is_lockstep() {
             age = Age::Stale;
         }
-        let fits = || reading.check().is_ok() && reading.count() == self.gate.joints().len();
-        self.group.set_good(self.place, age == Age::Fresh && (self.group.is_alone() || fits()));
+        let ahead_ns = before.map_or(0, |before| stamp.state_time.saturating_sub(before.state_time));
+        let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
+        let offer = Offer { command: &reading, is_new, ahead };
+        if self.group.stops_together() {
+            let good = age == Age::Fresh && self.gate.take(&offer, &NoAccount).is_ok();
+            self.group.set_good(self.place, good, step_ns);
+        }
         match age {
-            Age::Fresh if self.group.holds(self.place) => self.gate.make_safe(measured, dt),
             Age::Fresh => {
-                let ahead_ns = before.map_or(0, |before| stamp.state_time.saturating_sub(before.state_time));
-                let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
-                let offer = Offer { command: &reading, is_new, ahead };
                 let account = self.group.account(self.place, block);
-                self.gate.offer(offer, measured, dt, &account)
+                if self.group.holds(step_ns) {
+                    if let Err(reason) = self.gate.take(&offer, &account)
+                        && is_new
+                    {
+                        account.refused(reason);
+                    }
+                    return self.gate.make_safe(measured, dt);
+                }
+                let verdict = self.gate.offer(offer, measured, dt, &account);
+                if account.has_refused.get() {
+                    self.group.set_good(self.place, false, step_ns);
+                }
+                verdict
             }
             Age::Stale => self.gate.make_safe(measured, dt),
             Age::Refused(reason) => {

@@ -24,6 +24,7 @@ fn add(merged: &mut Plan, run: &str, other: &Plan) {
         match &mut component.activation {
             Activation::Triggered { topic, .. } => *topic += first_topic,
             Activation::Periodic { .. } => component.on_overrun = OnOverrun::Rephase,
+            Activation::Descriptor { .. } => {}
         }
         for port in component.inputs.iter_mut().chain(&mut component.outputs) {
             port.topic = port.topic.map(|topic| topic + first_topic);

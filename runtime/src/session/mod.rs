@@ -29,9 +29,10 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use crate::declare::ParameterValue;
-use crate::launcher::{EpisodeReport, Event, Exit, Launch, LaunchError, Limit, Options, Report};
+use crate::launcher::{EpisodeReport, Event, Exit, Launch, LaunchError, Limit, LoggedEvent, Options, Report};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan};
+use crate::region::EventReader;
 use crate::transport::ParameterTable;
 use crate::worker::Registry;
 use pace::Pace;
@@ -87,6 +88,7 @@ use topics::Ports;
 ///
 /// session.set("counter", "step", 2.0)?;
 /// session.reset(7)?;
+/// assert_eq!(session.events().last().unwrap().text, "reset for episode 1, seed 7");
 /// assert!(session.read::<Wrench>("count")?.is_none());
 /// session.step()?;
 /// assert_eq!(session.read::<Wrench>("count")?.unwrap().value.force[2], 2.0);
@@ -103,6 +105,7 @@ pub struct Session<'o> {
     /// The present episode, its seed, and the steps done before it.
     episode: (u64, u64),
     episodes: Vec<EpisodeReport>,
+    events: EventReader,
 }
 
 impl core::fmt::Debug for Session<'_> {
@@ -137,7 +140,9 @@ impl<'o> Session<'o> {
         let seed = plan.seed;
         let (launch, exit) = Launch::start(plan, registry, options, &mut *observe)?;
         let (ports, episodes) = (Ports::default(), Vec::new());
-        Ok(Self { ports, parameters: None, launch, observe, exit, pace: None, episode: (0, seed), episodes })
+        let (parameters, pace, events) = (None, None, EventReader::default());
+        let episode = (0, seed);
+        Ok(Self { ports, parameters, launch, observe, exit, pace, episode, episodes, events })
     }
 
     /// The plan that runs.
@@ -168,6 +173,16 @@ impl<'o> Session<'o> {
     /// Digest of everything published in the present episode; equal for equal episodes, in lockstep.
     pub fn state_hash(&self) -> String {
         self.launch.state_hash()
+    }
+
+    /// The events of the run since the last call, oldest first: all that are still in its log at the first call.
+    pub fn events(&mut self) -> Vec<LoggedEvent> {
+        self.launch.events(&mut self.events)
+    }
+
+    /// Number of events that were overwritten in the log before [`events`](Self::events) came to them.
+    pub fn lost_events(&self) -> u64 {
+        self.events.lost()
     }
 
     /// Lets time pass until it has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier

@@ -152,7 +152,9 @@ impl Endpoint {
             Activation::Triggered { topic, .. } => {
                 Ok(open_trigger(&self.node, &self.plan.topics[topic], &self.context)?)
             }
-            Activation::Periodic { .. } => Err(TopicSetError::NoTrigger(component.name.clone())),
+            Activation::Periodic { .. } | Activation::Descriptor { .. } => {
+                Err(TopicSetError::NoTrigger(component.name.clone()))
+            }
         }
     }
 }

@@ -43,7 +43,7 @@ pub(super) fn open<C: Component>(host: &Host<'_>, index: usize) -> Result<Box<dy
     failure::catch_panic_messages();
     let context = Rc::new(Context::new(host.plan, index, host.region.clone()));
     context.block().thread.store(os::thread_id() as u32, Relaxed);
-    let Configured { stepper, ports, trigger: _ } = configure::<C>(host.folder, host.plan, index, context)?;
+    let Configured { stepper, ports, .. } = configure::<C>(host.folder, host.plan, index, context)?;
     Ok(Box::new(Open { stepper, ports }))
 }
 

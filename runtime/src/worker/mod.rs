@@ -15,21 +15,26 @@ mod realtime;
 mod registry;
 mod rest;
 mod rounds;
+mod sporadic;
 mod stepper;
 mod verdict;
 mod watcher;
 
 pub use failure::Failure;
 pub(crate) use hosted::{Host, Hosted};
-pub use protocol::{CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, WORKER};
-pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource};
+pub use protocol::{
+    CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, KINDS, KindAnswer, KindsAnswer,
+    WORKER,
+};
+pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource, Sibling};
 pub(crate) use rounds::Rounds;
 
+use std::os::fd::OwnedFd;
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use crate::component::{Component, Setup};
+use crate::component::{Component, Prepared, Setup};
 use crate::os::{self, Request};
 use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
@@ -124,7 +129,10 @@ fn live<C: Component>(
     let context = Rc::new(Context::new(plan, index, region.clone()));
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
-        Some(watcher::start(&context).map_err(|error| at_setup(format!("watching the launcher: {error}")))?)
+        Some(
+            watcher::start(&context)
+                .map_err(|error| at_setup(format!("watching the launcher: {}", os::named(&error))))?,
+        )
     } else {
         None
     };
@@ -135,14 +143,15 @@ fn live<C: Component>(
         apply_realtime(plan, index, region, false);
     }
 
-    let Configured { mut stepper, ports, trigger } = configure::<C>(folder, plan, index, context.clone())?;
+    let Configured { mut stepper, ports, trigger, descriptor } =
+        configure::<C>(folder, plan, index, context.clone())?;
 
     // No component steps before every port of every component is connected.
     block.enter(Phase::Ready);
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
     }
-    connect(&ports).map_err(at_setup)?;
+    failure::guard(|| connect(&ports)).map_err(at_setup)?;
     if realtime {
         let denied = apply_realtime(plan, index, region, true);
         if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
@@ -171,6 +180,13 @@ fn live<C: Component>(
                     rest::Rest::new(component),
                 )?;
             }
+            (ClockKind::Realtime, Activation::Descriptor { .. }, _) => {
+                let Some(descriptor) = descriptor else { return Err(at_setup(NO_DESCRIPTOR.to_string())) };
+                let readiness = os::Readiness::of(descriptor)
+                    .map_err(|error| at_setup(format!("waiting for its descriptor: {error}")))?;
+                let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
+                sporadic::run(&mut stepper, &readiness, longest_wait, rest::Rest::new(component))?;
+            }
             (ClockKind::Realtime, Activation::Triggered { .. }, None) => {
                 return Err(at_setup("its trigger was not opened".to_string()));
             }
@@ -188,7 +204,11 @@ struct Configured<C> {
     stepper: Stepper<C>,
     ports: Vec<Rc<dyn Connect>>,
     trigger: Option<Trigger>,
+    descriptor: Option<OwnedFd>,
 }
+
+const NO_DESCRIPTOR: &str =
+    "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
 
 /// Configures a component: its configuration is read, its ports are opened, its memory is allocated.
 fn configure<C: Component>(
@@ -202,11 +222,13 @@ fn configure<C: Component>(
     let at_setup = |message: String| Failure { tick, message };
     let config = serde_json::from_value(component.config.clone())
         .map_err(|error| at_setup(format!("its configuration: {error}")))?;
-    let mut setup = Setup::new(folder, plan, index, context.clone()).map_err(at_setup)?;
+    let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
+    let mut setup = setup.map_err(at_setup)?;
     let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
     let made = made.map_err(at_setup)?;
-    let (ports, parameters, trigger) = setup.finish();
-    Ok(Configured { stepper: Stepper::new(made, context, parameters, component), ports, trigger })
+    let Prepared { ports, parameters, trigger, descriptor, helpers } = setup.finish();
+    let stepper = Stepper::new(made, context, parameters, helpers, component);
+    Ok(Configured { stepper, ports, trigger, descriptor })
 }
 
 /// Connects the ports of a component; those of all components are open by now.

@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Kind;
 use crate::declare::{ConfigError, Declaration, Placement, RobotReference};
 
 /// First argument of a program that is to describe its component.
 pub const DESCRIBE: &str = "motorium-describe";
+/// First argument of a program that is to say which kinds of components it hosts.
+pub const KINDS: &str = "motorium-kinds";
 /// First argument of a program that is to run its component: followed by the run's folder and the component's name.
 pub const WORKER: &str = "motorium-worker";
 
@@ -18,6 +21,9 @@ pub const CLEANER: &str = "motorium-cleaner";
 /// The request to a program to describe its component: JSON on standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {
+    /// The kind of the component, of a program that hosts several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
     /// The `config` table.
     pub config: serde_json::Value,
     /// The robot the graph gives the component.
@@ -41,6 +47,46 @@ pub struct DescribeAnswer {
     /// The error, if the configuration was refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<DescribeError>,
+}
+
+/// The kinds of components that a program hosts: JSON on standard output.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct KindsAnswer {
+    /// Version of motorium the program was built with.
+    pub motorium: String,
+    /// The layout of a run's shared memory as the program knows it, as a digest.
+    pub memory: String,
+    /// The kinds, sorted by name.
+    pub kinds: Vec<KindAnswer>,
+}
+
+/// A kind of component that a program hosts.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct KindAnswer {
+    /// Its name in graph files.
+    pub name: String,
+    /// One line of explanation.
+    pub summary: String,
+    /// Its configuration has a key `world`: the graph's `[world]` takes its place.
+    pub reads_world: bool,
+    /// The JSON Schema of its `config` table.
+    pub schema: serde_json::Value,
+    /// The definitions to which the schema refers.
+    pub definitions: serde_json::Value,
+}
+
+impl KindAnswer {
+    /// Describes a kind.
+    pub fn of(kind: &Kind) -> Self {
+        let (schema, definitions) = kind.config_schema();
+        Self {
+            name: kind.name.to_string(),
+            summary: kind.summary.to_string(),
+            reads_world: kind.reads_world,
+            schema,
+            definitions,
+        }
+    }
 }
 
 /// An error of a configuration.

@@ -81,6 +81,13 @@ impl Kind {
         (self.declare)(config, declare)
     }
 
+    /// The JSON Schema (draft 7) of the `config` table by itself, and the definitions to which it refers.
+    pub fn config_schema(&self) -> (serde_json::Value, serde_json::Value) {
+        let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
+        let schema = self.schema(&mut generator).to_value();
+        (schema, serde_json::Value::Object(generator.take_definitions(true)))
+    }
+
     /// The JSON Schema of the `config` table.
     pub fn schema(&self, generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
         (self.schema)(generator)
@@ -122,11 +129,25 @@ pub struct RobotSource {
     pub check: RobotCheck,
 }
 
-/// All component kinds a program can host, and the robots it can load.
+/// Another installed program that hosts kinds of components.
+///
+/// It lies beside the program that checks a graph, or on `PATH`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sibling {
+    /// The first part of the names of its kinds: `view` of `view.web`.
+    pub family: &'static str,
+    /// Name of the program.
+    pub program: &'static str,
+    /// The command that installs it.
+    pub install: &'static str,
+}
+
+/// All component kinds a program can host, the robots it can load, and the programs that may host further kinds.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,
     robots: RobotSource,
+    siblings: &'static [Sibling],
 }
 
 impl Registry {
@@ -140,7 +161,19 @@ impl Registry {
         for pair in kinds.windows(2) {
             assert!(pair[0].name != pair[1].name, "two component kinds are named `{}`", pair[0].name);
         }
-        Self { kinds, robots }
+        Self { kinds, robots, siblings: &[] }
+    }
+
+    /// The same, with programs that host kinds which this one does not.
+    #[must_use]
+    pub fn with_siblings(self, siblings: &'static [Sibling]) -> Self {
+        Self { siblings, ..self }
+    }
+
+    /// The program that would host a kind of this name, unless this one does.
+    pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
+        let (family, _) = kind.split_once('.')?;
+        self.siblings.iter().find(|sibling| sibling.family == family)
     }
 
     /// All kinds, sorted by name.

@@ -31,6 +31,8 @@ enum Due {
     },
     /// When the topic of this index was published.
     After(usize),
+    /// Never: there are no events in simulated time, and `check` refuses such a graph.
+    Never,
 }
 
 impl Rounds {
@@ -42,6 +44,7 @@ impl Rounds {
             let due = match plan.components[component].activation {
                 Activation::Periodic { period_ns, phase_ns } => Due::At { phase_ns, period_ns },
                 Activation::Triggered { topic, .. } => Due::After(topic),
+                Activation::Descriptor { .. } => Due::Never,
             };
             Turn { component, due }
         };
@@ -55,7 +58,7 @@ impl Rounds {
                 let since = time_ns.saturating_sub(phase_ns);
                 phase_ns.saturating_add(since.div_ceil(period_ns).saturating_mul(period_ns))
             }
-            Due::After(_) => u64::MAX,
+            Due::After(_) | Due::Never => u64::MAX,
         };
         self.turns.iter().map(next).min().unwrap_or(u64::MAX)
     }
@@ -75,6 +78,7 @@ impl Rounds {
                     seen.store(published, Relaxed);
                     is_due
                 }
+                Due::Never => false,
             };
             is_due.then_some((place, turn.component))
         })

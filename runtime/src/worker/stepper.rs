@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
 use super::{Failure, failure};
-use crate::component::{Component, Episode, Tick};
+use crate::component::{Component, Episode, Helpers, Tick};
 use crate::declare::StepError;
 use crate::os;
 use crate::plan::{ComponentPlan, OnError, OnOverrun, component_seed};
@@ -30,6 +30,8 @@ pub(super) struct Stepper<C> {
     own_steps: u64,
     faults_before: u64,
     accounts: Accounts,
+    /// Dropped after the component: what it hands over to them ends first.
+    helpers: Helpers,
 }
 
 /// A step that failed.
@@ -67,6 +69,7 @@ impl<C: Component> Stepper<C> {
         component: C,
         context: Rc<Context>,
         parameters: ParameterReader,
+        helpers: Helpers,
         plan: &ComponentPlan,
     ) -> Self {
         let period = Duration::from_nanos(plan.period_ns());
@@ -86,6 +89,7 @@ impl<C: Component> Stepper<C> {
             own_steps: 0,
             faults_before: 0,
             accounts,
+            helpers,
         }
     }
 
@@ -246,6 +250,6 @@ impl<C: Component> Stepper<C> {
                 .save_result(&self.plan.name, &result)
                 .map_err(|error| Failure { tick, message: error.to_string() })?;
         }
-        Ok(())
+        self.helpers.stop().map_err(|message| Failure { tick, message })
     }
 }

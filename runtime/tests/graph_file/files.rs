@@ -113,6 +113,22 @@ fn a_file_that_is_not_text_is_refused_at_its_first_bad_byte() {
 }
 
 #[test]
+fn events_release_a_component_no_sooner_than_its_interval_and_what_it_triggers_has_the_same_period() {
+    use motorium::plan::{Activation, SchedulingClass, Spin};
+    let plan = |set: &[&str]| super::load_with(&good("on-events"), set).expect("a good graph").plan;
+    let bus = &plan(&[]).components[0];
+    assert_eq!(bus.activation, Activation::Descriptor { min_interval_ns: 2_000_000 });
+    assert_eq!((bus.spin, bus.class), (Spin::Fixed { ns: 0 }, SchedulingClass::Fifo(80)));
+    assert_eq!((bus.period_ns(), bus.liveness.hang_after_ns), (2_000_000, 200_000_000));
+    let slower = plan(&["bus.activate.min_interval=30 ms"]);
+    assert_eq!(
+        (slower.components[0].period_ns(), slower.components[1].period_ns()),
+        (30_000_000, 30_000_000)
+    );
+    assert_eq!(slower.components[0].liveness.hang_after_ns, 600_000_000);
+}
+
+#[test]
 fn a_plan_survives_the_way_to_a_worker() {
     let plan = load(&good("everything")).expect("a good graph").plan;
     let text = serde_json::to_string(&plan).expect("JSON");

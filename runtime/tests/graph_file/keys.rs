@@ -84,8 +84,11 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
 ];
 
 /// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
-/// `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
-const TABLES: [&str; 17] = [
+/// `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
+const TABLES: [&str; 20] = [
+    "Component.activate",
+    "Activate.on",
+    "Activate.min_interval",
     "Graph.world",
     "Component.robots",
     "Graph.episodes",
@@ -131,6 +134,7 @@ fn the_list_of_keys_is_complete() {
         "Robot",
         "Base",
         "Component",
+        "Activate",
         "Topic",
         "Restart",
         "Latency",

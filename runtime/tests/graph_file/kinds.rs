@@ -24,6 +24,7 @@ pub(crate) fn registry() -> Registry {
             Kind::of::<OldController>(),
             Kind::of::<PhaseOnly>(),
             Kind::of::<Web>(),
+            Kind::of::<Datagrams>(),
         ],
     )
 }
@@ -302,6 +303,21 @@ impl Component for Web {
     never_run!(ConsoleConfig);
 
     fn declare(_: &ConsoleConfig, _: &mut Declare) -> Result<(), ConfigError> {
+        Ok(())
+    }
+}
+
+struct Datagrams;
+
+impl Component for Datagrams {
+    const KIND: &'static str = "sensor.udp";
+    const SUMMARY: &'static str = "waits for datagrams";
+    never_run!(ConsoleConfig);
+
+    fn declare(_: &ConsoleConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<Wrench>("value", "newest datagram");
+        declare.output::<Phase>("phase", "phase in the newest datagram");
+        declare.wakes_on_descriptor();
         Ok(())
     }
 }

@@ -36,13 +36,16 @@ struct RogueConfig {
     /// Steps between which it is commanded, and the emergency stop is pressed.
     from: u64,
     until: u64,
+    /// Of these steps one in so many commands nonsense.
+    every: u64,
     /// First step whose accelerations are measured.
     measure_from: u64,
 }
 
 impl Default for RogueConfig {
     fn default() -> Self {
-        Self { nonsense: Nonsense::None, joint: 0, from: u64::MAX, until: u64::MAX, measure_from: 0 }
+        let (from, until) = (u64::MAX, u64::MAX);
+        Self { nonsense: Nonsense::None, joint: 0, from, until, every: 1, measure_from: 0 }
     }
 }
 
@@ -120,7 +123,8 @@ impl Component for Rogue {
         command.kp_mut().iter_mut().skip(4).for_each(|kp| *kp = 50.0);
         command.kd_mut().iter_mut().skip(4).for_each(|kd| *kd = 2.0);
         let joint = self.config.joint;
-        if due {
+        let is_turn = due && (tick.index - self.config.from).is_multiple_of(self.config.every);
+        if is_turn {
             match self.config.nonsense {
                 Nonsense::None => {}
                 Nonsense::NotANumber => command.effort_mut()[joint] = f64::NAN,

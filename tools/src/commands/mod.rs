@@ -6,6 +6,7 @@ mod check;
 mod completions;
 mod doctor;
 mod draw;
+mod events;
 mod library;
 mod loading;
 mod new;
@@ -43,6 +44,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Top(top::Top),
+    Events(events::Events),
     Topic(topic::Topic),
     Param(param::Param),
     Stop(stop::Stop),
@@ -69,6 +71,7 @@ impl Cli {
             Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Top(command)) => command.run(),
+            Some(Command::Events(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),

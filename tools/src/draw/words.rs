@@ -15,7 +15,7 @@ pub(super) fn time(ns: u64) -> String {
 /// The program of a component: its kind, or the file name of its program.
 pub(super) fn program(component: &ComponentPlan) -> String {
     match &component.program {
-        Program::Builtin { kind } => kind.clone(),
+        Program::Builtin { kind } | Program::Sibling { kind, .. } => kind.clone(),
         Program::Exec { path } => path
             .file_name()
             .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned()),
@@ -28,6 +28,9 @@ pub(super) fn activation(component: &ComponentPlan) -> String {
         Activation::Periodic { period_ns, phase_ns: 0 } => format!("every {}", rate_and_period(period_ns)),
         Activation::Periodic { period_ns, phase_ns } => {
             format!("every {}, after {}", rate_and_period(period_ns), time(phase_ns))
+        }
+        Activation::Descriptor { min_interval_ns } => {
+            format!("on events, at least {} apart", time(min_interval_ns))
         }
         Activation::Triggered { input, .. } => match component.inputs.get(input) {
             Some(port) => format!("on {}", port.port),

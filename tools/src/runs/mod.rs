@@ -28,15 +28,26 @@ impl RunArg {
 
     /// Opens the run that is meant.
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
-        let folder = pick(self.run.as_deref())?;
-        let (plan, region) = (folder.plan()?, folder.region()?);
-        anyhow::ensure!(
-            region.fits(&plan),
-            "the control block of run {} is not that of its plan: its shared memory was damaged",
-            folder.id()
-        );
-        Ok(LivingRun { folder, plan, region })
+        opened(pick(self.run.as_deref())?)
     }
+
+    /// The same, and a run that a crash has left behind, if its whole id is given.
+    pub(crate) fn open_even_if_over(&self) -> anyhow::Result<LivingRun> {
+        match self.run.as_deref().and_then(RunFolder::find) {
+            Some(folder) => opened(folder),
+            None => self.open(),
+        }
+    }
+}
+
+fn opened(folder: RunFolder) -> anyhow::Result<LivingRun> {
+    let (plan, region) = (folder.plan()?, folder.region()?);
+    anyhow::ensure!(
+        region.fits(&plan),
+        "the control block of run {} is not that of its plan: its shared memory was damaged",
+        folder.id()
+    );
+    Ok(LivingRun { folder, plan, region })
 }
 
 /// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id, or the

@@ -7,11 +7,9 @@ mod queue;
 
 use std::fmt::{self, Write as _};
 use std::io::Write as _;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
+use motorium::component::StopRequest;
 use motorium::prelude::*;
 use motorium::state::{Decoded, Decoder, FieldValue, Number};
 use motorium::transport::RawInput;
@@ -51,8 +49,6 @@ pub struct ConsoleLog {
     queue: Sender,
     printed: u64,
     dropped: u64,
-    printer: Option<JoinHandle<()>>,
-    finished: Arc<AtomicBool>,
 }
 
 impl Component for ConsoleLog {
@@ -99,13 +95,8 @@ impl Component for ConsoleLog {
         }
         let largest = inputs.iter().filter_map(RawInput::layout).map(|layout| layout.size).max().unwrap_or(0);
         let (queue, lines) = queue(config.backlog, largest);
-        let finished = Arc::new(AtomicBool::new(false));
-        let printer = std::thread::Builder::new().name("printer".to_string()).spawn({
-            let finished = finished.clone();
-            move || print_all(lines, &formats, &finished)
-        });
-        let printer = Some(printer.map_err(ConfigureError::failed)?);
-        Ok(Self { inputs, queue, printed: 0, dropped: 0, printer, finished })
+        setup.helper("printer", move |stop| print_all(lines, &formats, stop))?;
+        Ok(Self { inputs, queue, printed: 0, dropped: 0 })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
@@ -123,14 +114,6 @@ impl Component for ConsoleLog {
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         // It remembers nothing but what was printed, and the lines are those of the whole run.
         Ok(())
-    }
-
-    fn stop(&mut self) {
-        self.finished.store(true, Relaxed);
-        if let Some(printer) = self.printer.take() {
-            printer.thread().unpark();
-            let _ = printer.join();
-        }
     }
 
     fn result(&self) -> Option<serde_json::Value> {
@@ -180,10 +163,11 @@ impl Format {
     }
 }
 
-/// Prints lines until the component is finished and nothing is left.
-fn print_all(mut lines: Receiver, formats: &[Format], finished: &AtomicBool) {
+/// Prints lines until the component has stopped and nothing is left.
+fn print_all(mut lines: Receiver, formats: &[Format], stop: &StopRequest) {
     loop {
-        let last_round = finished.load(Relaxed);
+        // Polling keeps the step free of the system call that waking this thread would take.
+        let last_round = stop.wait(Duration::from_millis(20));
         let mut out = std::io::stderr().lock();
         while let Some(entry) = lines.receive() {
             // Standard error may be closed: that must not stop the graph.
@@ -194,8 +178,6 @@ fn print_all(mut lines: Receiver, formats: &[Format], finished: &AtomicBool) {
         if last_round {
             return;
         }
-        // Polling keeps the step free of the system call that waking this thread would take.
-        std::thread::park_timeout(Duration::from_millis(20));
     }
 }
 

@@ -9,6 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::robots::Robot;
+use super::siblings::Home;
 use super::{Context, Draft, doubts, exec, paths, periods};
 use crate::declare::{
     Declaration, Declare, MAX_PARAMETER_NUMBERS, ParameterDeclaration, Placement, TopicPattern,
@@ -18,8 +19,9 @@ use crate::graph::diagnostic::Report;
 use crate::graph::json::to_json;
 use crate::graph::model::{ComponentTable, GraphTable};
 use crate::graph::read::{At, Value, good, good_or};
+use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
-use crate::nearest::{list, nearest, suggest};
+use crate::nearest::suggest;
 use crate::plan::Program;
 use crate::worker::{ConfigProblem, ConfigSource, DescribeRequest};
 
@@ -207,18 +209,17 @@ fn identify(
         }
         (Some(at), None) => {
             let name = at.get()?;
-            let Some(kind) = context.registry.find(name) else {
-                let kinds = context.registry.kinds().iter().map(|kind| kind.name);
-                let advice = match nearest(name, kinds.clone()) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => "use one of them, or name a program of your own with `exec`".to_string(),
-                };
-                report
-                    .error(format!("unknown kind `{name}`"))
-                    .at(&at.span, "no such kind of component")
-                    .note(format!("the built-in kinds are {}", list(kinds)))
-                    .advise(advice);
-                return None;
+            let kind = match context.home(name) {
+                Ok(Home::Here(kind)) => kind,
+                Ok(Home::Sibling(program, _)) => {
+                    let path = program.path.clone();
+                    draft.program = Some(Program::Sibling { kind: name.clone(), path: path.clone() });
+                    return if ask { asked(draft, &path, Some(name), &at.span, report) } else { None };
+                }
+                Err(homeless) => {
+                    homeless.report(name, draft, &at.span, context, report);
+                    return None;
+                }
             };
             draft.program = Some(Program::Builtin { kind: name.clone() });
             if !ask {
@@ -238,26 +239,35 @@ fn identify(
                 .map_err(|problem| problem.report(draft, &at.span, report))
                 .ok()?;
             draft.program = Some(Program::Exec { path: path.clone() });
-            if !ask {
-                return None;
-            }
-            let request = DescribeRequest {
-                config: draft.config.clone(),
-                robot: draft.robot.clone(),
-                robots: draft.robots.clone(),
-                placement: draft.placement.clone(),
-            };
-            match timed(&mut draft.declare_ns, || exec::describe(&path, &request)) {
-                Ok(Ok(declaration)) => Some(declaration),
-                Ok(Err(error)) => {
-                    doubts::problem(draft, &ConfigProblem { span: None, error }, report);
-                    None
-                }
-                Err(problem) => {
-                    problem.report(draft, &at.span, report);
-                    None
-                }
-            }
+            if ask { asked(draft, &path, None, &at.span, report) } else { None }
+        }
+    }
+}
+
+/// The declaration of a component by the program that hosts it.
+fn asked(
+    draft: &mut Draft<'_, '_>,
+    path: &Path,
+    kind: Option<&str>,
+    span: &Span,
+    report: &mut Report,
+) -> Option<Declaration> {
+    let request = DescribeRequest {
+        kind: kind.map(str::to_string),
+        config: draft.config.clone(),
+        robot: draft.robot.clone(),
+        robots: draft.robots.clone(),
+        placement: draft.placement.clone(),
+    };
+    match timed(&mut draft.declare_ns, || exec::describe(path, &request)) {
+        Ok(Ok(declaration)) => Some(declaration),
+        Ok(Err(error)) => {
+            doubts::problem(draft, &ConfigProblem { span: None, error }, report);
+            None
+        }
+        Err(problem) => {
+            problem.report(draft, span, report);
+            None
         }
     }
 }
@@ -282,14 +292,12 @@ fn config_value<'i>(
         Some(AnyTable(value)) => value.clone(),
         None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
     };
-    let Some(kind) = good(&draft.table.kind).and_then(|kind| context.registry.find(kind)) else {
-        return value;
-    };
+    let Some(Ok(kind)) = good(&draft.table.kind).map(|kind| context.home(kind)) else { return value };
     let known = draft.robot.as_ref().or(draft.robots.first());
     // a component without a robot knows no folder: all its paths are made absolute
     let folder = known.map_or(Path::new(""), |robot| &robot.base);
-    paths::rebase(&mut value, kind, folder, context.sources);
-    if let (true, Some(at), DeValue::Table(table)) = (kind.reads_world, &graph.world, value.get_mut())
+    paths::rebase(&mut value, &kind, folder, context.sources);
+    if let (true, Some(at), DeValue::Table(table)) = (kind.reads_world(), &graph.world, value.get_mut())
         && let Some(AnyTable(world)) = at.get()
     {
         match table.get_key_value("world") {

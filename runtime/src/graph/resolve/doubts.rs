@@ -43,7 +43,9 @@ pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &m
         key => subject(draft, key),
     };
     let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
-        Some(Program::Exec { .. }) => "see the configuration of this program".to_string(),
+        Some(Program::Exec { .. } | Program::Sibling { .. }) => {
+            "see the configuration of this program".to_string()
+        }
         _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
     });
     report

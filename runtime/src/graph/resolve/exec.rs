@@ -17,14 +17,17 @@ use super::Draft;
 use crate::declare::{ConfigError, Declaration};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
-use crate::worker::{DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest};
+use crate::region::layout_digest;
+use crate::worker::{
+    DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, KINDS, KindAnswer, KindsAnswer,
+};
 
 /// Time within which it must answer.
 const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The most that is read of its answer.
 const LONGEST_ANSWER: u64 = 1 << 20;
 /// The version of this crate: both sides share memory layouts, so it must be the same.
-const VERSION: &str = env!("CARGO_PKG_VERSION");
+pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A program that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -37,14 +40,16 @@ pub(super) enum ExecProblem {
     Start { path: PathBuf, reason: String },
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    #[error("program `{}` does not answer `{DESCRIBE}` as a component does: {reason}", path.display())]
-    NoComponent { path: PathBuf, reason: String, stderr: String },
+    #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
+    NoComponent { path: PathBuf, request: &'static str, reason: String, stderr: String },
     #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
     Version { path: PathBuf, found: String },
+    #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
+    Memory(PathBuf),
 }
 
 impl ExecProblem {
-    /// Reports it.
+    /// Reports it, of a program of the user.
     pub(super) fn report(&self, draft: &Draft<'_, '_>, span: &Span, report: &mut Report) {
         let diagnostic = report.error(format!("component `{}`: {self}", draft.name)).at(span, "this program");
         match self {
@@ -65,7 +70,7 @@ impl ExecProblem {
                 }
                 diagnostic.advise("its main function must be `motorium::main!(MyComponent);`")
             }
-            Self::Version { .. } => {
+            Self::Version { .. } | Self::Memory(_) => {
                 diagnostic.advise("build it again with the same version: `cargo build --release`")
             }
         };
@@ -89,9 +94,38 @@ pub(super) fn describe(
 ) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
     let request = serde_json::to_string(request)
         .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
-    let answer = ask(path, request)?;
+    let reply: DescribeAnswer = answer(path, DESCRIBE, request)?;
+    match (reply.declaration, reply.error) {
+        (_, Some(DescribeError { key, message, advice })) => Ok(Err(ConfigError { key, message, advice })),
+        (Some(declaration), None) => Ok(Ok(declaration)),
+        (None, None) => Err(ExecProblem::NoComponent {
+            path: path.to_path_buf(),
+            request: DESCRIBE,
+            reason: "its answer declares nothing".into(),
+            stderr: String::new(),
+        }),
+    }
+}
+
+/// Asks the program for the kinds that it hosts.
+pub(super) fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
+    let reply: KindsAnswer = answer(path, KINDS, String::new())?;
+    if reply.memory != layout_digest() {
+        return Err(ExecProblem::Memory(path.to_path_buf()));
+    }
+    Ok(reply.kinds)
+}
+
+/// The answer of the program, of this version, to a request.
+fn answer<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    argument: &'static str,
+    request: String,
+) -> Result<T, ExecProblem> {
+    let answer = ask(path, argument, request)?;
     let no_component = |reason: String| ExecProblem::NoComponent {
         path: path.to_path_buf(),
+        request: argument,
         reason,
         stderr: answer.stderr.clone(),
     };
@@ -109,13 +143,8 @@ pub(super) fn describe(
     if version != VERSION {
         return Err(ExecProblem::Version { path: path.to_path_buf(), found: version.to_string() });
     }
-    let reply: DescribeAnswer = serde_json::from_value(reply)
-        .map_err(|error| no_component(format!("its answer cannot be read ({error})")))?;
-    match (reply.declaration, reply.error) {
-        (_, Some(DescribeError { key, message, advice })) => Ok(Err(ConfigError { key, message, advice })),
-        (Some(declaration), None) => Ok(Ok(declaration)),
-        (None, None) => Err(no_component("its answer declares nothing".into())),
-    }
+    serde_json::from_value(reply)
+        .map_err(|error| no_component(format!("its answer cannot be read ({error})")))
 }
 
 struct Answer {
@@ -125,26 +154,29 @@ struct Answer {
     stderr: String,
 }
 
-fn ask(path: &Path, request: String) -> Result<Answer, ExecProblem> {
+fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProblem> {
     let spawn = || {
         Command::new(path)
-            .arg(DESCRIBE)
+            .arg(argument)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
     };
-    let start =
-        |error: std::io::Error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() };
+    let start = |error: std::io::Error| ExecProblem::Start {
+        path: path.to_path_buf(),
+        reason: crate::os::named(&error),
+    };
     let mut child = spawn().map_err(start)?;
     let silent = || ExecProblem::Silent(path.to_path_buf());
     let deadline = Instant::now() + DESCRIBE_TIMEOUT;
     if let Some(mut stdin) = child.stdin.take() {
         // a program that never reads must not hold us up; whether it read at all shows in its answer
-        std::thread::spawn(move || stdin.write_all(request.as_bytes()));
+        let spawned = thread().spawn(move || stdin.write_all(request.as_bytes()));
+        spawned.map(drop).or_else(|error| ended(&mut child, error)).map_err(start)?;
     }
-    let stdout = read_all(child.stdout.take());
-    let stderr = read_all(child.stderr.take());
+    let stdout = read_all(child.stdout.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
+    let stderr = read_all(child.stderr.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
     let finished = wait_until(&mut child, deadline);
     let Some(status) = finished.map_err(start)? else {
         // it may have ended by itself just now: then there is nothing left to end
@@ -162,18 +194,29 @@ fn ask(path: &Path, request: String) -> Result<Answer, ExecProblem> {
     Ok(Answer { status, stdout, stderr: last.trim().to_string() })
 }
 
+fn thread() -> std::thread::Builder {
+    std::thread::Builder::new().name("describe".to_string())
+}
+
+/// Ends a program that cannot be talked to, for want of a thread.
+fn ended<T>(child: &mut Child, error: std::io::Error) -> std::io::Result<T> {
+    let _ = child.kill();
+    let _ = child.wait();
+    Err(error)
+}
+
 /// Reads a stream to its end on a thread of its own; a child of the program may keep it open for ever.
-fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> mpsc::Receiver<String> {
+fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> std::io::Result<mpsc::Receiver<String>> {
     let (send, receive) = mpsc::channel();
-    std::thread::spawn(move || {
+    thread().spawn(move || {
         let mut bytes = Vec::new();
         if let Some(stream) = stream {
             // what was read before an error is still worth showing
             let _ = stream.take(LONGEST_ANSWER).read_to_end(&mut bytes);
         }
         let _ = send.send(String::from_utf8_lossy(&bytes).into_owned());
-    });
-    receive
+    })?;
+    Ok(receive)
 }
 
 fn wait_until(child: &mut Child, deadline: Instant) -> std::io::Result<Option<ExitStatus>> {

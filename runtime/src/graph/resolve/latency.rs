@@ -66,7 +66,7 @@ pub(super) fn resolve(
             continue;
         };
         for wire in &path {
-            if matches!(timing.activation[wire.component], Some(Activation::Periodic { .. })) {
+            if timing.activation[wire.component].as_ref().is_some_and(Activation::is_head) {
                 causes[wire.component] = wire.index;
             }
         }
@@ -154,10 +154,10 @@ fn path<'w>(
     while let Some(topic) = reached.get(next).copied() {
         next += 1;
         for reader in wiring.of_topic(topic, Direction::Input) {
-            let periodic = matches!(timing.activation[reader.component], Some(Activation::Periodic { .. }));
+            let is_head = timing.activation[reader.component].as_ref().is_some_and(Activation::is_head);
             let passes = match causes[reader.component] {
                 Some(cause) => reader.index == Some(cause),
-                None => periodic,
+                None => is_head,
             };
             if !passes || reader.component == start {
                 continue;

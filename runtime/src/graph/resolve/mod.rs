@@ -3,6 +3,7 @@
 //! Each step goes on as far as it can in spite of mistakes found before it, so that one check finds as many of them as
 //! possible; what follows from a mistake that was already reported is not reported again.
 
+mod activate;
 mod assemble;
 mod declare;
 mod doubts;
@@ -18,6 +19,7 @@ mod periods;
 mod robots;
 mod safety;
 mod scheduling;
+mod siblings;
 mod timing;
 mod topics;
 mod wiring;
@@ -25,13 +27,16 @@ mod wiring;
 use std::path::Path;
 
 use super::DeclareTime;
+use super::defaults;
 use super::diagnostic::Report;
 use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
+use super::read::good_or;
 use super::source::{Sources, Span};
 use crate::declare::{Declaration, Direction, Placement, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
+use siblings::Siblings;
 
 /// The file, the registry and the machine for which a graph is resolved.
 pub(super) struct Context<'c> {
@@ -43,6 +48,19 @@ pub(super) struct Context<'c> {
     pub registry: &'c Registry,
     /// The machine it will run on.
     pub machine: &'c Machine,
+    /// The other programs that host kinds, as far as they have been asked.
+    siblings: Siblings,
+}
+
+impl<'c> Context<'c> {
+    pub(super) fn new(
+        file: &'c Path,
+        sources: &'c Sources,
+        registry: &'c Registry,
+        machine: &'c Machine,
+    ) -> Self {
+        Self { file, sources, registry, machine, siblings: Siblings::default() }
+    }
 }
 
 /// A component as far as it is resolved.
@@ -73,7 +91,7 @@ impl Draft<'_, '_> {
     /// Its kind or its program, for messages.
     fn what(&self) -> String {
         match &self.program {
-            Some(Program::Builtin { kind }) => format!("`{kind}`"),
+            Some(Program::Builtin { kind } | Program::Sibling { kind, .. }) => format!("`{kind}`"),
             Some(Program::Exec { path }) => format!("`{}`", path.display()),
             None => format!("component `{}`", self.name),
         }
@@ -102,7 +120,8 @@ pub(super) fn resolve(
     safety::emergency_stop(graph, &mut drafts);
     let wiring = wiring::resolve(graph, &drafts, report);
     topics::check(&drafts, &wiring, report);
-    let timing = timing::resolve(&drafts, &wiring, report);
+    let clock = good_or(&graph.clock, defaults::CLOCK);
+    let timing = timing::resolve(&drafts, &wiring, clock, report);
     let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
     let liveness = liveness::resolve(graph, &drafts, &timing, report);
     let parameters = parameters::resolve(&drafts, report);

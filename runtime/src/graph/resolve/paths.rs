@@ -10,21 +10,19 @@ use std::path::Path;
 use serde_json::Value as Json;
 use toml::de::DeValue;
 
+use super::siblings::Home;
 use crate::graph::read::Value;
 use crate::graph::source::{Sources, Span};
-use crate::worker::Kind;
 
 /// Deepest nesting that is followed.
 const DEEPEST: usize = 64;
 
 /// Makes the paths of a `config` table absolute that do not stand in `folder`.
-pub(super) fn rebase(config: &mut Value<'_>, kind: &Kind, folder: &Path, sources: &Sources) {
+pub(super) fn rebase(config: &mut Value<'_>, kind: &Home<'_>, folder: &Path, sources: &Sources) {
     if sources.files().iter().all(|file| file.folder == *folder) {
         return;
     }
-    let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
-    let schema = kind.schema(&mut generator).to_value();
-    let definitions = Json::Object(generator.take_definitions(true));
+    let (schema, definitions) = kind.config_schema();
     Paths { definitions: &definitions, folder, sources }.follow(config, &schema, 0);
 }
 

@@ -4,7 +4,7 @@ use crate::graph::model::ComponentTable;
 use crate::graph::read::{At, good};
 use crate::graph::values::TopicName;
 
-/// The period of each component, ns: by its rate, or by that at the head of its trigger chain. `None` where the file has
+/// The period of each component, ns: by its rate or the shortest time between its events, or by that at the head of its trigger chain. `None` where the file has
 /// a mistake, which is reported when the times are resolved.
 pub(super) fn of(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<u64>> {
     let tables: Vec<Option<&ComponentTable<'_>>> = components.iter().map(|(_, at)| at.get()).collect();
@@ -17,6 +17,9 @@ fn of_component(component: usize, tables: &[Option<&ComponentTable<'_>>]) -> Opt
     for _ in 0..tables.len() {
         if let Some(rate) = good(&current.rate) {
             return Some(rate.period_ns);
+        }
+        if let Some(events) = good(&current.activate) {
+            return good(&events.min_interval).map(|interval| interval.ns);
         }
         let TopicName(trigger) = good(&current.trigger)?;
         current = tables.iter().flatten().find(|table| publishes(table, trigger))?;

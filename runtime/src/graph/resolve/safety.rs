@@ -115,8 +115,8 @@ fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes:
                     .and_then(|(component, index)| wiring.of_port(component, Direction::Input, index))
                     .and_then(|wire| wiring.writer(wire.topic?));
                 let Some(writer) = writer.map(|wire| wire.component) else { break };
-                let periodic = matches!(timing.activation[writer], Some(Activation::Periodic { .. }));
-                sum_ns += timing.period_ns(writer).filter(|_| periodic).unwrap_or(0);
+                let is_head = timing.activation[writer].as_ref().is_some_and(Activation::is_head);
+                sum_ns += timing.period_ns(writer).filter(|_| is_head).unwrap_or(0);
                 input = causes.get(writer).copied().flatten().map(|cause| (writer, cause));
             }
             longest = longest.max(sum_ns);

@@ -1,6 +1,7 @@
 //! The activation of the components: rates, triggers, and the chains they form.
 
 use super::Draft;
+use super::activate;
 use super::wiring::Wiring;
 use crate::declare::Direction;
 use crate::graph::defaults;
@@ -9,7 +10,7 @@ use crate::graph::read::{At, good_or};
 use crate::graph::source::Span;
 use crate::graph::values::TopicName;
 use crate::nearest::suggest;
-use crate::plan::{Activation, OnOverrun};
+use crate::plan::{Activation, ClockKind, OnOverrun};
 use crate::units::TimeSpan;
 
 /// The activation of each component.
@@ -17,7 +18,7 @@ use crate::units::TimeSpan;
 pub(super) struct Timing {
     /// By component; `None` if it is unknown, which has then been reported.
     pub activation: Vec<Option<Activation>>,
-    /// The time-triggered component at the head of each one's trigger chain; itself if it is one.
+    /// The component at the head of each one's trigger chain, which the clock or events release; itself if it is one.
     pub head: Vec<Option<usize>>,
     /// The component whose output triggers each one.
     pub triggered_by: Vec<Option<usize>>,
@@ -26,12 +27,7 @@ pub(super) struct Timing {
 impl Timing {
     /// Nominal time between two steps of a component, ns.
     pub(super) fn period_ns(&self, component: usize) -> Option<u64> {
-        match self.activation[component] {
-            Some(Activation::Periodic { period_ns, .. } | Activation::Triggered { period_ns, .. }) => {
-                Some(period_ns)
-            }
-            None => None,
-        }
+        self.activation[component].as_ref().map(Activation::period_ns)
     }
 }
 
@@ -43,6 +39,9 @@ enum Start {
         period_ns: u64,
         phase_ns: u64,
     },
+    Descriptor {
+        min_interval_ns: u64,
+    },
     Triggered {
         topic: usize,
         input: usize,
@@ -50,12 +49,28 @@ enum Start {
     },
 }
 
+impl Start {
+    /// The period of a component that no other one releases, ns: of one that events release the shortest.
+    fn own_period_ns(&self) -> Option<u64> {
+        match self {
+            Self::Periodic { period_ns, .. } => Some(*period_ns),
+            Self::Descriptor { min_interval_ns } => Some(*min_interval_ns),
+            Self::Triggered { .. } | Self::Unknown => None,
+        }
+    }
+}
+
 /// Finds the activation of every component.
-pub(super) fn resolve(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) -> Timing {
+pub(super) fn resolve(
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    clock: ClockKind,
+    report: &mut Report,
+) -> Timing {
     let starts: Vec<Start> = drafts
         .iter()
         .enumerate()
-        .map(|(component, draft)| start(component, draft, wiring, report).unwrap_or(Start::Unknown))
+        .map(|(component, draft)| start(component, draft, wiring, clock, report).unwrap_or(Start::Unknown))
         .collect();
     let triggered_by: Vec<Option<usize>> = starts
         .iter()
@@ -72,8 +87,12 @@ pub(super) fn resolve(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Re
             (Start::Periodic { period_ns, phase_ns }, _) => {
                 Some(Activation::Periodic { period_ns: *period_ns, phase_ns: *phase_ns })
             }
-            (Start::Triggered { topic, input, .. }, Some(Start::Periodic { period_ns, .. })) => {
-                Some(Activation::Triggered { topic: *topic, input: *input, period_ns: *period_ns })
+            (Start::Descriptor { min_interval_ns }, _) => {
+                Some(Activation::Descriptor { min_interval_ns: *min_interval_ns })
+            }
+            (Start::Triggered { topic, input, .. }, Some(head)) => {
+                let period_ns = head.own_period_ns();
+                period_ns.map(|period_ns| Activation::Triggered { topic: *topic, input: *input, period_ns })
             }
             _ => None,
         })
@@ -83,22 +102,37 @@ pub(super) fn resolve(drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Re
     timing
 }
 
-fn start(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) -> Option<Start> {
+fn start(
+    component: usize,
+    draft: &Draft<'_, '_>,
+    wiring: &Wiring,
+    clock: ClockKind,
+    report: &mut Report,
+) -> Option<Start> {
     let table = draft.table;
+    without_grid(draft, report);
+    if let Some(at) = &table.activate {
+        let min_interval_ns = activate::resolve(draft, at, clock, report);
+        return min_interval_ns.map(|min_interval_ns| Start::Descriptor { min_interval_ns });
+    }
     match (&table.rate, &table.trigger) {
-        (None, None) if table.meant.iter().any(|key| matches!(*key, "rate" | "trigger")) => None,
+        (None, None) if table.meant.iter().any(|key| matches!(*key, "rate" | "trigger" | "activate")) => None,
         (None, None) => {
             let input = wiring.of_component(component, Direction::Input).find_map(|wire| wire.topic);
-            let advice = match input {
-                Some(topic) => format!(
+            let by_events = activate::advice(draft);
+            let needs =
+                if by_events.is_some() { "needs `rate` or `activate`" } else { "needs `rate` or `trigger`" };
+            let advice = match (by_events, input) {
+                (Some(advice), _) => advice,
+                (None, Some(topic)) => format!(
                     "add `rate = \"1 kHz\"`, or `trigger = \"{}\"` to step whenever that is published",
                     wiring.topics[topic]
                 ),
-                None => "add `rate = \"1 kHz\"`".to_string(),
+                (None, None) => "add `rate = \"1 kHz\"`".to_string(),
             };
             report
                 .error(format!("component `{}` does not say when it steps", draft.name))
-                .at(&draft.place, "needs `rate` or `trigger`")
+                .at(&draft.place, needs)
                 .advise(advice);
             None
         }
@@ -131,15 +165,15 @@ fn start(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut 
                     .and(&trigger.key, "it steps when this is published")
                     .advise("leave `phase` out");
             }
-            without_grid(draft, trigger, report);
             find_trigger(component, draft, trigger, wiring, report)
         }
     }
 }
 
-/// Overrun policies that speak of a grid of releases, which a triggered component has not.
-fn without_grid(draft: &Draft<'_, '_>, trigger: &At<TopicName>, report: &mut Report) {
-    let Some(policy) = &draft.table.on_overrun else { return };
+/// Overrun policies that speak of a grid of releases, which only a component with a rate has.
+fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
+    let Some((place, why, label)) = activate::not_by_the_clock(draft) else { return };
+    let Some(policy) = draft.table.on_overrun.as_ref().filter(|_| draft.table.rate.is_none()) else { return };
     let name = match policy.get() {
         Some(OnOverrun::CatchUp) => "catch_up",
         Some(OnOverrun::Rephase) => "rephase",
@@ -147,8 +181,8 @@ fn without_grid(draft: &Draft<'_, '_>, trigger: &At<TopicName>, report: &mut Rep
     };
     report
         .error(format!("component `{}` has no releases to {name}", draft.name))
-        .at(&policy.span, "has no meaning for a triggered component")
-        .and(&trigger.key, "it steps when this is published, and what comes while it steps is one wake-up")
+        .at(&policy.span, why)
+        .and(place, format!("{label}, and what comes while it steps is one wake-up"))
         .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
 }
 
@@ -183,13 +217,13 @@ fn find_trigger(
     None
 }
 
-/// The time-triggered component at the head of a trigger chain.
+/// The component at the head of a trigger chain.
 fn head(component: usize, starts: &[Start], triggered_by: &[Option<usize>]) -> Option<usize> {
     let mut current = component;
     // a chain is no longer than there are components, unless it is a loop
     for _ in 0..starts.len() {
         match starts[current] {
-            Start::Periodic { .. } => return Some(current),
+            Start::Periodic { .. } | Start::Descriptor { .. } => return Some(current),
             Start::Unknown => return None,
             Start::Triggered { .. } => current = triggered_by[current]?,
         }

@@ -19,7 +19,7 @@ use crate::plan::{
     SafeState,
 };
 use crate::units::{Rate, TimeSpan, UnitError};
-pub(super) use scheduling::{Schedule, Share, SpinChoice};
+pub(super) use scheduling::{EventSource, Schedule, Share, SpinChoice};
 pub(super) use triple::Triple;
 
 impl<'i> Read<'i> for String {
@@ -269,6 +269,7 @@ macro_rules! choices {
 choices! {
     ClockKind: Realtime, Lockstep;
     OnDenied: Warn, Strict;
+    EventSource: Fd;
     OnOverrun: Skip, CatchUp, Rephase, Hold, SafeStop;
     OnError: Fail, Hold;
     OnFailure: SafeStop, Ignore;

@@ -22,6 +22,14 @@ pub(in crate::graph) enum Schedule {
     Normal,
 }
 
+/// A source of events from outside of the graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::graph) enum EventSource {
+    /// A file descriptor of the component, such as a socket or a bus, that is readable.
+    Fd,
+}
+
 /// The spin time before a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::graph) enum SpinChoice {

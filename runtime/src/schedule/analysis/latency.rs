@@ -62,14 +62,22 @@ pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize
     path
 }
 
-/// The path cut before every time-triggered component.
+/// The path cut before every component that is not triggered by the one before it.
 fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
-    let periodic =
-        |component: &usize| matches!(plan.components[*component].activation, Activation::Periodic { .. });
-    let cuts: Vec<usize> = (1..path.len()).filter(|index| periodic(&path[*index])).collect();
+    let is_head = |component: usize| plan.components[component].activation.is_head();
+    let cuts: Vec<usize> = (1..path.len()).filter(|index| is_head(path[*index])).collect();
     let starts = core::iter::once(0).chain(cuts.iter().copied());
     let ends = cuts.iter().copied().chain([path.len()]);
     starts.zip(ends).map(|(start, end)| &path[start..end]).collect()
+}
+
+/// The components of a path that step when events come, where data waits for such a step or is read long after it: nothing
+/// bounds how seldom they come.
+pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<usize> {
+    let segments = segments(plan, path);
+    let heads = segments.iter().filter(|_| segments.len() > 1).map(|segment| segment[0]);
+    let by_events = |head: &usize| matches!(plan.components[*head].activation, Activation::Descriptor { .. });
+    heads.filter(by_events).collect()
 }
 
 /// From the publication of the first component to the end of the last, each triggered by the one before it.
@@ -120,7 +128,7 @@ fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Opti
 }
 
 fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
-    matches!(analysis.tasks.tasks[task].release, Release::Timer { .. })
+    !matches!(analysis.tasks.tasks[task].release, Release::Trigger { .. })
 }
 
 /// Longest time for which the component at the head of a task goes on after it has published, before all components on
@@ -188,7 +196,8 @@ fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> O
         let task = &analysis.tasks.tasks[analysis.tasks.places[component]?.task];
         match task.release {
             Release::Timer { phase_ns, fixed, .. } => Some((task.period_ns as i64, phase_ns as i64, fixed)),
-            Release::Trigger { .. } => None,
+            // data may wait for the next event for ever, and after the last one it only grows older
+            Release::Event | Release::Trigger { .. } => None,
         }
     };
     let (period, phase, fixed) = timer(writer[0])?;

@@ -115,6 +115,7 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
             let queue = if tuned { overheads.wake_ns.max(spin_ns) } else { overheads.wake_ns };
             (fixed.then_some(offset), late_wake(spin_ns, overheads), queue as i64)
         }
+        Release::Event => (None, late_wake(0, overheads), late_wake(0, overheads)),
         Release::Trigger { delay_ns, .. } => (offset(task, plan), delay_ns as i64, delay_ns as i64),
     };
     let yields = matches!(task.release, Release::Timer { .. });
@@ -134,6 +135,7 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
 fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     match task.release {
         Release::Timer { phase_ns, fixed, .. } => fixed.then_some(phase_ns as i64),
+        Release::Event => None,
         Release::Trigger { by, .. } => match plan.reservation(by) {
             Some((_, reservation)) => reservation.fixed.then_some(reservation.phase_ns as i64),
             None => offset(&plan.tasks[plan.places[by]?.task], plan),
@@ -156,6 +158,7 @@ fn jitter(
 ) -> Option<i64> {
     match task.release {
         Release::Timer { spin_ns, .. } => Some(late_wake(spin_ns, overheads)),
+        Release::Event => Some(late_wake(0, overheads)),
         Release::Trigger { by, delay_ns } => {
             if let Some((reservation, _)) = plan.reservation(by) {
                 return Some(reserved_finish(reservation)? + delay_ns as i64);

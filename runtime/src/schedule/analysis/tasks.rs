@@ -66,7 +66,7 @@ pub struct Task {
     pub core: usize,
     /// `SCHED_FIFO` priority of its head; what it triggers may rise above it.
     pub priority: u8,
-    /// Time between two releases of the time-triggered component at the head of the whole chain, ns.
+    /// Time between two releases of the component at the head of the whole chain, ns; the shortest, where events release it.
     pub period_ns: u64,
     /// The release of its first stage.
     pub release: Release,
@@ -89,6 +89,9 @@ pub enum Release {
         /// True if releases never leave that grid; the overrun policy `rephase` moves it.
         fixed: bool,
     },
+    /// An event from outside of the graph, shown by a file descriptor: at any time, no sooner than one period after the one
+    /// before (a sporadic task).
+    Event,
     /// A publication of another component.
     Trigger {
         /// Index of that component in the plan.
@@ -137,7 +140,7 @@ impl Task {
     pub fn spin_ns(&self) -> u64 {
         match self.release {
             Release::Timer { spin_ns, .. } => spin_ns,
-            Release::Trigger { .. } => 0,
+            Release::Trigger { .. } | Release::Event => 0,
         }
     }
 
@@ -215,6 +218,7 @@ impl StaticPlan {
                 tuned: matches!(component.spin, Spin::Tuned { .. }),
                 fixed: component.on_overrun != OnOverrun::Rephase,
             },
+            Activation::Descriptor { .. } => Release::Event,
             Activation::Triggered { topic, .. } => {
                 let by = plan.topics[topic].writer;
                 let writer = &plan.components[by];
@@ -284,7 +288,7 @@ fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Opt
     let phase_ns = match component.activation {
         Activation::Periodic { phase_ns, .. } => phase_ns,
         // refused when the graph is read
-        Activation::Triggered { .. } => return None,
+        Activation::Triggered { .. } | Activation::Descriptor { .. } => return None,
     };
     let step = step(index, component, overheads);
     let fixed = component.on_overrun != OnOverrun::Rephase;
@@ -294,7 +298,7 @@ fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Opt
 /// A step of a component, with the overhead common to all triggers.
 fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step {
     let timer_ns = match component.activation {
-        Activation::Periodic { .. } => overheads.timer_ns,
+        Activation::Periodic { .. } | Activation::Descriptor { .. } => overheads.timer_ns,
         Activation::Triggered { .. } => 0,
     };
     let added_ns = overheads.worker_ns + timer_ns;

@@ -30,7 +30,7 @@ impl Unknown {
                     let writer = plan.topics[topic].writer;
                     fifo(*component) && !fifo(writer) && tasks.reservation(writer).is_none()
                 }
-                Activation::Periodic { .. } => false,
+                Activation::Periodic { .. } | Activation::Descriptor { .. } => false,
             })
             .collect();
         let without_core = all.filter(|c| fifo(*c) && tasks.places[*c].is_none()).collect();
@@ -54,7 +54,7 @@ impl Unknown {
                     });
                     let releaser = match task.release {
                         Release::Trigger { by, .. } => tasks.places[by].map(|place| place.task),
-                        Release::Timer { .. } => None,
+                        Release::Timer { .. } | Release::Event => None,
                     };
                     held_up || releaser.is_some_and(|releaser| rests[releaser])
                 })

@@ -19,7 +19,11 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
         None => plan.components[*component].budget_ns.is_none(),
     };
     let known = !path.iter().any(rests);
+    let events = latency::sampled_events(plan, &path);
     let arithmetic = match (&bounded, analysed) {
+        (None, true) if !events.is_empty() => {
+            format!("{} when events come, however seldom: no bound", stepping(plan, &events))
+        }
         (Some(sum), _) => {
             words::comparison(&sum_terms(analysis, &path, sum), words::time(sum.ns), holds, &max)
         }
@@ -34,10 +38,11 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
         from: plan.topics[budget.from].name.clone(),
         to: plan.topics[budget.to].name.clone(),
         path: path.iter().map(|component| plan.components[*component].name.clone()).collect(),
-        bound_ns: bounded.map(|bounded| bounded.ns),
+        bound_ns: bounded.as_ref().map(|bounded| bounded.ns),
         max_ns: budget.max_ns,
         verdict: match (analysed, holds, known) {
             (false, ..) | (_, true, false) => Verdict::NotProvable,
+            (_, false, _) if bounded.is_none() && !events.is_empty() => Verdict::NotProvable,
             (_, true, true) => Verdict::Holds,
             (_, false, _) => Verdict::Exceeds,
         },
@@ -48,6 +53,11 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
 /// "`a` is", "`a` and `b` are".
 fn are(names: &str, count: usize) -> String {
     format!("{names} {}", if count == 1 { "is" } else { "are" })
+}
+
+/// "`a` steps", "`a` and `b` step".
+fn stepping(plan: &Plan, components: &[usize]) -> String {
+    format!("{} {}", words::names(plan, components), if components.len() == 1 { "steps" } else { "step" })
 }
 
 /// The terms of a latency's bound, each but the first with its sign.

@@ -1,6 +1,7 @@
 //! The problems of an admission, as text with advice.
 
 use super::words;
+use crate::plan::Activation;
 use crate::schedule::admission::{Admission, Problem, TaskBound, Verdict};
 use crate::schedule::analysis::Analysis;
 use crate::schedule::analysis::load::{Burst, longest_burst};
@@ -14,7 +15,7 @@ pub(in crate::schedule) fn find(analysis: &Analysis<'_>, admission: &mut Admissi
     late(admission, &mut problems);
     latencies(admission, &mut problems);
     not_known(analysis, &mut problems);
-    unprovable_latencies(admission, &mut problems);
+    unprovable_latencies(analysis, admission, &mut problems);
     problems.sort_by_key(|problem| problem.severity == Severity::Warning);
     admission.problems = problems;
 }
@@ -158,14 +159,22 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
     warn(&unknown.without_core, "may run on several cores", "may run on several cores", "add `core = 1`");
 }
 
-fn unprovable_latencies(admission: &Admission, problems: &mut Vec<Problem>) {
+fn unprovable_latencies(analysis: &Analysis<'_>, admission: &Admission, problems: &mut Vec<Problem>) {
+    let by_events = |name: &String| {
+        let mut components = analysis.plan.components.iter().filter(|component| component.name == *name);
+        components.any(|component| matches!(component.activation, Activation::Descriptor { .. }))
+    };
     for latency in &admission.latencies {
         if latency.verdict == Verdict::NotProvable && latency.bound_ns.is_none() {
             problems.push(Problem {
                 severity: Severity::Warning,
                 message: format!("the latency from `{}` to `{}` cannot be proved", latency.from, latency.to),
                 arithmetic: Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
-                advice: "schedule all components on its way as `fifo`, each on one core".to_string(),
+                advice: match latency.path.iter().any(by_events) {
+                    true => "trigger the components on its way by one another: what is read at a rate may be of any age",
+                    false => "schedule all components on its way as `fifo`, each on one core",
+                }
+                .to_string(),
             });
         }
     }

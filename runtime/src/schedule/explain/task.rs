@@ -41,9 +41,10 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
         found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
         return found;
     };
-    // a time-triggered component is measured from its release, not from the start of its spinning
+    // the head of a chain is measured from its release: not from the start of its spinning, nor from its wake-up
     let (sum, spin) = match task.release {
         Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
+        Release::Event => (&bound.finish, 0),
         Release::Trigger { .. } => (&bound.response, 0),
     };
     let response = u64::try_from(sum.total - spin).unwrap_or(0);

@@ -15,6 +15,8 @@ use crate::state::{JointState, StateBuffer as _};
 pub(crate) enum When {
     /// Every period, after a phase, ns.
     Every(u64, u64),
+    /// When events come, at least so far apart, ns.
+    OnEvents(u64),
     /// When the component of this index publishes.
     After(usize),
 }
@@ -93,7 +95,7 @@ impl Node {
 pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
     let head = |mut index: usize| loop {
         match nodes[index].when {
-            When::Every(period, _) => return period,
+            When::Every(period, _) | When::OnEvents(period) => return period,
             When::After(writer) => index = writer,
         }
     };
@@ -106,6 +108,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
     let components = nodes.iter().enumerate().map(|(index, node)| {
         let (activation, input) = match node.when {
             When::Every(period_ns, phase_ns) => (Activation::Periodic { period_ns, phase_ns }, node.reads),
+            When::OnEvents(min_interval_ns) => (Activation::Descriptor { min_interval_ns }, node.reads),
             When::After(topic) => {
                 (Activation::Triggered { topic, input: 0, period_ns: head(index) }, Some(topic))
             }

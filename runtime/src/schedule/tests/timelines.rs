@@ -46,6 +46,20 @@ fn the_more_urgent_interrupts_and_equals_wait_for_their_turn() {
 }
 
 #[test]
+fn events_are_drawn_as_often_as_they_may_come() {
+    let nodes =
+        [node("bus", When::OnEvents(40), 5).priority(90), node("slow", When::Every(80, 2), 40).priority(50)];
+    let drawn = of(&nodes, 0, MS);
+    let lanes = &drawn.cores[0].lanes;
+    assert_eq!((spans(&lanes[0]), &lanes[0].releases_ns), (vec![(0, 5), (40, 45)], &vec![0, 40]));
+    assert_eq!(spans(&lanes[1]), [(5, 40), (45, 50)]);
+    assert_eq!(
+        drawn.notes,
+        ["released by events, drawn as if they came as often as `min_interval` lets them: `bus`"]
+    );
+}
+
+#[test]
 fn what_spins_before_time_zero_shows_at_the_end() {
     let drawn = of(&[node("head", When::Every(100, 0), 30)], 10, MS);
     assert_eq!(spans(&drawn.cores[0].lanes[0]), [(0, 30), (90, 100)]);

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::analysis::tasks::StaticPlan;
 use super::explain::words;
 use super::{Activity, Overheads};
-use crate::plan::Plan;
+use crate::plan::{Activation, Plan};
 use simulation::Simulation;
 
 /// One hyperperiod of every core with real-time components.
@@ -130,6 +130,16 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
         notes.push(format!(
             "without a budget, drawn as if their steps took no time: {}",
             words::names(plan, &guessed)
+        ));
+    }
+    let by_events =
+        |index: &usize| matches!(plan.components[*index].activation, Activation::Descriptor { .. });
+    let sporadic: Vec<usize> =
+        all.clone().filter(|index| by_events(index) && tasks.places[*index].is_some()).collect();
+    if !sporadic.is_empty() {
+        notes.push(format!(
+            "released by events, drawn as if they came as often as `min_interval` lets them: {}",
+            words::names(plan, &sporadic)
         ));
     }
     let reserved: Vec<usize> = all.clone().filter(|index| tasks.reservation(*index).is_some()).collect();

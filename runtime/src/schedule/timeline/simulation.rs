@@ -18,6 +18,8 @@ enum Event {
     Wait { component: usize, release: i64 },
     /// A component is triggered.
     Trigger { component: usize },
+    /// A descriptor is readable, as often as it may be.
+    Arrive { component: usize },
     /// A step of a component that is not drawn ends.
     End { component: usize, release: i64 },
 }
@@ -122,6 +124,12 @@ impl<'p> Simulation<'p> {
                 self.wait(index, release);
             }
         }
+        for (index, component) in self.plan.components.iter().enumerate() {
+            if let Activation::Descriptor { min_interval_ns } = component.activation {
+                let before = (-self.now).div_euclid(min_interval_ns as i64) * min_interval_ns as i64;
+                self.schedule(-before, Event::Arrive { component: index });
+            }
+        }
         while self.now < length && self.segments < MOST_SEGMENTS {
             self.deliver();
             self.let_others_run();
@@ -171,18 +179,26 @@ impl<'p> Simulation<'p> {
                     }
                     self.queue(component, release, release);
                 }
-                Event::Trigger { component } => {
-                    if self.now >= 0 {
-                        self.lanes[component].releases_ns.push(self.now as u64);
-                    }
-                    if self.threads[component].job.is_some() {
-                        self.threads[component].again = Some(self.now);
-                    } else {
-                        self.queue(component, self.now, self.now);
-                    }
+                Event::Trigger { component } => self.release(component),
+                Event::Arrive { component } => {
+                    self.release(component);
+                    let interval = self.plan.components[component].period_ns() as i64;
+                    self.schedule(time + interval, Event::Arrive { component });
                 }
                 Event::End { component, release } => self.end(component, release),
             }
+        }
+    }
+
+    /// A component that does not wait for the clock is released now.
+    fn release(&mut self, component: usize) {
+        if self.now >= 0 {
+            self.lanes[component].releases_ns.push(self.now as u64);
+        }
+        if self.threads[component].job.is_some() {
+            self.threads[component].again = Some(self.now);
+        } else {
+            self.queue(component, self.now, self.now);
         }
     }
 
@@ -289,7 +305,7 @@ impl<'p> Simulation<'p> {
                 let next = after(release, self.now, period, component.on_overrun);
                 self.wait(index, next);
             }
-            Activation::Triggered { .. } => {
+            Activation::Triggered { .. } | Activation::Descriptor { .. } => {
                 if let Some(release) = self.threads[index].again.take() {
                     // a component that need not wait does not go to the end of the queue
                     self.queue(index, release, self.now);

@@ -100,7 +100,8 @@ enum Released {
 impl Released {
     fn of(plan: &Plan, component: usize) -> Self {
         match plan.components[component].activation {
-            Activation::Periodic { .. } => Self::Clock,
+            // the kernel wakes both, and both pay for it
+            Activation::Periodic { .. } | Activation::Descriptor { .. } => Self::Clock,
             Activation::Triggered { topic, .. } if plan.stays_on_core(topic) => Self::SameCore,
             Activation::Triggered { .. } => Self::OtherCore,
         }

@@ -84,6 +84,7 @@ fn safe_within(plan: &Plan) -> String {
 fn program(component: &ComponentPlan) -> String {
     match &component.program {
         Program::Builtin { kind } => kind.clone(),
+        Program::Sibling { kind, path } => format!("{kind}\n{}", path.display()),
         Program::Exec { path } => path.display().to_string(),
     }
 }
@@ -93,6 +94,9 @@ fn steps(component: &ComponentPlan, plan: &Plan) -> String {
         Activation::Periodic { period_ns, phase_ns: 0 } => format!("at {}", Rate { period_ns }),
         Activation::Periodic { period_ns, phase_ns } => {
             format!("at {} after {}", Rate { period_ns }, TimeSpan { ns: phase_ns })
+        }
+        Activation::Descriptor { min_interval_ns } => {
+            format!("on events, {} apart", TimeSpan { ns: min_interval_ns })
         }
         Activation::Triggered { topic, .. } => format!("on {}", plan.topics[topic].name),
     }

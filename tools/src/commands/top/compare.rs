@@ -1,6 +1,6 @@
 //! Two readings of a run, and the interval between them.
 
-use motorium::launcher;
+use motorium::launcher::{self, LoggedEvent};
 use motorium::plan::ComponentPlan;
 use motorium::region::{Command, Misses, Phase};
 use motorium::telemetry::Snapshot;
@@ -54,8 +54,18 @@ impl Top {
                 })
                 .collect(),
             cores: cores(run, before, now),
+            events: newest_events(run),
         }
     }
+}
+
+/// Events that are shown.
+const EVENTS: usize = 5;
+
+fn newest_events(run: &LivingRun) -> Vec<LoggedEvent> {
+    let (mut events, _) = launcher::logged(&run.plan, &run.region);
+    events.drain(..events.len().saturating_sub(EVENTS));
+    events
 }
 
 fn state(sample: &Sample) -> State {

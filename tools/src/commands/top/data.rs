@@ -1,5 +1,6 @@
 //! The data of `motorium top`: printed by `--json`, shown by its tables.
 
+use motorium::launcher::LoggedEvent;
 use motorium::plan::ClockKind;
 use motorium::region::{GateReport, Misses, Phase, Stalls};
 use motorium::telemetry::Percentiles;
@@ -34,6 +35,8 @@ pub(crate) struct Top {
     pub(crate) edges: Vec<EdgeTop>,
     /// Each core of the machine.
     pub(crate) cores: Vec<CoreTop>,
+    /// The newest events of the run, at most five, oldest first.
+    pub(crate) events: Vec<LoggedEvent>,
 }
 
 /// State of a graph.

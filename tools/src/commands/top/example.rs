@@ -1,7 +1,8 @@
 //! A graph of three components for the tests of what is shown.
 
+use motorium::launcher::LoggedEvent;
 use motorium::plan::ClockKind;
-use motorium::region::{Misses, Phase, Stalls};
+use motorium::region::{EventKind, EventSeverity, Misses, Phase, Stalls};
 use motorium::telemetry::Percentiles;
 
 use super::data::{
@@ -96,6 +97,16 @@ pub(super) fn top() -> Top {
             edge("arm/state", "encoder", age(12_344, 4.0), age(1_000, 4.0)),
             edge("arm/command", "physics", age(12_000, 700.0), age(990, 700.0)),
         ],
+        events: vec![LoggedEvent {
+            time_s: 11.75,
+            simulated_s: None,
+            episode: None,
+            severity: EventSeverity::Warning,
+            component: Some("physics".to_string()),
+            kind: EventKind::EnteredSafeState,
+            value: 0.0,
+            text: "`physics` entered its safe state: its commands are stale".to_string(),
+        }],
         cores: vec![core(0, 0.5, 0.0, &[]), core(1, 0.25, 0.04, &["physics", "encoder"])],
     }
 }

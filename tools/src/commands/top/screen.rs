@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_wide_terminal_shows_everything() {
-        insta::assert_snapshot!(drawn(&mut screen(), 140, 30).backend());
+        insta::assert_snapshot!(drawn(&mut screen(), 140, 34).backend());
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn what_needs_attention_is_coloured() {
-        let terminal = drawn(&mut screen(), 140, 30);
+        let terminal = drawn(&mut screen(), 140, 34);
         let cells = terminal.backend().buffer().content();
         let coloured = |color| cells.iter().filter(move |cell| cell.fg == color).map(|cell| cell.symbol());
         let red: String = coloured(Color::Red).collect();

@@ -1,7 +1,8 @@
 //! The tables of `motorium top`.
 
+use motorium::launcher::LoggedEvent;
 use motorium::plan::ClockKind;
-use motorium::region::{GateState, Misses, Phase};
+use motorium::region::{EventSeverity, GateState, Misses, Phase};
 use motorium::telemetry::Percentiles;
 
 use super::data::{ComponentTop, CoreTop, EdgeTop, LatencyTop, Span, State, Top};
@@ -48,6 +49,9 @@ impl View {
         let mut components: Vec<&ComponentTop> = top.components.iter().collect();
         self.order.sort(&mut components, self.span, self.reversed);
         let mut sheets = vec![self.times(top.clock, &components), self.counts(&components)];
+        if !top.events.is_empty() {
+            sheets.push(events(&top.events, top.clock));
+        }
         if !top.latencies.is_empty() {
             sheets.push(self.latencies(&top.latencies));
         }
@@ -152,6 +156,33 @@ impl View {
         };
         Sheet { columns, rows: edges.iter().map(row).collect() }
     }
+}
+
+fn events(events: &[LoggedEvent], clock: ClockKind) -> Sheet {
+    let columns = vec![
+        Column::number("", "s", 0),
+        Column::text("severity", 3),
+        Column::text("kind", 2),
+        Column::text("event", 0),
+    ];
+    let row = |event: &LoggedEvent| {
+        let time_s = match clock {
+            ClockKind::Realtime => event.time_s,
+            ClockKind::Lockstep => event.simulated_s.unwrap_or(0.0),
+        };
+        let tone = match event.severity {
+            EventSeverity::Information => Tone::Plain,
+            EventSeverity::Warning => Tone::Warning,
+            EventSeverity::Error => Tone::Bad,
+        };
+        vec![
+            Cell::plain(format!("{time_s:.3}")),
+            Cell::new(event.severity.name(), tone),
+            Cell::new(event.kind.name(), Tone::Dim),
+            Cell::new(event.text.clone(), tone),
+        ]
+    };
+    Sheet { columns, rows: events.iter().map(row).collect() }
 }
 
 fn cores(cores: &[CoreTop]) -> Sheet {

@@ -9,9 +9,10 @@ use motorium::state::{Decoded, Decoder, FieldValue};
 use motorium::transport::Sample;
 use serde::Serialize;
 
+use super::super::events::Follower;
 use super::pace::Pace;
 use super::watch::{End, Watch, poll_for};
-use super::{find, readable};
+use super::{find, log, readable};
 use crate::out::errln;
 use crate::runs::{LivingRun, RunArg};
 use crate::style;
@@ -28,9 +29,9 @@ pub(super) struct Echo {
     /// Stop after this many samples
     #[arg(long, short = 'n', value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// Show the newest sample at most this often, in Hz
-    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = rate)]
-    rate: f64,
+    /// Show the newest sample at most this often, in Hz; 10 if not given
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
     /// Show every sample, as far as history keeps them
     #[arg(long, conflicts_with = "rate")]
     every: bool,
@@ -48,26 +49,29 @@ fn rate(text: &str) -> Result<f64, String> {
 
 /// One sample as JSON.
 #[derive(Debug, Serialize)]
-struct Line<'a> {
-    topic: &'a str,
-    sequence: u64,
+pub(super) struct Line<'a> {
+    pub(super) topic: &'a str,
+    pub(super) sequence: u64,
     /// Since the run began, s.
-    time_s: f64,
-    publish_time_ns: u64,
-    source_time_ns: u64,
-    age_ns: u64,
-    publisher: Option<&'a str>,
-    restart_count: u32,
-    value: &'a Decoded<'a>,
+    pub(super) time_s: f64,
+    pub(super) publish_time_ns: u64,
+    pub(super) source_time_ns: u64,
+    pub(super) age_ns: u64,
+    pub(super) publisher: Option<&'a str>,
+    pub(super) restart_count: u32,
+    pub(super) value: &'a Decoded<'a>,
 }
 
 impl Echo {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
+        if self.topic == log::TOPIC && run.plan.topics.iter().all(|topic| topic.name != log::TOPIC) {
+            return self.log(&run);
+        }
         let (_, topic) = find(&run.plan, &self.topic)?;
         let decoder = Decoder::new(&topic.layout)?;
         let mut watch = Watch::open(&run, topic)?;
-        let interval = Duration::from_secs_f64(1.0 / self.rate);
+        let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));
         let period_ns = run.plan.components[topic.writer].period_ns();
         let poll = if self.every { poll_for(period_ns) } else { interval.min(Duration::from_millis(20)) };
         let mut pace = Pace::default();
@@ -128,13 +132,44 @@ impl Echo {
             restart_count: stamp.restart_count,
             value: &value,
         };
-        let text = if self.json { serde_json::to_string(&line)? + "\n" } else { lines(&line) };
+        self.write(&line)
+    }
+
+    /// Writes a line; false once the reader has closed the pipe.
+    fn write(&self, line: &Line<'_>) -> anyhow::Result<bool> {
+        let text = if self.json { serde_json::to_string(line)? + "\n" } else { lines(line) };
         let mut out = anstream::stdout().lock();
         match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
             Ok(()) => Ok(true),
             Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
             Err(error) => Err(error.into()),
         }
+    }
+}
+
+impl Echo {
+    /// Prints the events of a run as messages, every one of them.
+    fn log(&self, run: &LivingRun) -> anyhow::Result<ExitCode> {
+        anyhow::ensure!(
+            self.rate.is_none(),
+            "each event of `{}` is shown, whenever it comes; leave out --rate",
+            log::TOPIC
+        );
+        run.stand_aside();
+        let mut follower = Follower::new(run);
+        let mut shown = 0;
+        while let Some(records) = follower.next() {
+            for record in &records {
+                shown += 1;
+                let message = log::message(record);
+                let value = log::decoded(&message);
+                if !self.write(&log::line(run, record, shown, &value))? || self.count == Some(shown) {
+                    return Ok(ExitCode::SUCCESS);
+                }
+            }
+        }
+        errln!("run {} is over", run.folder.id());
+        Ok(ExitCode::SUCCESS)
     }
 }
 

@@ -9,7 +9,7 @@ use motorium::units::TimeSpan;
 use serde::Serialize;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::{names, pattern, readable};
+use super::{log, names, pattern, readable};
 use crate::out::outln;
 use crate::report::table;
 use crate::runs::{LivingRun, RunArg};
@@ -69,7 +69,11 @@ impl Count {
 impl List {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
-        let rows = rows(&run, Duration::from_nanos(self.time.ns));
+        let (before, time) = (run.region.events().count(), Duration::from_nanos(self.time.ns));
+        let mut rows = rows(&run, time);
+        if rows.iter().all(|row| row.name != log::TOPIC) {
+            rows.push(log::row(&run, before, time.as_secs_f64().max(1e-9)));
+        }
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&rows)?);
             return Ok(ExitCode::SUCCESS);

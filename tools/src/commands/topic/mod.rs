@@ -4,6 +4,7 @@ mod echo;
 mod hz;
 mod info;
 mod list;
+mod log;
 mod pace;
 mod publish;
 mod watch;
@@ -50,7 +51,12 @@ impl Topic {
 /// The topic of this name and its index.
 fn find<'a>(plan: &'a Plan, name: &str) -> anyhow::Result<(usize, &'a TopicPlan)> {
     plan.topics.iter().enumerate().find(|(_, topic)| topic.name == name).ok_or_else(|| {
-        let names = plan.topics.iter().map(|topic| topic.name.as_str());
+        if name == log::TOPIC {
+            return anyhow::anyhow!(
+                "`{name}` is the log of events; `motorium topic echo {name}` and `motorium events` show it"
+            );
+        }
+        let names = plan.topics.iter().map(|topic| topic.name.as_str()).chain([log::TOPIC]);
         let advice = suggest(name, names, "it has");
         anyhow::anyhow!("graph `{}` has no topic `{name}`; {advice}", plan.name)
     })

@@ -1,7 +1,7 @@
 //! Scheduling classes and priorities.
 
-use super::super::Draft;
 use super::super::timing::Timing;
+use super::super::{Draft, activate};
 use super::leader;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
@@ -77,11 +77,11 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
             .at(place, "the kernel wants to know how much time it needs in every period")
             .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
     }
-    if let Some(trigger) = &table.trigger {
+    if let Some((trigger, _, label)) = activate::not_by_the_clock(draft) {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no rate"))
             .at(place, "the kernel gives it time in fixed periods")
-            .and(&trigger.key, "it steps when this is published")
+            .and(trigger, label)
             .advise("give it a `rate`, or schedule it as `fifo`");
     }
     let period_ns = period_ns.unwrap_or(*DEADLINE_PERIODS_NS.start());

@@ -1,7 +1,7 @@
 //! The spin times of the components.
 
-use super::super::Draft;
 use super::super::timing::Timing;
+use super::super::{Draft, activate};
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::RealtimeTable;
@@ -39,7 +39,7 @@ pub(super) fn spins(
         if let Some(own) = own {
             has_a_use(&drafts[component], own, schedules[component], report);
         }
-        let waits = timing.head[component] == Some(component);
+        let waits = timing.head[component] == Some(component) && drafts[component].table.activate.is_none();
         let worth = own.is_some() || schedules[component] == Schedule::Fifo;
         let choice = own.map_or(graph, |at| at.get().copied().unwrap_or(graph));
         let period_ns = timing.period_ns(component).filter(|_| waits && worth);
@@ -60,11 +60,11 @@ pub(super) fn spins(
 /// A spin that the file gives to a component that does not wait for a time of its own.
 fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, report: &mut Report) {
     let nothing = matches!(own.get(), Some(SpinChoice::Fixed(TimeSpan { ns: 0 })));
-    if let Some(trigger) = &draft.table.trigger {
+    if let Some((place, why, label)) = activate::not_by_the_clock(draft) {
         report
             .error(format!("component `{}` has no release to spin for", draft.name))
-            .at(&own.key, "has no meaning for a triggered component")
-            .and(&trigger.key, "it steps when this is published")
+            .at(&own.key, why)
+            .and(place, label)
             .advise("leave `spin` out");
     } else if schedule == Schedule::Deadline && !nothing {
         let place = good(&draft.table.schedule).and(draft.table.schedule.as_ref());

@@ -157,6 +157,9 @@ impl<'g> Machine<'g> {
                 let spin = self.spin(index);
                 self.await_release(index, spin + phase as i64);
             }
+            if let When::OnEvents(interval) = self.nodes[index].when {
+                self.await_event(index, 0, interval);
+            }
         }
         // the shared core of the graphs made here, and those of its components
         let mut cores: Vec<usize> = self.nodes.iter().filter_map(|node| node.core).chain([0]).collect();
@@ -189,6 +192,14 @@ impl<'g> Machine<'g> {
         } else {
             self.now
         };
+        self.threads[index].next = Some((release, joins));
+    }
+
+    /// An event comes at `earliest` or up to an interval later.
+    fn await_event(&mut self, index: usize, earliest: i64, interval: u64) {
+        let release = earliest + self.up_to(interval as i64);
+        let late = self.up_to(self.overheads.wake_ns as i64);
+        let joins = if self.now < release { release + late } else { self.now };
         self.threads[index].next = Some((release, joins));
     }
 
@@ -269,7 +280,9 @@ impl<'g> Machine<'g> {
         let Some(index) = taken.or_else(|| self.first(core)) else { return false };
         let reads = match self.nodes[index].when {
             When::After(writer) => self.threads[writer].newest,
-            When::Every(..) => self.nodes[index].reads.and_then(|writer| self.threads[writer].newest),
+            When::Every(..) | When::OnEvents(_) => {
+                self.nodes[index].reads.and_then(|writer| self.threads[writer].newest)
+            }
         };
         let now = self.now;
         let job = self.threads[index].job.as_mut().unwrap();
@@ -357,6 +370,11 @@ impl<'g> Machine<'g> {
                 };
                 self.now += 1;
                 self.await_release(index, next);
+                self.now -= 1;
+            }
+            When::OnEvents(interval) => {
+                self.now += 1;
+                self.await_event(index, token.task + interval as i64, interval);
                 self.now -= 1;
             }
             When::After(_) => {

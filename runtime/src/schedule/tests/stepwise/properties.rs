@@ -21,7 +21,7 @@ impl Machine<'_> {
     pub(super) fn tail(&self, index: usize) -> i64 {
         let Overheads { worker_ns, timer_ns, look_ns, .. } = self.overheads;
         let waiting = match self.nodes[index].when {
-            When::Every(..) => timer_ns,
+            When::Every(..) | When::OnEvents(_) => timer_ns,
             When::After(writer) if self.nodes[writer].core != self.nodes[index].core => look_ns,
             When::After(_) => 0,
         };
@@ -47,7 +47,8 @@ impl Machine<'_> {
     }
 
     pub(super) fn spin(&self, index: usize) -> i64 {
-        if self.by_deadline(index) { 0 } else { self.spin }
+        let waits_for_the_clock = matches!(self.nodes[index].when, When::Every(..));
+        if self.by_deadline(index) || !waits_for_the_clock { 0 } else { self.spin }
     }
 
     /// True if all components that this one triggers are on its core.

@@ -1,0 +1,224 @@
+//! `sensor.udp`: datagrams from outside of the graph, published as states.
+//!
+//! A datagram holds one value of a built-in state, byte for byte as the state lies in memory. Of those that wait, the newest
+//! valid one is published, with the time at which the kernel received it as its source time.
+
+mod config;
+mod socket;
+
+use motorium::component::RunClock;
+use motorium::declare::ClockKind;
+use motorium::os::{monotonic_ns, realtime_ns};
+use motorium::prelude::*;
+use motorium::state::ContentDefect;
+use motorium::transport::{RawError, RawOutput};
+
+use config::Sender;
+pub use config::UdpSensorConfig;
+use socket::{Datagram, Socket};
+
+/// Name of the output.
+const VALUE: &str = "value";
+/// Datagrams read in one step at most: what still waits then releases the next step.
+const TAKEN: usize = 64;
+
+/// A component that publishes the newest datagram.
+pub struct UdpSensor {
+    socket: Socket,
+    senders: Vec<Sender>,
+    output: RawOutput,
+    clock: RunClock,
+    /// Payload of the datagram read last; a byte longer than a value.
+    read: Box<[u8]>,
+    /// The newest valid value of a step.
+    newest: Box<[u8]>,
+    counts: Counts,
+}
+
+/// Counts of the datagrams by outcome.
+#[derive(Debug, Default)]
+struct Counts {
+    received: u64,
+    published: u64,
+    replaced: u64,
+    sender: u64,
+    length: u64,
+    not_finite: u64,
+    count_too_large: u64,
+    too_late: u64,
+    lost: u32,
+}
+
+impl Component for UdpSensor {
+    const KIND: &'static str = "sensor.udp";
+    const SUMMARY: &'static str = "publishes datagrams from outside of the graph as states";
+    const RESETS: bool = true;
+    type Config = UdpSensorConfig;
+
+    fn declare(config: &UdpSensorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        config.socket_address()?;
+        config.senders()?;
+        declare.raw_output(VALUE, config.layout()?, "newest datagram");
+        declare.wakes_on_descriptor();
+        if declare.clock() == ClockKind::Lockstep {
+            let warning = declare.warn("datagrams come in real time: no two runs in lockstep are the same");
+            warning.advise("simulate their source by a component in its place");
+        }
+        Ok(())
+    }
+
+    fn configure(config: UdpSensorConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let refused = |error: ConfigError| ConfigureError::failed(error.message);
+        let address = config.socket_address().map_err(refused)?;
+        let socket = Socket::bind(address)
+            .map_err(|error| ConfigureError::failed(format!("receiving on {address}: {error}")))?;
+        setup.wake_on(&socket)?;
+        let output = setup.raw_output(VALUE)?;
+        let size = output.layout().size;
+        Ok(Self {
+            socket,
+            senders: config.senders().map_err(refused)?,
+            output,
+            clock: setup.clock(),
+            read: vec![0; size + 1].into_boxed_slice(),
+            newest: vec![0; size + 1].into_boxed_slice(),
+            counts: Counts::default(),
+        })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        let mut newest: Option<Datagram> = None;
+        for _ in 0..TAKEN {
+            let received = self.socket.receive(&mut self.read);
+            let received = received.map_err(|_| StepError::failed("its socket can no longer be read"))?;
+            let Some(datagram) = received else { break };
+            self.counts.received += 1;
+            self.counts.lost = datagram.lost.unwrap_or(self.counts.lost);
+            if self.admit(&datagram) {
+                core::mem::swap(&mut self.read, &mut self.newest);
+                self.counts.replaced += u64::from(newest.replace(datagram).is_some());
+            }
+        }
+        if let Some(datagram) = newest {
+            self.publish(&datagram);
+        }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        // It remembers nothing but counts, which are those of the whole run.
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let counts = &self.counts;
+        Some(serde_json::json!({
+            "received": counts.received,
+            "published": counts.published,
+            "replaced": counts.replaced,
+            "lost": counts.lost,
+            "refused": {
+                "sender": counts.sender,
+                "length": counts.length,
+                "not_finite": counts.not_finite,
+                "count_too_large": counts.count_too_large,
+                "too_late": counts.too_late,
+            },
+        }))
+    }
+}
+
+impl UdpSensor {
+    /// Whether the datagram read last may be published.
+    fn admit(&mut self, datagram: &Datagram) -> bool {
+        let known = |address| self.senders.iter().any(|sender| sender.is(address));
+        if !self.senders.is_empty() && !datagram.sender.is_some_and(known) {
+            self.counts.sender += 1;
+            return false;
+        }
+        let size = self.output.layout().size;
+        if datagram.length != size {
+            self.counts.length += 1;
+            return false;
+        }
+        let checked = self.output.check(&self.read[..size]);
+        checked.map_err(|defect| self.counts.refuse(defect)).is_ok()
+    }
+
+    fn publish(&mut self, datagram: &Datagram) {
+        let size = self.output.layout().size;
+        let value = &self.newest[..size];
+        let (now_ns, wall_ns) = (monotonic_ns(), realtime_ns());
+        // both clocks go at the same speed since: what was set on the wall clock meanwhile makes the value older, never newer
+        let age_ns = datagram.received_ns.map_or(0, |received| wall_ns.saturating_sub(received));
+        let published = match self.clock.kind() {
+            ClockKind::Realtime => self.output.publish_from(value, now_ns.saturating_sub(age_ns)),
+            ClockKind::Lockstep => self.output.publish(value),
+        };
+        match published {
+            Ok(()) => self.counts.published += 1,
+            Err(RawError::Content(defect)) => self.counts.refuse(defect),
+            // a receive time is never in the future
+            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+        }
+    }
+}
+
+impl Counts {
+    fn refuse(&mut self, defect: ContentDefect) {
+        match defect {
+            ContentDefect::NotFinite { .. } => self.not_finite += 1,
+            ContentDefect::Count { .. } => self.count_too_large += 1,
+            ContentDefect::Size { .. } => self.length += 1,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(text: serde_json::Value) -> UdpSensorConfig {
+        serde_json::from_value(text).unwrap()
+    }
+
+    fn refused(text: serde_json::Value) -> (Option<String>, String) {
+        let error = UdpSensor::declare(&config(text), &mut Declare::new(None)).unwrap_err();
+        (error.key, error.message)
+    }
+
+    #[test]
+    fn a_type_a_port_and_loopback_are_enough() {
+        let mut declare = Declare::new(None);
+        let config = config(serde_json::json!({ "type": "motorium.Wrench", "port": 7400 }));
+        UdpSensor::declare(&config, &mut declare).unwrap();
+        let declaration = declare.into_declaration();
+        assert_eq!(declaration.ports[0].layout, Wrench::layout());
+        assert!(declaration.wakes_on_descriptor);
+        assert_eq!(config.socket_address().unwrap().to_string(), "127.0.0.1:7400");
+    }
+
+    #[test]
+    fn what_cannot_work_is_refused_with_its_key() {
+        let key = |text| refused(text).0.unwrap_or_default();
+        use serde_json::json;
+        assert_eq!(key(json!({ "type": "motorium.Wrnch", "port": 1 })), "type");
+        assert_eq!(key(json!({ "type": "motorium.Wrench", "port": 0 })), "port");
+        assert_eq!(key(json!({ "type": "motorium.Wrench", "port": 1, "address": "localhost" })), "address");
+        let from = json!({ "type": "motorium.Wrench", "port": 1, "from": ["127.0.0.1", "here:1"] });
+        assert_eq!(refused(from), (Some("from[1]".into()), "\"here:1\" is no IP address".into()));
+    }
+
+    #[test]
+    fn an_address_that_other_machines_reach_needs_to_know_them() {
+        let open = serde_json::json!({ "type": "motorium.Wrench", "port": 1, "address": "0.0.0.0" });
+        assert_eq!(refused(open).1, "0.0.0.0 is reached from other machines");
+        let known = serde_json::json!(
+            { "type": "motorium.Wrench", "port": 1, "address": "::", "from": ["192.168.1.7", "10.0.0.1:5"] }
+        );
+        let senders = config(known).senders().unwrap();
+        let is_known = |address: &str| senders.iter().any(|sender| sender.is(address.parse().unwrap()));
+        assert!(is_known("192.168.1.7:9") && is_known("10.0.0.1:5") && is_known("[::ffff:10.0.0.1]:5"));
+        assert!(!is_known("10.0.0.1:6") && !is_known("192.168.1.8:9"));
+    }
+}

@@ -1,0 +1,184 @@
+//! A UDP socket that tells when each datagram was received, and how many were lost.
+
+#![allow(unsafe_code)] // `recvmsg` with control messages has no safe wrapper that knows the times of datagrams
+
+use std::io;
+use std::mem::{size_of, zeroed};
+use std::net::{Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
+use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
+
+/// Room for the control messages of a datagram: its time, and the number of those that were lost.
+const CONTROL: usize = 128;
+
+/// A UDP socket that never waits.
+#[derive(Debug)]
+pub(super) struct Socket(UdpSocket);
+
+/// A datagram whose payload has been received.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Datagram {
+    /// Bytes of its payload, also of what did not fit.
+    pub(super) length: usize,
+    /// Its sender; `None` for one that is no internet address.
+    pub(super) sender: Option<SocketAddr>,
+    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`.
+    pub(super) received_ns: Option<u64>,
+    /// Datagrams that the kernel had no room for since the socket was opened, modulo 2^32.
+    pub(super) lost: Option<u32>,
+}
+
+/// A control buffer with the alignment of its messages.
+#[repr(C, align(8))]
+struct Control([u8; CONTROL]);
+
+impl Socket {
+    /// Receives on an address.
+    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let socket = UdpSocket::bind(address)?;
+        socket.set_nonblocking(true)?;
+        for option in [libc::SO_TIMESTAMPNS, libc::SO_RXQ_OVFL] {
+            let on: libc::c_int = 1;
+            // SAFETY: the option is an integer, which lives throughout the call; the descriptor is open.
+            let result = unsafe {
+                let value = (&raw const on).cast();
+                let length = size_of::<libc::c_int>() as libc::socklen_t;
+                libc::setsockopt(socket.as_raw_fd(), libc::SOL_SOCKET, option, value, length)
+            };
+            if result != 0 {
+                return Err(io::Error::last_os_error());
+            }
+        }
+        Ok(Self(socket))
+    }
+
+    /// Receives the next datagram; `None` if none waits.
+    pub(super) fn receive(&self, payload: &mut [u8]) -> io::Result<Option<Datagram>> {
+        // SAFETY: zero is a valid value of these plain structures.
+        let (mut from, mut message): (libc::sockaddr_storage, libc::msghdr) = unsafe { (zeroed(), zeroed()) };
+        let mut control = Control([0; CONTROL]);
+        let mut part = libc::iovec { iov_base: payload.as_mut_ptr().cast(), iov_len: payload.len() };
+        message.msg_name = (&raw mut from).cast();
+        message.msg_namelen = size_of::<libc::sockaddr_storage>() as libc::socklen_t;
+        message.msg_iov = &raw mut part;
+        message.msg_iovlen = 1;
+        message.msg_control = control.0.as_mut_ptr().cast();
+        message.msg_controllen = CONTROL as _;
+        // SAFETY: every buffer that the header names lives throughout the call and is as long as it says.
+        let length = unsafe { libc::recvmsg(self.0.as_raw_fd(), &raw mut message, libc::MSG_TRUNC) };
+        let Ok(length) = usize::try_from(length) else {
+            let error = io::Error::last_os_error();
+            return if error.kind() == io::ErrorKind::WouldBlock { Ok(None) } else { Err(error) };
+        };
+        let (received_ns, lost) = told(&message);
+        Ok(Some(Datagram { length, sender: sender(&from), received_ns, lost }))
+    }
+}
+
+impl AsFd for Socket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+/// The time of a datagram and the number of those lost, from its control messages.
+fn told(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
+    let (mut received_ns, mut lost) = (None, None);
+    // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay within it, and
+    // each value is read from the data of a message of its type, at any alignment.
+    unsafe {
+        let mut head = libc::CMSG_FIRSTHDR(message);
+        while let Some(control) = head.as_ref() {
+            let data = libc::CMSG_DATA(control);
+            match (control.cmsg_level, control.cmsg_type) {
+                (libc::SOL_SOCKET, libc::SCM_TIMESTAMPNS) => {
+                    let time = data.cast::<libc::timespec>().read_unaligned();
+                    received_ns = Some(time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64);
+                }
+                (libc::SOL_SOCKET, libc::SO_RXQ_OVFL) => lost = Some(data.cast::<u32>().read_unaligned()),
+                _ => {}
+            }
+            head = libc::CMSG_NXTHDR(message, control);
+        }
+    }
+    (received_ns, lost)
+}
+
+/// An address as the kernel writes it.
+fn sender(from: &libc::sockaddr_storage) -> Option<SocketAddr> {
+    // SAFETY: the storage is large and aligned enough for both kinds, which are valid for any bytes; the family says which it is.
+    unsafe {
+        match libc::c_int::from(from.ss_family) {
+            libc::AF_INET => {
+                let four = &*core::ptr::from_ref(from).cast::<libc::sockaddr_in>();
+                let address = u32::from_be(four.sin_addr.s_addr).into();
+                Some(SocketAddr::V4(SocketAddrV4::new(address, u16::from_be(four.sin_port))))
+            }
+            libc::AF_INET6 => {
+                let six = &*core::ptr::from_ref(from).cast::<libc::sockaddr_in6>();
+                let (address, port) = (Ipv6Addr::from(six.sin6_addr.s6_addr), u16::from_be(six.sin6_port));
+                Some(SocketAddr::V6(SocketAddrV6::new(address, port, six.sin6_flowinfo, six.sin6_scope_id)))
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{SystemTime, UNIX_EPOCH};
+
+    use super::*;
+
+    fn pair(address: &str) -> Option<(Socket, UdpSocket, SocketAddr)> {
+        let free = UdpSocket::bind((address, 0)).ok()?.local_addr().ok()?;
+        let sender = UdpSocket::bind((address, 0)).ok()?;
+        sender.connect(free).ok()?;
+        let own = sender.local_addr().ok()?;
+        Some((Socket::bind(free).unwrap(), sender, own))
+    }
+
+    fn now_ns() -> u64 {
+        SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
+    }
+
+    #[test]
+    fn datagrams_come_in_order_with_their_sender_and_the_time_of_their_arrival() {
+        let (socket, sender, own) = pair("127.0.0.1").unwrap();
+        let mut payload = [0; 4];
+        assert_eq!(socket.receive(&mut payload).unwrap(), None, "it does not wait");
+        let before = now_ns();
+        for bytes in [&[1_u8, 2, 3, 4][..], &[5, 6], &[7; 9]] {
+            sender.send(bytes).unwrap();
+        }
+        let after = now_ns();
+        let mut received = Vec::new();
+        while let Some(datagram) = socket.receive(&mut payload).unwrap() {
+            assert_eq!(datagram.sender, Some(own));
+            assert!((before..=after).contains(&datagram.received_ns.unwrap()));
+            received.push((datagram.length, payload));
+        }
+        assert_eq!(received, [(4, [1, 2, 3, 4]), (2, [5, 6, 3, 4]), (9, [7; 4])]);
+    }
+
+    #[test]
+    fn senders_have_addresses_of_either_family() {
+        // a machine may have no IPv6
+        for (socket, sender, own) in ["127.0.0.1", "::1"].into_iter().filter_map(pair) {
+            sender.send(&[1]).unwrap();
+            assert_eq!(socket.receive(&mut [0]).unwrap().unwrap().sender, Some(own));
+        }
+    }
+
+    #[test]
+    fn what_the_kernel_had_no_room_for_is_told() {
+        let (socket, sender, _) = pair("127.0.0.1").unwrap();
+        (0..3_000).for_each(|_| drop(sender.send(&[0; 512])));
+        let mut taken = 0_u32;
+        while socket.receive(&mut [0; 512]).unwrap().is_some() {
+            taken += 1;
+        }
+        assert!(taken < 3_000);
+        sender.send(&[0]).unwrap();
+        assert_eq!(socket.receive(&mut [0]).unwrap().unwrap().lost, Some(3_000 - taken));
+    }
+}

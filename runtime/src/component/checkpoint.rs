@@ -1,0 +1,66 @@
+//! Numbers that outlive a crash of their component.
+
+use std::rc::Rc;
+
+use super::{ConfigureError, Setup};
+use crate::region::CHECKPOINT_BYTES;
+use crate::transport::Context;
+
+impl Setup {
+    /// Memory for numbers that outlives a crash of this component.
+    ///
+    /// # Errors
+    /// The checkpoint has no room for so many.
+    pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
+        if numbers * 8 > CHECKPOINT_BYTES {
+            return Err(ConfigureError::failed(format!(
+                "a checkpoint of {numbers} numbers, but it holds {}",
+                CHECKPOINT_BYTES / 8
+            )));
+        }
+        Ok(Checkpoint { context: self.context().clone(), words: vec![0; numbers] })
+    }
+}
+
+/// Numbers that outlive a crash of their component: saved at a step, loaded after a restart.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// /// The angle of a motion, which goes on after a crash where it was.
+/// fn resume(setup: &mut Setup) -> Result<(Checkpoint, f64), ConfigureError> {
+///     let mut checkpoint = setup.checkpoint(1)?;
+///     let angle = checkpoint.resume().map_or(0.0, |numbers| numbers[0]);
+///     Ok((checkpoint, angle))
+/// }
+///
+/// fn step(checkpoint: &mut Checkpoint, angle: &mut f64, tick: &Tick) {
+///     *angle += tick.dt();
+///     checkpoint.save([*angle]);
+/// }
+/// ```
+#[derive(Debug)]
+pub struct Checkpoint {
+    context: Rc<Context>,
+    words: Vec<u64>,
+}
+
+impl Checkpoint {
+    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older
+    /// ones.
+    pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        for (word, number) in self.words.iter_mut().zip(numbers) {
+            *word = number.to_bits();
+        }
+        self.context.block().checkpoint.save(self.words.iter().copied());
+    }
+
+    /// The numbers saved before a restart of the component; `None` at its first start, or if one is not finite.
+    pub fn resume(&mut self) -> Option<Vec<f64>> {
+        if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
+            return None;
+        }
+        let numbers: Vec<f64> = self.words.iter().map(|word| f64::from_bits(*word)).collect();
+        numbers.iter().all(|number| number.is_finite()).then_some(numbers)
+    }
+}

@@ -1,0 +1,266 @@
+//! Threads beside the stepping thread of a component, for work that must not be done in a step.
+
+use std::os::fd::AsFd;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::{ConfigureError, Setup};
+use crate::os;
+use crate::plan::SchedulingClass;
+
+/// Time between two interrupts of a helper that is to stop.
+const INTERRUPT_EVERY: Duration = Duration::from_millis(1);
+/// Longest name of a thread, bytes.
+const LONGEST_NAME: usize = 15;
+
+impl Setup {
+    /// Starts a thread beside the stepping one, for work that must not be done in a step: printing, files, slow devices.
+    ///
+    /// It runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes), and its allocations are
+    /// not counted as those of the steps. When the component has stopped, the request to stop is made, a
+    /// [`wait`](StopRequest::wait) or a system call in which the thread waits ends, and the thread is joined; it has half of
+    /// the component's `stop_within` for that.
+    ///
+    /// ```
+    /// use motorium::prelude::*;
+    /// use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+    /// use std::time::Duration;
+    ///
+    /// /// Writes numbers to a file. A step hands them over by `try_send`, which never waits.
+    /// fn writer(setup: &mut Setup) -> Result<SyncSender<f64>, ConfigureError> {
+    ///     let (sender, receiver): (_, Receiver<f64>) = sync_channel(1_000);
+    ///     setup.helper("writer", move |stop| loop {
+    ///         let last_round = stop.wait(Duration::from_millis(20));
+    ///         receiver.try_iter().for_each(|number| println!("{number}"));
+    ///         if last_round {
+    ///             return;
+    ///         }
+    ///     })?;
+    ///     Ok(sender)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The name is empty or too long, or the system has no room for a thread.
+    pub fn helper(
+        &mut self,
+        name: &str,
+        run: impl FnOnce(&StopRequest) + Send + 'static,
+    ) -> Result<(), ConfigureError> {
+        let cores = self.plan().scheduling.shared_cores.clone();
+        self.helpers.start(name, cores, run)
+    }
+
+    /// Names the descriptor, such as a socket or a bus, that releases the steps of this component where the graph says
+    /// `activate = { on = "fd", ... }`; elsewhere it does nothing. The component declares
+    /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
+    ///
+    /// A step is released while the descriptor is readable: the step reads what there is, without waiting. What it leaves
+    /// releases another step.
+    ///
+    /// ```
+    /// use motorium::prelude::*;
+    /// use std::net::UdpSocket;
+    ///
+    /// fn listen(setup: &mut Setup) -> Result<UdpSocket, ConfigureError> {
+    ///     let socket = UdpSocket::bind("127.0.0.1:7400").map_err(ConfigureError::failed)?;
+    ///     socket.set_nonblocking(true).map_err(ConfigureError::failed)?;
+    ///     setup.wake_on(&socket)?;
+    ///     Ok(socket)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The system has no room for another descriptor.
+    pub fn wake_on(&mut self, descriptor: &impl AsFd) -> Result<(), ConfigureError> {
+        // A descriptor of its own: the component may close the other one.
+        let own = descriptor.as_fd().try_clone_to_owned().map_err(ConfigureError::failed)?;
+        self.descriptor = Some(own);
+        Ok(())
+    }
+}
+
+/// The request to a helper thread to stop, as it sees it.
+///
+/// ```
+/// use motorium::component::StopRequest;
+/// use std::time::Duration;
+///
+/// fn count(stop: &StopRequest) -> u32 {
+///     let mut rounds = 0;
+///     while !stop.wait(Duration::from_millis(20)) {
+///         rounds += 1;
+///     }
+///     rounds
+/// }
+/// ```
+#[derive(Debug, Clone)]
+pub struct StopRequest(Arc<AtomicBool>);
+
+impl StopRequest {
+    /// True once the component stops.
+    pub fn is_made(&self) -> bool {
+        self.0.load(Acquire)
+    }
+
+    /// Sleeps for a time, or until the component stops; true once it does. May return sooner, as
+    /// [`park_timeout`](std::thread::park_timeout) does.
+    pub fn wait(&self, time: Duration) -> bool {
+        if !self.is_made() {
+            std::thread::park_timeout(time);
+        }
+        self.is_made()
+    }
+}
+
+/// The helper threads of one component. Dropped, they are stopped and joined.
+#[derive(Debug, Default)]
+pub(crate) struct Helpers {
+    threads: Vec<Helper>,
+    /// Time that each may take to stop.
+    within: Duration,
+}
+
+#[derive(Debug)]
+struct Helper {
+    name: String,
+    stop: Arc<AtomicBool>,
+    kernel_id: i32,
+    thread: JoinHandle<()>,
+}
+
+impl Helpers {
+    /// None yet; each may take this long to stop.
+    pub(crate) fn stopping_within(within: Duration) -> Self {
+        Self { threads: Vec::new(), within }
+    }
+
+    /// Starts a thread at normal priority on these cores.
+    pub(super) fn start(
+        &mut self,
+        name: &str,
+        cores: Vec<usize>,
+        run: impl FnOnce(&StopRequest) + Send + 'static,
+    ) -> Result<(), ConfigureError> {
+        if name.is_empty() || name.len() > LONGEST_NAME || name.contains('\0') {
+            return Err(ConfigureError::failed(format!(
+                "a helper named {name:?}: the kernel takes names of 1 to {LONGEST_NAME} bytes"
+            )));
+        }
+        // Without a handler the interrupt would end the process.
+        os::install_interrupt().map_err(ConfigureError::failed)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let request = StopRequest(stop.clone());
+        let (sender, receiver) = std::sync::mpsc::sync_channel(1);
+        let thread = std::thread::Builder::new().name(name.to_string()).spawn(move || {
+            // What is denied leaves it on the cores of the component, where it is at normal priority all the same.
+            let _ = os::apply(&os::Request { class: SchedulingClass::Normal, cores, lock_memory: false });
+            let _ = sender.send(os::thread_id());
+            run(&request);
+        });
+        let thread = thread.map_err(|error| {
+            ConfigureError::failed(format!("starting helper `{name}`: {}", os::named(&error)))
+        })?;
+        let kernel_id = receiver
+            .recv()
+            .map_err(|_| ConfigureError::failed(format!("helper `{name}` ended before it began")))?;
+        self.threads.push(Helper { name: name.to_string(), stop, kernel_id, thread });
+        Ok(())
+    }
+
+    /// Stops all of them and waits for their end.
+    ///
+    /// # Errors
+    /// One panicked, or does not end in time.
+    pub(crate) fn stop(&mut self) -> Result<(), String> {
+        for helper in &self.threads {
+            helper.stop.store(true, Release);
+            helper.thread.thread().unpark();
+        }
+        let until = Instant::now() + self.within;
+        let mut result = Ok(());
+        for helper in self.threads.drain(..) {
+            // One that waits in a system call returns from it: an interrupt just before the call is followed by another.
+            while !helper.thread.is_finished() && Instant::now() < until {
+                os::interrupt_thread(helper.kernel_id);
+                std::thread::sleep(INTERRUPT_EVERY);
+            }
+            let name = &helper.name;
+            if !helper.thread.is_finished() {
+                result = Err(format!("its helper `{name}` has not stopped within {:?}", self.within));
+            } else if helper.thread.join().is_err() {
+                result = Err(format!("its helper `{name}` panicked"));
+            }
+        }
+        result
+    }
+}
+
+impl Drop for Helpers {
+    fn drop(&mut self) {
+        // A component that ends in good order has stopped them, and told what went wrong.
+        let _ = self.stop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+
+    fn helpers() -> Helpers {
+        Helpers::stopping_within(Duration::from_secs(20))
+    }
+
+    #[test]
+    fn a_helper_runs_under_its_name_until_it_is_stopped() {
+        let (sender, receiver) = channel();
+        let mut helpers = helpers();
+        helpers
+            .start("decoder", vec![0], move |stop| {
+                let name = std::thread::current().name().map(str::to_string);
+                sender.send(name).unwrap();
+                while !stop.wait(Duration::from_secs(100)) {}
+                sender.send(None).unwrap();
+            })
+            .unwrap();
+        assert_eq!(receiver.recv().unwrap().as_deref(), Some("decoder"));
+        assert_eq!(helpers.stop(), Ok(()));
+        assert_eq!(receiver.recv(), Ok(None), "it was woken from its sleep");
+    }
+
+    #[test]
+    fn a_helper_that_waits_in_a_system_call_is_interrupted() {
+        let (mut reader, _writer) = std::io::pipe().unwrap();
+        let (sender, receiver) = channel();
+        let mut helpers = helpers();
+        helpers
+            .start("reader", vec![0], move |stop| {
+                use std::io::Read as _;
+                while !stop.is_made() {
+                    let error = reader.read(&mut [0]).unwrap_err();
+                    sender.send(error.kind()).unwrap();
+                }
+            })
+            .unwrap();
+        assert_eq!(helpers.stop(), Ok(()));
+        assert!(receiver.try_iter().all(|kind| kind == std::io::ErrorKind::Interrupted));
+    }
+
+    #[test]
+    fn a_helper_that_panics_or_does_not_end_is_told() {
+        let mut helpers = Helpers::stopping_within(Duration::from_secs(20));
+        helpers.start("broken", vec![0], |_| panic!("in a test")).unwrap();
+        assert_eq!(helpers.stop(), Err("its helper `broken` panicked".to_string()));
+        let mut helpers = Helpers::stopping_within(Duration::from_millis(20));
+        let (sender, receiver) = channel::<()>();
+        helpers.start("deaf", vec![0], move |_| while receiver.recv().is_ok() {}).unwrap();
+        assert!(helpers.start("a-name-that-is-too-long", vec![0], |_| ()).is_err());
+        assert_eq!(helpers.stop(), Err("its helper `deaf` has not stopped within 20ms".to_string()));
+        drop(sender);
+    }
+}

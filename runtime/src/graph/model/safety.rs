@@ -1,0 +1,60 @@
+//! The table `[safety]`.
+
+use schemars::JsonSchema;
+
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::read::{At, Keys, Read, Value};
+use crate::graph::values::TopicName;
+use crate::plan::{LimitPolicy, ResumeRule, SafeState};
+use crate::units::TimeSpan;
+
+/// Limits and states that keep the robot safe. The actuator applies them by itself, whichever process died.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Safety")]
+pub(in crate::graph) struct SafetyTable {
+    /// A command older than this is never applied.
+    #[schemars(extend("default" = defaults::STALE_AFTER))]
+    pub stale_after: Option<At<TimeSpan>>,
+    /// State applied instead.
+    #[schemars(extend("default" = defaults::SAFE_STATE))]
+    pub safe_state: Option<At<SafeState>>,
+    /// Time for which the actuators stay in the safe state before they are stopped, at every end of a run.
+    #[schemars(extend("default" = defaults::SETTLE))]
+    pub settle: Option<At<TimeSpan>>,
+    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and twice the
+    /// periods of the components from the measurement to the command.
+    pub source_stale_after: Option<At<TimeSpan>>,
+    /// Treatment of a command beyond a limit of the robot's joints.
+    #[schemars(extend("default" = defaults::LIMITS))]
+    pub limits: Option<At<LimitPolicy>>,
+    /// The way out of the safe state once commands are fresh again.
+    #[schemars(extend("default" = defaults::RESUME))]
+    pub resume: Option<At<ResumeRule>>,
+    /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
+    /// `motorium resume`.
+    pub emergency_stop: Option<At<TopicName>>,
+    /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
+    /// each one stops by itself.
+    #[schemars(extend("default" = false))]
+    pub stop_together: Option<At<bool>>,
+}
+
+impl<'i> Read<'i> for SafetyTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(
+            keys,
+            stale_after,
+            safe_state,
+            settle,
+            source_stale_after,
+            limits,
+            resume,
+            emergency_stop,
+            stop_together
+        );
+        keys.finish("`[safety]`");
+        Some(table)
+    }
+}

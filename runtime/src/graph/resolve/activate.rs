@@ -1,0 +1,107 @@
+//! The activation of a component by events from outside of the graph.
+
+use super::Draft;
+use crate::graph::diagnostic::Report;
+use crate::graph::model::ActivateTable;
+use crate::graph::read::{At, good};
+use crate::graph::source::Span;
+use crate::plan::ClockKind;
+use crate::units::TimeSpan;
+
+/// The least `min_interval`: as for rates, 100 kHz.
+const SHORTEST: TimeSpan = TimeSpan { ns: 10_000 };
+
+/// Checks the activation of a component by events. Returns its `min_interval`, ns.
+pub(super) fn resolve(
+    draft: &Draft<'_, '_>,
+    at: &At<ActivateTable>,
+    clock: ClockKind,
+    report: &mut Report,
+) -> Option<u64> {
+    let table = draft.table;
+    let name = draft.name;
+    let other = [
+        (table.rate.as_ref().map(|rate| &rate.key), "rate"),
+        (table.trigger.as_ref().map(|trigger| &trigger.key), "trigger"),
+    ];
+    if let [(Some(place), key), ..] | [_, (Some(place), key)] = other {
+        report
+            .error(format!("component `{name}` has both `{key}` and `activate`"))
+            .at(&at.key, "a component is released in one way")
+            .and(place, "another one here")
+            .advise("leave one of them out");
+        return None;
+    }
+    if let Some(phase) = &table.phase {
+        report
+            .error(format!("component `{name}` has a phase but no rate"))
+            .at(&phase.key, "has no meaning for a component that events release")
+            .and(&at.key, "it steps when an event comes")
+            .advise("leave `phase` out");
+    }
+    can_wait(draft, at, report);
+    if clock == ClockKind::Lockstep {
+        report
+            .error(format!("component `{name}` waits for events, and in lockstep there are none"))
+            .at(&at.key, "events come in real time, from outside of the graph")
+            .advise(
+                "in lockstep give it a `rate` in place of `activate`: it then looks for events at each step, and no two runs are \
+                 the same; or put a component in its place that simulates the source",
+            );
+    }
+    let values = at.get()?;
+    let missing = [("on", values.on.is_none()), ("min_interval", values.min_interval.is_none())];
+    for (key, _) in missing.iter().filter(|(key, missing)| *missing && !values.meant.contains(key)) {
+        report
+            .error(format!("the `activate` of component `{name}` has no `{key}`"))
+            .at(&at.span, format!("`{key}` is missing"))
+            .advise("write `activate = { on = \"fd\", min_interval = \"1 ms\" }`");
+    }
+    let interval = values.min_interval.as_ref()?;
+    let time = *interval.get()?;
+    if time < SHORTEST {
+        report
+            .error(format!("the `min_interval` of component `{name}` is {time}"))
+            .at(&interval.span, format!("expected {SHORTEST} or more"))
+            .advise("the time between two steps that is enough for what it does: \"1 ms\"");
+        return None;
+    }
+    values.on.as_ref()?.get()?;
+    Some(time.ns)
+}
+
+/// The kind must have a descriptor to wait for.
+fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) {
+    if draft.declaration.as_ref().is_none_or(|declaration| declaration.wakes_on_descriptor) {
+        return;
+    }
+    let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
+    let diagnostic = report
+        .error(format!("component `{}` has no descriptor that could release it", draft.name))
+        .at(&at.span, "only kinds that wait for something outside of the graph have one")
+        .advise("give it a `rate`, or a `trigger`");
+    if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
+        diagnostic.and(&kind.span, "this one reads and writes topics only");
+    }
+}
+
+/// The key by which a component has no rate, why a grid of releases has no meaning for it, and when it steps instead;
+/// `None` for a component that the clock releases.
+pub(super) fn not_by_the_clock<'d>(
+    draft: &'d Draft<'_, '_>,
+) -> Option<(&'d Span, &'static str, &'static str)> {
+    if let Some(trigger) = &draft.table.trigger {
+        let why = "has no meaning for a triggered component";
+        return Some((&trigger.key, why, "it steps when this is published"));
+    }
+    let activate = draft.table.activate.as_ref()?;
+    let why = "has no meaning for a component that events release";
+    Some((&activate.key, why, "it steps when an event comes"))
+}
+
+/// The advice on an activation for a component that has none, where its kind has a descriptor to wait for.
+pub(super) fn advice(draft: &Draft<'_, '_>) -> Option<String> {
+    let waits = draft.declaration.as_ref().is_some_and(|declaration| declaration.wakes_on_descriptor);
+    let advice = "add `activate = { on = \"fd\", min_interval = \"1 ms\" }`, or a `rate`";
+    (waits && good(&draft.table.rate).is_none()).then(|| advice.to_string())
+}

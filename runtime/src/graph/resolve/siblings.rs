@@ -1,0 +1,171 @@
+//! Kinds that other installed programs host: found beside this one or on `PATH`, and asked once which kinds they have.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use serde_json::Value as Json;
+
+use super::exec::{self, ExecProblem};
+use super::{Context, Draft};
+use crate::graph::diagnostic::Report;
+use crate::graph::source::Span;
+use crate::nearest::{list, nearest};
+use crate::worker::{Kind, KindAnswer, Sibling};
+
+/// The program that hosts a kind.
+#[derive(Debug, Clone)]
+pub(super) enum Home<'c> {
+    /// This one.
+    Here(&'c Kind),
+    /// Another one, and which of its kinds it is.
+    Sibling(Rc<Program>, usize),
+}
+
+/// Another program that hosts kinds.
+#[derive(Debug)]
+pub(super) struct Program {
+    pub(super) path: PathBuf,
+    kinds: Vec<KindAnswer>,
+}
+
+/// A kind that no program hosts.
+#[derive(Debug, Clone)]
+pub(super) enum Homeless {
+    /// Neither this program has it, nor is it of the family of another one.
+    Unknown,
+    /// The program that has it is not there.
+    Missing { sibling: Sibling, beside: PathBuf },
+    /// The program that should have it cannot be used.
+    Unusable { sibling: Sibling, problem: Rc<ExecProblem> },
+    /// The program of its family does not have it.
+    NotAmong { program: Rc<Program> },
+}
+
+/// The other programs that host kinds, by name, as far as they have been asked.
+#[derive(Debug, Default)]
+pub(super) struct Siblings(RefCell<BTreeMap<&'static str, Result<Rc<Program>, Homeless>>>);
+
+impl Home<'_> {
+    /// Its configuration has a key `world`.
+    pub(super) fn reads_world(&self) -> bool {
+        match self {
+            Self::Here(kind) => kind.reads_world,
+            Self::Sibling(program, index) => program.kinds[*index].reads_world,
+        }
+    }
+
+    /// The JSON Schema of the `config` table, and the definitions to which it refers.
+    pub(super) fn config_schema(&self) -> (Json, Json) {
+        match self {
+            Self::Here(kind) => kind.config_schema(),
+            Self::Sibling(program, index) => {
+                let kind = &program.kinds[*index];
+                (kind.schema.clone(), kind.definitions.clone())
+            }
+        }
+    }
+}
+
+impl<'c> Context<'c> {
+    /// The program that hosts a kind.
+    pub(super) fn home(&self, kind: &str) -> Result<Home<'c>, Homeless> {
+        if let Some(kind) = self.registry.find(kind) {
+            return Ok(Home::Here(kind));
+        }
+        let sibling = *self.registry.sibling(kind).ok_or(Homeless::Unknown)?;
+        let mut asked = self.siblings.0.borrow_mut();
+        let program = asked.entry(sibling.program).or_insert_with(|| find(sibling)).clone()?;
+        match program.kinds.iter().position(|known| known.name == kind) {
+            Some(index) => Ok(Home::Sibling(program, index)),
+            None => Err(Homeless::NotAmong { program }),
+        }
+    }
+}
+
+/// Finds a program beside this one, else on `PATH`, and asks it for its kinds.
+fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
+    let own = std::env::current_exe().unwrap_or_default();
+    let beside = own.parent().map(Path::to_path_buf).unwrap_or_default();
+    let on_path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(beside.clone()).chain(std::env::split_paths(&on_path));
+    let is_program = |path: &PathBuf| {
+        path.metadata().is_ok_and(|facts| facts.is_file() && facts.permissions().mode() & 0o111 != 0)
+    };
+    let path = folders.map(|folder| folder.join(sibling.program)).find(is_program);
+    let Some(path) = path else { return Err(Homeless::Missing { sibling, beside }) };
+    match exec::kinds(&path) {
+        Ok(kinds) => Ok(Rc::new(Program { path, kinds })),
+        Err(problem) => Err(Homeless::Unusable { sibling, problem: Rc::new(problem) }),
+    }
+}
+
+impl Homeless {
+    /// Reports the kind of a component.
+    pub(super) fn report(
+        &self,
+        kind: &str,
+        draft: &Draft<'_, '_>,
+        span: &Span,
+        context: &Context<'_>,
+        report: &mut Report,
+    ) {
+        match self {
+            Self::Unknown => {
+                let kinds = context.registry.kinds().iter().map(|kind| kind.name);
+                let advice = match nearest(kind, kinds.clone()) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "use one of them, or name a program of your own with `exec`".to_string(),
+                };
+                report
+                    .error(format!("unknown kind `{kind}`"))
+                    .at(span, "no such kind of component")
+                    .note(format!("the built-in kinds are {}", list(kinds)))
+                    .advise(advice);
+            }
+            Self::Missing { sibling, beside } => {
+                let (program, install) = (sibling.program, sibling.install);
+                let here = context.registry.kinds().iter().map(|kind| kind.name);
+                let diagnostic = report
+                    .error(format!("kind `{kind}` is of the program `{program}`, which is not installed"))
+                    .at(span, format!("`{program}` is neither in {} nor on PATH", beside.display()));
+                match nearest(kind, here) {
+                    Some(near) => {
+                        diagnostic.advise(format!("did you mean `{near}`? Or install it: `{install}`"))
+                    }
+                    None => diagnostic.advise(format!("install it: `{install}`")),
+                };
+            }
+            Self::Unusable { sibling, problem } => {
+                let version = exec::VERSION;
+                let diagnostic = report
+                    .error(format!("component `{}`: {problem}", draft.name))
+                    .at(span, format!("a kind of `{}`", sibling.program));
+                if let ExecProblem::NoComponent { stderr, .. } = &**problem
+                    && !stderr.is_empty()
+                {
+                    diagnostic.note(format!("it said: {stderr}"));
+                }
+                diagnostic.advise(format!(
+                    "install the one that goes with this motorium: `{} --version {version}`",
+                    sibling.install
+                ));
+            }
+            Self::NotAmong { program } => {
+                let kinds = program.kinds.iter().map(|kind| kind.name.as_str());
+                let here = context.registry.kinds().iter().map(|kind| kind.name);
+                let advice = match nearest(kind, kinds.clone().chain(here)) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "use one of them, or name a program of your own with `exec`".to_string(),
+                };
+                report
+                    .error(format!("unknown kind `{kind}`"))
+                    .at(span, "no such kind of component")
+                    .note(format!("the kinds of {} are {}", program.path.display(), list(kinds)))
+                    .advise(advice);
+            }
+        }
+    }
+}

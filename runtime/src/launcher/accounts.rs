@@ -1,0 +1,278 @@
+//! Misses, refusals and safe states as events, found in the accounts that workers keep: at the launcher's own pace, off the
+//! path from wake-up to publication. In lockstep the pace is that of simulated time, so that equal runs tell the same.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::{Event, Launch};
+use crate::plan::{ClockKind, Plan};
+use crate::region::{Command, ComponentBlock, GateState, Latch, Misses, Refusal, Region};
+
+/// Time between two events of one kind and component at first, and at last when it goes on, ns.
+const FIRST_QUIET_NS: u64 = 1_000_000_000;
+const LONGEST_QUIET_NS: u64 = 64_000_000_000;
+/// Simulated time between two looks in lockstep, ns.
+pub(super) const LOOK_NS: u64 = 100_000_000;
+
+/// The time at which something that goes on is to be told again: at once, then after pauses that double.
+#[derive(Debug, Clone, Default)]
+struct Pause {
+    until_ns: u64,
+    length_ns: u64,
+}
+
+impl Pause {
+    /// Whether a change is to be told at `now_ns`.
+    fn is_over(&mut self, now_ns: u64) -> bool {
+        if now_ns < self.until_ns {
+            return false;
+        }
+        // It was quiet for as long as the last pause: this is something new.
+        let goes_on = now_ns < self.until_ns.saturating_add(self.length_ns);
+        self.length_ns = if goes_on && self.length_ns > 0 {
+            (self.length_ns * 2).min(LONGEST_QUIET_NS)
+        } else {
+            FIRST_QUIET_NS
+        };
+        self.until_ns = now_ns.saturating_add(self.length_ns);
+        true
+    }
+}
+
+/// What was told of a counter.
+#[derive(Debug, Clone, Default)]
+struct Told<T> {
+    count: T,
+    pause: Pause,
+}
+
+impl<T: Clone + PartialEq> Told<T> {
+    /// What was told before, if the counter has changed since and that is to be told now.
+    fn change(&mut self, count: &T, now_ns: u64, all: bool) -> Option<T> {
+        if self.count == *count || !(all || self.pause.is_over(now_ns)) {
+            return None;
+        }
+        Some(core::mem::replace(&mut self.count, count.clone()))
+    }
+}
+
+/// What was told of one component.
+#[derive(Debug, Clone, Default)]
+struct Account {
+    misses: Told<[u64; 3]>,
+    refused: Told<[u64; Refusal::ALL.len()]>,
+    /// Entries into the safe state, and whether it was told to be in it.
+    entries: u64,
+    follows: bool,
+    /// Refusals at the last look.
+    refusals_seen: u64,
+    /// Changes of its state that may still be told before a pause: a gate that flaps would push out all else.
+    changes_left: u32,
+    refilled_ns: u64,
+}
+
+/// Changes of an actuator's state that are told in a row, and the time in which one more may be told, ns.
+const CHANGES: u32 = 8;
+const REFILL_NS: u64 = 10_000_000_000;
+
+/// What was told of the accounts of a run.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Accounts {
+    components: Vec<Account>,
+    latencies: Vec<Told<u64>>,
+}
+
+impl Accounts {
+    /// Nothing of a run of this plan was told yet.
+    pub(super) fn new(plan: &Plan) -> Self {
+        let fresh = Account { changes_left: CHANGES, ..Account::default() };
+        Self {
+            components: vec![fresh; plan.components.len()],
+            latencies: vec![Told::default(); plan.latencies.len()],
+        }
+    }
+
+    /// Simulated time begins anew: what was told lies before it.
+    pub(super) fn begin_episode(&mut self) {
+        for account in &mut self.components {
+            // The reset has set it to its safe state, without a command.
+            account.follows = false;
+            account.misses.pause = Pause::default();
+            account.refused.pause = Pause::default();
+            (account.changes_left, account.refilled_ns) = (CHANGES, 0);
+        }
+        self.latencies.iter_mut().for_each(|told| told.pause = Pause::default());
+    }
+
+    /// Tells of what has changed; with `all` also of what a pause holds back.
+    pub(super) fn tell(
+        &mut self,
+        (plan, region): (&Plan, &Region),
+        now_ns: u64,
+        all: bool,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        let blocks = plan.components.iter().zip(region.components());
+        for (account, (component, block)) in self.components.iter_mut().zip(blocks) {
+            let name = component.name.as_str();
+            let misses = block.misses();
+            let late = [misses.late_wake, misses.long_step, misses.stolen];
+            if let Some(before) = account.misses.change(&late, now_ns, all) {
+                let since = |place: usize| late[place].saturating_sub(before[place]);
+                let misses = Misses {
+                    late_wake: since(0),
+                    long_step: since(1),
+                    stolen: since(2),
+                    ..Misses::default()
+                };
+                observe(Event::Missed { component: name, misses });
+            }
+            if component.actuator {
+                account.tell_gate((name, block), region, (now_ns, all), observe);
+            }
+        }
+        let blocks = plan.latencies.iter().zip(region.latencies());
+        for (told, (latency, block)) in self.latencies.iter_mut().zip(blocks) {
+            let missed = block.missed.load(Relaxed);
+            if let Some(before) = told.change(&missed, now_ns, all) {
+                observe(Event::LatencyMissed {
+                    from: &plan.topics[latency.from].name,
+                    to: &plan.topics[latency.to].name,
+                    count: missed.saturating_sub(before),
+                    max_ns: latency.max_ns,
+                    longest_ns: block.latency.percentiles().max,
+                });
+            }
+        }
+    }
+}
+
+impl Account {
+    fn tell_gate(
+        &mut self,
+        (component, block): (&str, &ComponentBlock),
+        region: &Region,
+        (now_ns, all): (u64, bool),
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        let refusals = block.gate.refusals();
+        if let Some(before) = self.refused.change(&refusals, now_ns, all) {
+            let since = Refusal::ALL.into_iter().zip(refusals.iter().zip(before));
+            let refused: Vec<(Refusal, u64)> = since
+                .map(|(reason, (count, before))| (reason, count.saturating_sub(before)))
+                .filter(|(_, count)| *count > 0)
+                .collect();
+            observe(Event::Refused { component, refused: &refused });
+        }
+        let refusals: u64 = refusals.iter().fold(0, |sum, count| sum.saturating_add(*count));
+        let refuses = refusals > core::mem::replace(&mut self.refusals_seen, refusals);
+        let entries = block.gate.entries();
+        let follows = block.gate.state() != GateState::Safe;
+        if (entries, follows) == (self.entries, self.follows) || !(self.may_tell(now_ns) || all) {
+            return;
+        }
+        let times = entries.saturating_sub(self.entries);
+        let followed = core::mem::replace(&mut self.follows, follows);
+        self.entries = entries;
+        // It came and went between two looks.
+        if !followed && times > 0 {
+            observe(Event::LeftSafeState { component });
+        }
+        if times > 0 {
+            let is_end = region.header().command() as u32 > Command::Run as u32;
+            let latch = block.gate.latch().or(region.header().latched());
+            let cause = cause(latch, is_end, refuses);
+            let since_ns = block.safe_since_ns.load(Relaxed);
+            observe(Event::EnteredSafeState { component, times, cause, is_end, since_ns });
+        }
+        if follows {
+            observe(Event::LeftSafeState { component });
+        }
+    }
+
+    fn may_tell(&mut self, now_ns: u64) -> bool {
+        if now_ns.saturating_sub(self.refilled_ns) >= REFILL_NS {
+            (self.changes_left, self.refilled_ns) = ((self.changes_left + 1).min(CHANGES), now_ns);
+        }
+        let may = self.changes_left > 0;
+        self.changes_left -= u32::from(may);
+        may
+    }
+}
+
+/// The reason for which an actuator entered its safe state.
+fn cause(latch: Option<Latch>, is_end: bool, refuses: bool) -> &'static str {
+    match latch {
+        _ if is_end => "the run ends",
+        Some(Latch::Stop) => "by `motorium stop --now`",
+        Some(Latch::EmergencyStop) => "by an emergency stop",
+        _ if refuses => "its commands are refused",
+        _ => "its commands are stale",
+    }
+}
+
+impl Launch {
+    /// Tells of misses, refusals and safe states since the last call.
+    pub(super) fn tell_accounts(&mut self, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        self.accounts.tell((&self.plan, &self.region), now_ns, false, observe);
+    }
+
+    /// The same in lockstep, when simulated time has come to a look.
+    #[inline]
+    pub(super) fn tell_accounts_at(&mut self, simulated_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        if simulated_ns >= self.next_account_ns {
+            self.next_account_ns = simulated_ns + LOOK_NS;
+            self.tell_accounts(simulated_ns, observe);
+        }
+    }
+
+    /// Tells of all that is left to tell, at the end of a run or of an episode.
+    pub(super) fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let now_ns = match self.plan.clock {
+            ClockKind::Realtime => crate::os::monotonic_ns(),
+            ClockKind::Lockstep => self.reached_ns,
+        };
+        self.accounts.tell((&self.plan, &self.region), now_ns, true, observe);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn what_goes_on_is_told_after_pauses_that_double_and_at_once_after_a_quiet_time() {
+        let mut pause = Pause::default();
+        let told: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
+        assert_eq!(told, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
+        assert!(pause.is_over(1_000 * S), "it was quiet");
+        assert!(pause.is_over(1_001 * S), "and it begins with a short pause again");
+    }
+
+    #[test]
+    fn a_counter_is_told_when_it_has_changed_and_at_the_end_whatever_its_pause() {
+        let mut told = Told::<u64>::default();
+        assert_eq!(told.change(&0, S, false), None);
+        assert_eq!(told.change(&3, S, false), Some(0));
+        assert_eq!(told.change(&5, S + 1, false), None, "a moment ago");
+        assert_eq!(told.change(&5, S + 2, true), Some(3));
+        assert_eq!(told.change(&5, S + 3, true), None);
+    }
+
+    #[test]
+    fn an_actuator_that_flaps_is_told_of_a_few_times_and_then_now_and_then() {
+        let mut account = Account { changes_left: CHANGES, ..Account::default() };
+        let told = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
+        assert_eq!(told, CHANGES as usize + 5);
+    }
+
+    #[test]
+    fn the_cause_of_a_safe_state_is_named() {
+        assert_eq!(cause(None, false, false), "its commands are stale");
+        assert_eq!(cause(None, false, true), "its commands are refused");
+        assert_eq!(cause(Some(Latch::SafeState), false, true), "its commands are refused");
+        assert_eq!(cause(Some(Latch::Stop), false, true), "by `motorium stop --now`");
+        assert_eq!(cause(Some(Latch::Stop), true, false), "the run ends");
+    }
+}

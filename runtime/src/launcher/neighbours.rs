@@ -1,0 +1,72 @@
+//! Real-time work of other users on the cores of a run, as far as it is seen.
+
+use super::{Event, Launch};
+use crate::os::{Foreign, realtime_of_others};
+use crate::plan::ClockKind;
+
+/// Processes that are named; more are counted.
+const NAMED: usize = 3;
+
+impl Launch {
+    /// Warns of real-time threads of other users on the cores of the run. Those of this user's runs are known with their budgets
+    /// before anything starts; of others there is nothing but what the kernel tells of every thread.
+    pub(super) fn tell_neighbours(&self, observe: &mut dyn FnMut(Event<'_>)) {
+        if self.plan.clock != ClockKind::Realtime {
+            return;
+        }
+        let mut cores: Vec<usize> =
+            self.plan.components.iter().filter_map(|component| component.core).collect();
+        cores.sort_unstable();
+        cores.dedup();
+        if let Some(text) = words(&realtime_of_others(&cores)) {
+            observe(Event::Warning(&text));
+        }
+    }
+}
+
+/// The neighbours in a line; `None` if there are none.
+fn words(others: &[Foreign]) -> Option<String> {
+    let told: Vec<String> = others
+        .iter()
+        .take(NAMED)
+        .map(|other| {
+            let Foreign { pid, user, program, class, cores } = other;
+            let cores: Vec<String> = cores.iter().map(usize::to_string).collect();
+            let noun = if cores.len() == 1 { "core" } else { "cores" };
+            format!("`{program}` (process {pid} of user {user}, {class}) on {noun} {}", cores.join(", "))
+        })
+        .collect();
+    let more = match others.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    (!told.is_empty()).then(|| {
+        format!(
+            "other users have real-time work on the cores of this run: {}{more}; `check` does not know its budgets, and \
+             steps may come late",
+            told.join(", ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_told_with_process_user_class_and_cores() {
+        let other = |pid| Foreign {
+            pid,
+            user: 65_534,
+            program: "motorium".to_string(),
+            class: "SCHED_FIFO 83".to_string(),
+            cores: vec![1],
+        };
+        assert_eq!(words(&[]), None);
+        let one = words(&[other(7)]).expect("one");
+        assert!(one.contains("`motorium` (process 7 of user 65534, SCHED_FIFO 83) on core 1;"), "{one}");
+        let five = words(&[1, 2, 3, 4, 5].map(other)).expect("five");
+        assert!(five.contains("process 3 of") && !five.contains("process 4 of"), "{five}");
+        assert!(five.contains(" and 2 more;"), "{five}");
+    }
+}

@@ -1,0 +1,122 @@
+//! Waiting for a descriptor, a signal or a time, whichever comes first.
+
+#![allow(unsafe_code)] // the mask of signals of one thread, and the wait that changes it, are plain libc calls
+
+use std::io;
+use std::os::fd::{AsRawFd as _, OwnedFd};
+
+use super::monotonic_ns;
+
+/// The wait of one thread for a descriptor to become readable.
+///
+/// While it exists, `SIGUSR1` is held back from the thread that made it and reaches it in a wait only: a signal that comes
+/// just before a wait ends it at once, so that no interrupt is lost.
+#[derive(Debug)]
+pub struct Readiness {
+    descriptor: OwnedFd,
+    /// The signals that are held back during a wait.
+    waiting: libc::sigset_t,
+}
+
+impl Readiness {
+    /// Waits for this descriptor, in the calling thread.
+    ///
+    /// # Errors
+    /// The kernel refused the mask of signals.
+    pub fn of(descriptor: OwnedFd) -> io::Result<Self> {
+        // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the present mask.
+        let mut waiting: libc::sigset_t = unsafe { core::mem::zeroed() };
+        // SAFETY: both sets are initialised and live throughout the calls, which change the mask of this thread only.
+        let result = unsafe {
+            let mut interrupt: libc::sigset_t = core::mem::zeroed();
+            libc::sigemptyset(&raw mut interrupt);
+            libc::sigaddset(&raw mut interrupt, libc::SIGUSR1);
+            let result = libc::pthread_sigmask(libc::SIG_BLOCK, &raw const interrupt, &raw mut waiting);
+            libc::sigdelset(&raw mut waiting, libc::SIGUSR1);
+            result
+        };
+        if result == 0 { Ok(Self { descriptor, waiting }) } else { Err(io::Error::from_raw_os_error(result)) }
+    }
+
+    /// Waits until the descriptor is readable, a signal arrives, or `CLOCK_MONOTONIC` reaches `until_ns`. True if it is
+    /// readable; also if its other end has gone, or it is in error: reading it then tells.
+    pub fn wait(&self, until_ns: Option<u64>) -> bool {
+        let mut polled = libc::pollfd { fd: self.descriptor.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+        self.poll(core::slice::from_mut(&mut polled), until_ns);
+        polled.revents != 0
+    }
+
+    /// Sleeps until `CLOCK_MONOTONIC` reaches `until_ns`, or a signal arrives.
+    pub fn sleep_until(&self, until_ns: u64) {
+        self.poll(&mut [], Some(until_ns));
+    }
+
+    fn poll(&self, polled: &mut [libc::pollfd], until_ns: Option<u64>) {
+        let timeout = until_ns.map(|until| {
+            let ns = until.saturating_sub(monotonic_ns());
+            libc::timespec { tv_sec: (ns / 1_000_000_000) as _, tv_nsec: (ns % 1_000_000_000) as _ }
+        });
+        let timeout = timeout.as_ref().map_or(core::ptr::null(), core::ptr::from_ref);
+        // SAFETY: the descriptors, as many as are said, the time and the mask live throughout the call. An error means an
+        // interrupting signal; the caller looks at the time and its commands anyway.
+        unsafe {
+            libc::ppoll(polled.as_mut_ptr(), polled.len() as _, timeout, &raw const self.waiting);
+        }
+    }
+}
+
+impl Drop for Readiness {
+    fn drop(&mut self) {
+        // SAFETY: as in `of`; the mask gets back what it was, without the interrupt.
+        unsafe {
+            libc::pthread_sigmask(libc::SIG_SETMASK, &raw const self.waiting, core::ptr::null_mut());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::os::{install_interrupt, interrupt_thread, thread_id};
+
+    const MS: u64 = 1_000_000;
+
+    fn pipe() -> (Readiness, io::PipeWriter) {
+        let (reader, writer) = io::pipe().unwrap();
+        (Readiness::of(reader.into()).unwrap(), writer)
+    }
+
+    #[test]
+    fn a_wait_ends_when_something_can_be_read_and_when_the_other_end_has_gone() {
+        use io::Write as _;
+        let (readiness, mut writer) = pipe();
+        assert!(!readiness.wait(Some(monotonic_ns())));
+        writer.write_all(&[1]).unwrap();
+        assert!(readiness.wait(None) && readiness.wait(None), "until it is read");
+        let (readiness, writer) = pipe();
+        drop(writer);
+        assert!(readiness.wait(None));
+    }
+
+    #[test]
+    fn a_wait_ends_at_its_time_and_not_before() {
+        let (readiness, _writer) = pipe();
+        let until = monotonic_ns() + 5 * MS;
+        assert!(!readiness.wait(Some(until)));
+        assert!(monotonic_ns() >= until);
+        readiness.sleep_until(until + 5 * MS);
+        assert!(monotonic_ns() >= until + 5 * MS);
+    }
+
+    #[test]
+    fn an_interrupt_before_the_wait_ends_the_wait() {
+        install_interrupt().unwrap();
+        let (readiness, _writer) = pipe();
+        let began = monotonic_ns();
+        interrupt_thread(thread_id());
+        assert!(!readiness.wait(Some(began + 20_000 * MS)));
+        interrupt_thread(thread_id());
+        readiness.sleep_until(began + 20_000 * MS);
+        assert!(monotonic_ns() < began + 10_000 * MS);
+    }
+}

@@ -1,0 +1,143 @@
+//! The kinds and the severities of events.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::state::Event;
+
+/// The severity of an event of a run.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum EventSeverity {
+    /// As planned.
+    #[default]
+    Information = Event::INFORMATION,
+    /// The run goes on, but not as the graph asks.
+    Warning = Event::WARNING,
+    /// A failure.
+    Error = Event::ERROR,
+}
+
+impl EventSeverity {
+    /// All of them, the least severe first.
+    pub const ALL: [Self; 3] = [Self::Information, Self::Warning, Self::Error];
+
+    /// Its name, as in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Information => "information",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+}
+
+macro_rules! kinds {
+    ($($(#[doc = $doc:literal])+ $kind:ident = $number:literal, $name:literal;)*) => {
+        /// The kind of an event of a run. Its number is the `code` of the [`Event`] that carries it.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+        #[repr(u32)]
+        pub enum EventKind {
+            $($(#[doc = $doc])+ #[serde(rename = $name)] $kind = $number,)*
+        }
+
+        impl EventKind {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$kind),*];
+
+            /// Its name, as in JSON.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+
+            /// Decodes a number; `None` for one that is no kind of this version.
+            pub fn from_number(number: u32) -> Option<Self> {
+                match number {
+                    $($number => Some(Self::$kind),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// The shared memory of the run exists; its components are being started.
+    Created = 1, "created";
+    /// All ports are connected; the first step is due.
+    Started = 2, "started";
+    /// The system denied something that the graph asks for.
+    Denied = 3, "denied";
+    /// A line that a component printed.
+    Output = 4, "output";
+    /// A component failed.
+    Failed = 5, "failed";
+    /// A restarted component steps again. Its value is the time from its end to its first step, s.
+    Restarted = 6, "restarted";
+    /// All components and simulated time were set back for an episode. Its value is the number of the episode.
+    Reset = 7, "reset";
+    /// Steps ended after their deadline. Its value is their number since the last event of this kind.
+    Missed = 8, "missed";
+    /// Latencies were above their budget. Its value is their number since the last event of this kind.
+    LatencyMissed = 9, "latency_missed";
+    /// A command gate refused commands. Its value is their number since the last event of this kind.
+    Refused = 10, "refused";
+    /// An actuator applies its safe state.
+    EnteredSafeState = 11, "entered_safe_state";
+    /// An actuator follows its commands.
+    LeftSafeState = 12, "left_safe_state";
+    /// The whole graph goes to its safe state, and ends.
+    SafeStop = 13, "safe_stop";
+    /// All actuators are in their safe state. Its value is the time that it took, s.
+    Safe = 14, "safe";
+    /// Not all actuators reached their safe state.
+    NotSafe = 15, "not_safe";
+    /// The robot stays in its safe state until `motorium resume`.
+    Stopped = 16, "stopped";
+    /// The stop was released.
+    Resumed = 17, "resumed";
+    /// A component loses more of its steps than the graph allows. Its value is the share.
+    LosesSteps = 18, "loses_steps";
+    /// A tick of lockstep has not ended. Its value is the time since its beginning, s.
+    Waiting = 19, "waiting";
+    /// Something else did not go as the graph asks.
+    Warning = 20, "warning";
+    /// The run is asked to end.
+    Ending = 21, "ending";
+    /// The launcher does not respond; its guard monitors the graph.
+    LauncherSilent = 22, "launcher_silent";
+    /// The launcher responds again.
+    LauncherBack = 23, "launcher_back";
+    /// The launcher has ended; its guard brings the robot to its safe state and ends the run.
+    LauncherEnded = 24, "launcher_ended";
+    /// The guard has brought the robot to its safe state, as far as its actuators were there.
+    GuardActed = 25, "guard_acted";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_a_number_and_a_name_of_its_own_which_is_that_of_its_json() {
+        for kind in EventKind::ALL {
+            assert_eq!(EventKind::from_number(*kind as u32), Some(*kind));
+            assert_eq!(serde_json::to_value(kind).unwrap(), kind.name());
+            assert_eq!(EventKind::ALL.iter().filter(|other| other.name() == kind.name()).count(), 1);
+        }
+        assert_eq!(EventKind::from_number(0), None);
+    }
+
+    #[test]
+    fn severities_rise_and_are_named_as_in_json() {
+        assert!(EventSeverity::ALL.is_sorted());
+        for severity in EventSeverity::ALL {
+            assert_eq!(serde_json::to_value(severity).unwrap(), severity.name());
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! The log of events of a run, in its control block: a ring for each severity, of a fixed size.
+//!
+//! Whoever has something to tell writes it: the launcher, and the guard when the launcher is gone. No worker does: misses and
+//! refusals are counted by workers and told by the launcher, at its own pace. Since each severity has its ring, printed lines
+//! push out no warning, and warnings push out no failure.
+
+mod kind;
+mod ring;
+
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+
+pub use kind::{EventKind, EventSeverity};
+#[cfg(test)]
+pub(crate) use ring::Found as RingFound;
+use ring::Found;
+pub(crate) use ring::Ring;
+
+use crate::atomics::Native;
+
+/// Records of one severity that are kept.
+const RECORDS: usize = 128;
+/// Words of a record, so that its slot has 512 bytes.
+const WORDS: usize = 63;
+/// Words of a record before its text.
+const HEAD: usize = 6;
+/// The longest text of an event, bytes.
+pub const EVENT_TEXT_BYTES: usize = (WORDS - HEAD) * 8;
+/// Written in place of a simulated time where there is none.
+const NONE: u64 = u64::MAX;
+
+/// The log of events in the control block of a run.
+#[derive(Debug)]
+#[repr(C, align(64))]
+pub struct EventLog {
+    /// Time at which it was made, `CLOCK_MONOTONIC` ns.
+    opened_ns: AtomicU64,
+    rings: [Ring<Native, RECORDS, WORDS>; EventSeverity::ALL.len()],
+}
+
+/// One event in the log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventRecord {
+    /// Time at which it happened, or was found, `CLOCK_MONOTONIC` ns.
+    pub time_ns: u64,
+    /// In lockstep: the episode, and the simulated time in it, ns.
+    pub simulated: Option<(u64, u64)>,
+    /// Its severity.
+    pub severity: EventSeverity,
+    /// Its kind.
+    pub kind: EventKind,
+    /// Index of the component that it is about, in the plan.
+    pub component: Option<usize>,
+    /// A number that belongs to it, as its kind says; else 0.
+    pub value: f64,
+    /// Some words for people, the first [`EVENT_TEXT_BYTES`] of them.
+    pub text: String,
+}
+
+impl EventLog {
+    /// Opens the log of a new run.
+    pub(super) fn open(&self, now_ns: u64) {
+        self.opened_ns.store(now_ns, Relaxed);
+    }
+
+    /// Time at which the log was opened, `CLOCK_MONOTONIC` ns.
+    pub fn opened_ns(&self) -> u64 {
+        self.opened_ns.load(Relaxed)
+    }
+
+    /// Writes an event in place of the oldest one of its severity. It waits for nobody and takes no memory.
+    pub fn write(&self, record: &EventRecord) {
+        // In no slot only if its writers were killed; there is nobody to tell then.
+        let _ = self.rings[record.severity as usize].write(&encode(record));
+    }
+
+    /// Number of events that were written so far.
+    pub fn count(&self) -> u64 {
+        self.rings.iter().map(Ring::newest).fold(0, u64::saturating_add)
+    }
+
+    /// All events that are still there, oldest first, and the number of those that are not.
+    pub fn all(&self) -> (Vec<EventRecord>, u64) {
+        let mut reader = EventReader::default();
+        let mut records = reader.read(self);
+        if reader.is_waiting() {
+            // One was being written: what is not there a moment later never will be.
+            std::thread::sleep(core::time::Duration::from_millis(1));
+            records.extend(reader.read(self));
+            in_order(&mut records);
+        }
+        (records, reader.lost())
+    }
+}
+
+fn in_order(records: &mut [EventRecord]) {
+    records.sort_by_key(|record| record.time_ns);
+}
+
+/// A reader of a log of events, which remembers what it has read.
+///
+/// ```no_run
+/// use motorium::region::{EventReader, Region};
+///
+/// let region = Region::open("/dev/shm/motorium-0/arm-0a1b2c3d/region".as_ref())?;
+/// let mut reader = EventReader::default();
+/// loop {
+///     for event in reader.read(region.events()) {
+///         println!("{} {}", event.kind.name(), event.text);
+///     }
+///     std::thread::sleep(std::time::Duration::from_millis(50));
+/// }
+/// # #[allow(unreachable_code)] Ok::<(), motorium::region::RegionError>(())
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct EventReader {
+    places: [Place; EventSeverity::ALL.len()],
+    lost: u64,
+}
+
+/// The place of a reader in one ring.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// Number of the record that was read last.
+    read: u64,
+    /// Number of one that was being written when it was to be read.
+    waits_for: u64,
+}
+
+impl EventReader {
+    /// The events since the last call, or all that are still there, oldest first.
+    pub fn read(&mut self, log: &EventLog) -> Vec<EventRecord> {
+        let mut records = Vec::new();
+        for ((place, ring), severity) in self.places.iter_mut().zip(&log.rings).zip(EventSeverity::ALL) {
+            self.lost = self.lost.saturating_add(place.read_on(ring, severity, &mut records));
+        }
+        in_order(&mut records);
+        records
+    }
+
+    /// Number of events that were overwritten before this reader came to them.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Whether the last call left out an event that was being written.
+    fn is_waiting(&self) -> bool {
+        self.places.iter().any(|place| place.waits_for > place.read)
+    }
+}
+
+impl Place {
+    /// Reads the new records of a ring; returns the number of those that were lost.
+    fn read_on(
+        &mut self,
+        ring: &Ring<Native, RECORDS, WORDS>,
+        severity: EventSeverity,
+        records: &mut Vec<EventRecord>,
+    ) -> u64 {
+        let newest = ring.newest();
+        // Numbers only rise, but in a damaged log.
+        self.read = self.read.min(newest);
+        let oldest = newest.saturating_sub(RECORDS as u64);
+        let mut lost = oldest.saturating_sub(self.read);
+        self.read = self.read.max(oldest);
+        let mut words = [0; WORDS];
+        while self.read < newest {
+            let number = self.read + 1;
+            match ring.read(number, &mut words) {
+                Found::Record => match decode(&words, severity) {
+                    Some(record) => records.push(record),
+                    None => lost += 1,
+                },
+                Found::Pending if self.waits_for != number => {
+                    self.waits_for = number;
+                    break;
+                }
+                Found::Pending | Found::Overwritten => lost += 1,
+            }
+            self.read = number;
+        }
+        lost
+    }
+}
+
+fn encode(record: &EventRecord) -> [u64; WORDS] {
+    let mut words = [0; WORDS];
+    let text = &record.text[..record.text.floor_char_boundary(EVENT_TEXT_BYTES)];
+    let component = record.component.and_then(|index| u16::try_from(index + 1).ok()).unwrap_or(0);
+    let (episode, simulated_ns) = record.simulated.unwrap_or((0, NONE));
+    words[0] = record.time_ns;
+    words[1] = episode;
+    words[2] = simulated_ns;
+    words[3] = u64::from(record.kind as u32) << 32 | u64::from(component);
+    words[4] = record.value.to_bits();
+    words[5] = text.len() as u64;
+    for (word, bytes) in words[HEAD..].iter_mut().zip(text.as_bytes().chunks(8)) {
+        let mut whole = [0; 8];
+        whole[..bytes.len()].copy_from_slice(bytes);
+        *word = u64::from_le_bytes(whole);
+    }
+    words
+}
+
+/// `None` if the words are no event of this version: the log is damaged.
+fn decode(words: &[u64; WORDS], severity: EventSeverity) -> Option<EventRecord> {
+    let value = f64::from_bits(words[4]);
+    let length = usize::try_from(words[5]).ok().filter(|length| *length <= EVENT_TEXT_BYTES)?;
+    let bytes: Vec<u8> = words[HEAD..].iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
+    Some(EventRecord {
+        time_ns: words[0],
+        simulated: (words[2] != NONE).then_some((words[1], words[2])),
+        severity,
+        kind: EventKind::from_number((words[3] >> 32) as u32)?,
+        component: usize::from(words[3] as u16).checked_sub(1),
+        value: if value.is_finite() { value } else { 0.0 },
+        text: String::from_utf8_lossy(&bytes).into_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests;

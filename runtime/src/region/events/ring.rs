@@ -1,0 +1,149 @@
+//! A ring of records in shared memory, with several writers and any number of readers. Nobody waits for anybody.
+//!
+//! Every record has a number, from 1 on, which chooses its slot. A slot has a word for its state: twice the number of the
+//! record in it, and one more while the record is being written. A writer takes the next number, enters the slot by
+//! exchanging its state, writes the words, and leaves. A reader takes a record only if the state was the same, and that of a
+//! whole record, before and after it read the words: a torn record is never taken for a whole one.
+//!
+//! A writer that is killed within a slot leaves it to nobody. Others pass it by with a number that holds no record, which
+//! readers count as lost.
+
+use core::cmp::Ordering as Order;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+
+use crate::atomics::{Atomics, Site, Word};
+
+/// A ring of `SLOTS` records of `WORDS` words each. Zero bytes are an empty one.
+#[derive(Debug)]
+#[repr(C)]
+pub(crate) struct Ring<A: Atomics, const SLOTS: usize, const WORDS: usize> {
+    /// Numbers that writers have taken so far.
+    taken: A::U64,
+    slots: [Slot<A, WORDS>; SLOTS],
+}
+
+#[derive(Debug)]
+#[repr(C)]
+struct Slot<A: Atomics, const WORDS: usize> {
+    state: A::U64,
+    words: [A::U64; WORDS],
+}
+
+/// The outcome of reading a record by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Found {
+    /// The whole record.
+    Record,
+    /// A later one has taken its slot.
+    Overwritten,
+    /// It is being written, or its writer passed it by or was killed.
+    Pending,
+}
+
+impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
+    /// A ring without records.
+    #[cfg(test)]
+    pub(crate) fn empty() -> Self {
+        let words = || core::array::from_fn(|_| A::U64::new(0));
+        let slots = core::array::from_fn(|_| Slot { state: A::U64::new(0), words: words() });
+        Self { taken: A::U64::new(0), slots }
+    }
+
+    /// Number of the newest record.
+    pub(crate) fn newest(&self) -> u64 {
+        self.taken.load(Relaxed)
+    }
+
+    /// Writes a record in place of the oldest. False, and nothing is written, if other writers are in all of its slots.
+    pub(crate) fn write(&self, words: &[u64; WORDS]) -> bool {
+        for _ in 0..SLOTS {
+            let number = self.taken.fetch_add(1, Relaxed).wrapping_add(1);
+            let (slot, whole) = (self.slot(number), number.wrapping_mul(2));
+            let state = slot.state.load(Relaxed);
+            let is_entered = state % 2 == 1;
+            if is_entered || state >= whole || !slot.state.replace(state, whole + 1) {
+                continue;
+            }
+            A::fence(Site::Enter);
+            words.iter().zip(&slot.words).for_each(|(word, cell)| cell.store(*word, Relaxed));
+            slot.state.store(whole, A::at(Site::Leave, Release));
+            return true;
+        }
+        false
+    }
+
+    /// Reads the record of a number into `words`.
+    pub(crate) fn read(&self, number: u64, words: &mut [u64; WORDS]) -> Found {
+        let (slot, whole) = (self.slot(number), number.wrapping_mul(2));
+        let state = slot.state.load(A::at(Site::Begin, Acquire));
+        match state.cmp(&whole) {
+            Order::Greater if state > whole + 1 => return Found::Overwritten,
+            Order::Greater | Order::Less => return Found::Pending,
+            Order::Equal => {}
+        }
+        words.iter_mut().zip(&slot.words).for_each(|(word, cell)| *word = cell.load(Relaxed));
+        A::read_fence(Site::Confirm);
+        if slot.state.load(Relaxed) == state { Found::Record } else { Found::Overwritten }
+    }
+
+    fn slot(&self, number: u64) -> &Slot<A, WORDS> {
+        &self.slots[(number % SLOTS as u64) as usize]
+    }
+
+    /// Enters the slot of the next number and leaves it never, as a writer does that is killed.
+    #[cfg(test)]
+    pub(crate) fn write_and_die(&self) {
+        let number = self.taken.fetch_add(1, Relaxed) + 1;
+        self.slot(number).state.store(2 * number + 1, Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::atomics::Native;
+
+    type Small = Ring<Native, 4, 2>;
+
+    fn found(ring: &Small, number: u64) -> Result<[u64; 2], Found> {
+        let mut words = [0; 2];
+        match ring.read(number, &mut words) {
+            Found::Record => Ok(words),
+            other => Err(other),
+        }
+    }
+
+    #[test]
+    fn the_newest_records_are_there_and_older_ones_are_known_to_be_overwritten() {
+        let ring = Small::empty();
+        assert_eq!(found(&ring, 1), Err(Found::Pending));
+        (1..=6).for_each(|value| assert!(ring.write(&[value, 10 * value])));
+        assert_eq!(ring.newest(), 6);
+        for number in [1, 2] {
+            assert_eq!(found(&ring, number), Err(Found::Overwritten));
+        }
+        for number in 3..=6 {
+            assert_eq!(found(&ring, number), Ok([number, 10 * number]));
+        }
+    }
+
+    #[test]
+    fn a_writer_that_was_killed_within_a_slot_stops_no_other() {
+        let ring = Small::empty();
+        assert!(ring.write(&[1, 1]));
+        ring.write_and_die();
+        (3..=5).for_each(|value| assert!(ring.write(&[value, value])));
+        assert_eq!(found(&ring, 2), Err(Found::Pending));
+        // The next one would be in its slot, and is in the one behind.
+        assert!(ring.write(&[6, 6]));
+        assert_eq!((ring.newest(), found(&ring, 7)), (7, Ok([6, 6])));
+        assert_eq!(found(&ring, 6), Err(Found::Pending));
+    }
+
+    #[test]
+    fn a_ring_whose_slots_are_all_taken_by_killed_writers_takes_no_more_and_no_time() {
+        let ring = Small::empty();
+        (0..4).for_each(|_| ring.write_and_die());
+        assert!(!ring.write(&[1, 1]));
+    }
+}

@@ -1,0 +1,187 @@
+//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as its processes.
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use motorium::launcher::Exit;
+
+use crate::MOTORIUM;
+use crate::support::{Ended, machine};
+
+const SIBLING: &str = env!("CARGO_BIN_EXE_sibling-program");
+
+/// A folder with `motorium`, and a graph that pushes twice by a kind of `motorium-bridges`.
+struct Installed(tempfile::TempDir);
+
+impl Installed {
+    fn new() -> Self {
+        let installed = Self(tempfile::tempdir().unwrap());
+        place(MOTORIUM, &installed.path("motorium"));
+        installed.graph("bridge.push", "force = 3.0");
+        installed
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn graph(&self, kind: &str, config: &str) {
+        let component = |name: &str| {
+            format!(
+                "[component.{name}]\nkind = \"{kind}\"\nrate = \"100 Hz\"\nschedule = \"normal\"\n\
+                 publish = {{ wrench = \"{name}\" }}\nconfig = {{ {config} }}\n\n"
+            )
+        };
+        let text = format!("name = \"push\"\n\n{}{}", component("left"), component("right"));
+        std::fs::write(self.path("graph.toml"), text).unwrap();
+    }
+
+    /// A program of this name that is a script.
+    fn script(&self, name: &str, text: &str) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    fn motorium(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(self.path("motorium"));
+        command.args(arguments).current_dir(self.0.path()).stdin(Stdio::null());
+        let path = format!("{}:{}", self.path("bin").display(), std::env::var("PATH").unwrap_or_default());
+        command.env("PATH", path).output().expect("motorium starts")
+    }
+
+    fn run(&self, arguments: &[&str]) -> Ended {
+        Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], arguments].concat()))
+    }
+
+    /// What `check` complains of, without the folder.
+    fn complaint(&self) -> String {
+        let output = self.motorium(&["check", "graph.toml"]);
+        assert!(!output.status.success(), "it should be refused");
+        let text = String::from_utf8_lossy(&output.stderr);
+        text.replace(&self.0.path().canonicalize().unwrap().display().to_string(), "FOLDER")
+            .replace(env!("CARGO_PKG_VERSION"), "VERSION")
+    }
+}
+
+/// A link to a program, or a copy.
+fn place(program: &str, at: &Path) {
+    std::fs::create_dir_all(at.parent().unwrap()).unwrap();
+    if std::fs::hard_link(program, at).is_err() {
+        std::fs::copy(program, at).unwrap();
+    }
+}
+
+#[test]
+fn a_kind_of_the_program_beside_motorium_runs_as_a_process_of_that_program() {
+    let _machine = machine();
+    let installed = Installed::new();
+    place(SIBLING, &installed.path("motorium-bridges"));
+    for arguments in [
+        &["--for", "1 s"][..],
+        &["--for", "1 s", "--clock", "lockstep"],
+        &["--for", "1 s", "--clock", "lockstep", "--hosting", "threads"],
+    ] {
+        let ended = installed.run(arguments);
+        assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+        assert_eq!(ended.report().results["left"]["force"], 3.0);
+        assert!(ended.report().components.iter().all(|c| c.steps > 50), "{:?}", ended.report().components);
+    }
+    let ended = installed.run(&["--for", "1 s", "--clock", "lockstep", "--hosting", "inline"]);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("component `left` is a `bridge.push`"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_program_on_the_path_is_found_and_asked_once_for_its_kinds() {
+    let installed = Installed::new();
+    place(SIBLING, &installed.path("real"));
+    let calls = installed.path("calls");
+    let script =
+        format!("echo \"$1\" >> {}; exec {} \"$@\"", calls.display(), installed.path("real").display());
+    installed.script("bin/motorium-bridges", &script);
+    let output = installed.motorium(&["check", "graph.toml"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let calls = std::fs::read_to_string(calls).unwrap();
+    assert_eq!(calls, "motorium-kinds\nmotorium-describe\nmotorium-describe\n");
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(shown.contains("bridge.push") && shown.contains("bin/motorium-bridges"), "{shown}");
+}
+
+#[test]
+fn a_program_that_is_missing_is_named_with_what_to_install_and_the_place_of_its_kind() {
+    let installed = Installed::new();
+    let text = installed.complaint();
+    assert!(
+        text.contains("kind `bridge.push` is of the program `motorium-bridges`, which is not installed")
+            && text.contains("graph.toml:4:8")
+            && text.contains("`motorium-bridges` is neither in FOLDER nor on PATH")
+            && text.contains("install it: `cargo install motorium-bridges`"),
+        "{text}"
+    );
+    installed.graph("bridge.iceoryx", "");
+    assert!(installed.complaint().contains("did you mean `bridge.iceoryx2`?"));
+    installed.graph("nobody.push", "");
+    assert!(installed.complaint().contains("unknown kind `nobody.push`"));
+}
+
+#[test]
+fn a_program_of_another_version_or_another_layout_of_shared_memory_is_refused() {
+    let installed = Installed::new();
+    installed.script("motorium-bridges", "echo '{\"motorium\":\"0.0.7\",\"memory\":\"\",\"kinds\":[]}'");
+    let text = installed.complaint();
+    assert!(
+        text.contains("was built with motorium 0.0.7, this is motorium VERSION")
+            && text.contains("graph.toml:4:8")
+            && text.contains("`cargo install motorium-bridges --version VERSION`"),
+        "{text}"
+    );
+    let version = env!("CARGO_PKG_VERSION");
+    let answer = format!("{{\"motorium\":\"{version}\",\"memory\":\"0123\",\"kinds\":[]}}");
+    installed.script("motorium-bridges", &format!("echo '{answer}'"));
+    let text = installed.complaint();
+    assert!(text.contains("lays shared memory out in another way than this motorium VERSION"), "{text}");
+    installed.script("motorium-bridges", "echo 'what is motorium?' >&2; exit 3");
+    let text = installed.complaint();
+    assert!(
+        text.contains("does not answer `motorium-kinds`") && text.contains("what is motorium?"),
+        "{text}"
+    );
+}
+
+#[test]
+fn mistakes_in_the_configuration_of_its_kinds_are_shown_in_the_file() {
+    let installed = Installed::new();
+    place(SIBLING, &installed.path("motorium-bridges"));
+    installed.graph("bridge.push", "force = 300.0");
+    let text = installed.complaint();
+    assert!(
+        text.contains("`left.config.force`: 300 N, expected 0 to 100 N") && text.contains("graph.toml:8:20"),
+        "{text}"
+    );
+    installed.graph("bridge.pusch", "force = 3.0");
+    let text = installed.complaint();
+    assert!(
+        text.contains("unknown kind `bridge.pusch`")
+            && text.contains("the kinds of FOLDER/motorium-bridges are `bridge.push`")
+            && text.contains("did you mean `bridge.push`?"),
+        "{text}"
+    );
+    // a path starts in the folder of the file in which it stands
+    std::fs::create_dir(installed.path("below")).unwrap();
+    std::fs::write(installed.path("below/there"), "").unwrap();
+    let over = "extends = \"../graph.toml\"\n[component.left.config]\nfile = \"there\"\n";
+    std::fs::write(installed.path("below/over.toml"), over).unwrap();
+    installed.graph("bridge.push", "force = 3.0");
+    let output = installed.motorium(&["check", "below/over.toml"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn a_program_that_hosts_kinds_says_so_when_it_is_started_by_hand() {
+    let output = Command::new(SIBLING).stdin(Stdio::null()).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("kind = \"bridge.push\""));
+}
