@@ -1,6 +1,11 @@
-//! Robots that go by themselves: whole graphs, in lockstep.
+//! Robots that go by themselves: whole graphs.
 
-use crate::support::{machine, run, workspace};
+use std::process::Command;
+use std::time::Duration;
+
+use crate::support::{MOTORIUM, Run, machine, run, signal, workspace};
+use rustix::process::Signal;
+use serde_json::json;
 
 #[test]
 fn the_quadruped_trots_forward() {
@@ -27,4 +32,44 @@ fn the_quadruped_trots_forward() {
     }
     let again = run(&graph, &["--clock", "lockstep", "--for", "6 s"]);
     assert_eq!(report.state_hash, again.report().state_hash);
+}
+
+#[test]
+fn gait_frequency_and_phases_of_a_running_quadruped_are_set_at_once_or_not_at_all() {
+    let _machine = machine();
+    let run = Run::start(&workspace().join("graphs/quadruped-trot.toml"), &["--for", "60 s"]);
+    let tool = |arguments: &[&str]| {
+        let output = Command::new(MOTORIUM)
+            .args(["param"])
+            .args(arguments)
+            .args(["--run", run.folder.id()])
+            .output()
+            .expect("motorium starts");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let get = |name: &str| tool(&["get", name]).1.trim().to_string();
+    let frequency = get("policy.frequency");
+    let (code, _, error) = tool(&["set", "policy.frequency=1.25", "policy.gait=bounds"]);
+    assert_eq!(code, Some(1), "{error}");
+    assert!(error.contains("did you mean `bound`?") && error.contains("nothing was set"), "{error}");
+    assert_eq!((get("policy.frequency"), get("policy.gait")), (frequency, "trot".to_string()));
+
+    let all = [
+        "set",
+        "policy.frequency=1.25",
+        "policy.gait=bound",
+        "policy.phase_offsets=[0, 0.1, 0, -0.1]",
+        "--json",
+    ];
+    let (code, changes, error) = tool(&all);
+    assert_eq!(code, Some(0), "{error}");
+    let changes: serde_json::Value = serde_json::from_str(&changes).expect("JSON");
+    assert_eq!((&changes[1]["old"], &changes[1]["new"]), (&json!("trot"), &json!("bound")));
+    assert_eq!(get("policy.phase_offsets"), "[0, 0.1, 0, -0.1]");
+    std::thread::sleep(Duration::from_millis(200));
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    let policy = &ended.report().results["policy"];
+    assert_eq!((&policy["gait"], &policy["gait_changes"]), (&json!("bound"), &json!(1)), "{}", ended.stderr);
 }

@@ -14,9 +14,10 @@ mod clock;
 mod error;
 mod helper;
 mod setup;
+mod weights;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
-pub use crate::transport::Parameter;
+pub use crate::transport::{Choice, Parameter, ParameterArray};
 pub use checkpoint::Checkpoint;
 pub use clock::RunClock;
 pub use error::ConfigureError;
@@ -24,6 +25,7 @@ pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
 pub(crate) use setup::Prepared;
 pub use setup::{EpisodeEnd, Setup};
+pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 

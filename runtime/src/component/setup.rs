@@ -8,13 +8,14 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 
 use super::{ConfigureError, Helpers, RunClock};
-use crate::declare::{RobotReference, TopicPattern};
+use crate::declare::{ParameterKind, RobotReference, TopicPattern};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
-    AnyParameter, Connect, Context, Domain, Input, InputPlace, Output, Parameter, ParameterReader, PortError,
-    Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput, Trigger, open_trigger,
+    AnyParameter, Connect, Context, Domain, FoundParameter, Input, InputPlace, Output, Parameter,
+    ParameterArray, ParameterReader, PortError, Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput,
+    Trigger, open_trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
@@ -293,18 +294,31 @@ impl Setup {
     /// # Errors
     /// It is not declared, or was declared with another type.
     pub fn parameter<T: AnyParameter>(&self, name: &str) -> Result<Parameter<T>, ConfigureError> {
-        let value = self
+        let (_, numbers, place) = self.find_parameter(name, T::KIND)?;
+        Ok(Parameter::new(numbers.clone(), place))
+    }
+
+    /// A declared array of numbers that is one parameter.
+    ///
+    /// # Errors
+    /// It is not declared, or was declared with another type.
+    pub fn parameter_array(&self, name: &str) -> Result<ParameterArray, ConfigureError> {
+        let (declaration, numbers, place) = self.find_parameter(name, ParameterKind::Array)?;
+        Ok(ParameterArray::new(numbers.clone(), place, declaration.numbers()))
+    }
+
+    fn find_parameter(&self, name: &str, kind: ParameterKind) -> Result<FoundParameter<'_>, ConfigureError> {
+        let found = self
             .parameters
             .parameter(name)
             .ok_or_else(|| ConfigureError::failed(format!("parameter `{name}` is not declared")))?;
-        if value.get().kind() != T::KIND {
-            let found = value.get().kind();
+        let declared = found.0.default.kind();
+        if declared != kind {
             return Err(ConfigureError::failed(format!(
-                "parameter `{name}` was declared as {found:?} and opened as {:?}",
-                T::KIND
+                "parameter `{name}` was declared as {declared:?} and opened as {kind:?}"
             )));
         }
-        Ok(Parameter::new(value.clone()))
+        Ok(found)
     }
 
     /// The right to end episodes, for a component that declared

@@ -253,6 +253,29 @@ impl Declare {
         self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
     }
 
+    /// One of a few names that may change while the component runs; `default` is one of them. The component reads it as a
+    /// [`Choice`](crate::component::Choice): the index of the name.
+    pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
+        self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
+        if let Some(declared) = self.declaration.parameters.last_mut() {
+            declared.choices = choices.iter().map(ToString::to_string).collect();
+        }
+    }
+
+    /// Numbers that may change while the component runs, all at once: as many as `default` has, each within `range`, in
+    /// `unit`. The component reads them by [`Setup::parameter_array`](crate::component::Setup::parameter_array).
+    pub fn array(
+        &mut self,
+        name: &str,
+        default: &[f64],
+        range: core::ops::RangeInclusive<f64>,
+        unit: &str,
+        doc: &str,
+    ) {
+        let range = Some((*range.start(), *range.end()));
+        self.parameter(name, ParameterValue::Array(default.to_vec()), range, unit, doc);
+    }
+
     fn port<T: StateBuffer>(
         &mut self,
         name: &str,
@@ -288,6 +311,7 @@ impl Declare {
             default,
             min: range.and_then(|(low, _)| finite(low)),
             max: range.and_then(|(_, high)| finite(high)),
+            choices: Vec::new(),
             unit: unit.to_string(),
             doc: doc.to_string(),
         });

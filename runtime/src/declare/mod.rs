@@ -10,7 +10,7 @@ mod warning;
 
 pub use declaration::{Declaration, Declare};
 pub use error::{ConfigError, StepError};
-pub use parameter::{ParameterDeclaration, ParameterKind, ParameterValue};
+pub use parameter::{MAX_PARAMETER_NUMBERS, ParameterDeclaration, ParameterKind, ParameterValue};
 pub use placement::{ClockKind, Placement};
 pub use port::{Direction, PortDeclaration, TopicPattern};
 pub use robot::{BasePose, RobotReference};

@@ -2,6 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::nearest::{list, suggest};
+
+/// The most numbers that all parameters of one component hold together: one each, and as many as an array has.
+pub const MAX_PARAMETER_NUMBERS: usize = 256;
+
 /// The type of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -12,10 +17,14 @@ pub enum ParameterKind {
     Integer,
     /// True or false.
     Boolean,
+    /// One of a few names.
+    Choice,
+    /// An array of 64-bit floats, of fixed length.
+    Array,
 }
 
 /// The value of a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum ParameterValue {
     /// True or false.
@@ -24,6 +33,10 @@ pub enum ParameterValue {
     Integer(i64),
     /// A 64-bit float.
     Float(f64),
+    /// The name of a choice.
+    Choice(String),
+    /// 64-bit floats.
+    Array(Vec<f64>),
 }
 
 impl ParameterValue {
@@ -33,25 +46,26 @@ impl ParameterValue {
             Self::Boolean(_) => ParameterKind::Boolean,
             Self::Integer(_) => ParameterKind::Integer,
             Self::Float(_) => ParameterKind::Float,
+            Self::Choice(_) => ParameterKind::Choice,
+            Self::Array(_) => ParameterKind::Array,
         }
     }
 }
 
-impl From<f64> for ParameterValue {
-    fn from(value: f64) -> Self {
-        Self::Float(value)
-    }
+macro_rules! value_from {
+    ($($type:ty => $variant:ident),* $(,)?) => { $(
+        impl From<$type> for ParameterValue {
+            fn from(value: $type) -> Self {
+                Self::$variant(value.into())
+            }
+        }
+    )* };
 }
+value_from!(f64 => Float, i64 => Integer, bool => Boolean, &str => Choice, String => Choice, Vec<f64> => Array, &[f64] => Array);
 
-impl From<i64> for ParameterValue {
-    fn from(value: i64) -> Self {
-        Self::Integer(value)
-    }
-}
-
-impl From<bool> for ParameterValue {
-    fn from(value: bool) -> Self {
-        Self::Boolean(value)
+impl<const N: usize> From<[f64; N]> for ParameterValue {
+    fn from(value: [f64; N]) -> Self {
+        Self::Array(value.into())
     }
 }
 
@@ -61,6 +75,11 @@ impl core::fmt::Display for ParameterValue {
             Self::Boolean(value) => write!(f, "{value}"),
             Self::Integer(value) => write!(f, "{value}"),
             Self::Float(value) => write!(f, "{value}"),
+            Self::Choice(name) => write!(f, "{name}"),
+            Self::Array(values) => {
+                let numbers: Vec<String> = values.iter().map(f64::to_string).collect();
+                write!(f, "[{}]", numbers.join(", "))
+            }
         }
     }
 }
@@ -70,12 +89,15 @@ impl core::fmt::Display for ParameterValue {
 pub struct ParameterDeclaration {
     /// Name of the parameter, unique in its component.
     pub name: String,
-    /// Value unless the graph file sets another.
+    /// Value unless the graph file sets another. Its kind, and of an array its length, are those of the parameter.
     pub default: ParameterValue,
-    /// Smallest value allowed.
+    /// Smallest value allowed; of an array, of each of its numbers.
     pub min: Option<f64>,
     /// Largest value allowed.
     pub max: Option<f64>,
+    /// Names to choose from, in their order; empty unless it is a choice.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<String>,
     /// Unit, or empty.
     pub unit: String,
     /// One line of explanation.
@@ -83,7 +105,15 @@ pub struct ParameterDeclaration {
 }
 
 impl ParameterDeclaration {
-    /// Checks a value against type and range; an integer is accepted for a float.
+    /// Number of numbers that it holds: those of an array, one for every other kind.
+    pub fn numbers(&self) -> usize {
+        match &self.default {
+            ParameterValue::Array(values) => values.len(),
+            _ => 1,
+        }
+    }
+
+    /// Checks a value against type, range, choices and length; an integer is accepted for a float.
     ///
     /// # Errors
     /// A text with the value found and the values expected.
@@ -92,32 +122,106 @@ impl ParameterDeclaration {
             (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
             (_, value) => value,
         };
-        if value.kind() != self.default.kind() {
-            return Err(format!(
-                "parameter `{}` is {value}, expected {}",
-                self.name,
-                match self.default.kind() {
-                    ParameterKind::Float => "a number",
-                    ParameterKind::Integer => "a whole number",
-                    ParameterKind::Boolean => "true or false",
+        let name = &self.name;
+        match (&self.default, &value) {
+            (ParameterValue::Boolean(_), ParameterValue::Boolean(_)) => {}
+            (ParameterValue::Float(_), ParameterValue::Float(x)) => self.in_range(*x, name)?,
+            (ParameterValue::Integer(_), ParameterValue::Integer(i)) => self.in_range(*i as f64, name)?,
+            (ParameterValue::Choice(_), ParameterValue::Choice(chosen)) => {
+                if !self.choices.contains(chosen) {
+                    let names = || self.choices.iter().map(String::as_str);
+                    let advice = suggest(chosen, names(), "the choices are");
+                    return Err(format!(
+                        "parameter `{name}` is \"{chosen}\", not one of its choices; {advice}"
+                    ));
                 }
-            ));
-        }
-        let number = match value {
-            ParameterValue::Float(x) => x,
-            ParameterValue::Integer(i) => i as f64,
-            ParameterValue::Boolean(_) => return Ok(value),
-        };
-        let (low, high) = (self.min.unwrap_or(f64::NEG_INFINITY), self.max.unwrap_or(f64::INFINITY));
-        if !number.is_finite() || number < low || number > high {
-            let range = match (self.min, self.max) {
-                (Some(low), Some(high)) => format!("from {low} to {high}"),
-                (Some(low), None) => format!("at least {low}"),
-                (None, Some(high)) => format!("at most {high}"),
-                (None, None) => "a finite number".to_string(),
-            };
-            return Err(format!("parameter `{}` is {value}, expected {range}", self.name));
+            }
+            (ParameterValue::Array(own), ParameterValue::Array(values)) if own.len() == values.len() => {
+                for (index, number) in values.iter().enumerate() {
+                    self.in_range(*number, &format!("{name}[{index}]"))?;
+                }
+            }
+            (own, found) => {
+                let expected = match own {
+                    ParameterValue::Float(_) => "a number".to_string(),
+                    ParameterValue::Integer(_) => "a whole number".to_string(),
+                    ParameterValue::Boolean(_) => "true or false".to_string(),
+                    ParameterValue::Choice(_) => {
+                        format!("one of {}", list(self.choices.iter().map(String::as_str)))
+                    }
+                    ParameterValue::Array(own) => format!("an array of {} numbers", own.len()),
+                };
+                let found = match found {
+                    ParameterValue::Array(values) => format!("an array of {}", values.len()),
+                    ParameterValue::Choice(text) => format!("\"{text}\""),
+                    number => number.to_string(),
+                };
+                return Err(format!("parameter `{name}` is {found}, expected {expected}"));
+            }
         }
         Ok(value)
+    }
+
+    /// Whether a number lies within the range.
+    pub(crate) fn allows(&self, number: f64) -> bool {
+        number.is_finite()
+            && self.min.is_none_or(|min| number >= min)
+            && self.max.is_none_or(|max| number <= max)
+    }
+
+    fn in_range(&self, number: f64, name: &str) -> Result<(), String> {
+        if self.allows(number) {
+            return Ok(());
+        }
+        let range = match (self.min, self.max) {
+            (Some(low), Some(high)) => format!("from {low} to {high}"),
+            (Some(low), None) => format!("at least {low}"),
+            (None, Some(high)) => format!("at most {high}"),
+            (None, None) => "a finite number".to_string(),
+        };
+        Err(format!("parameter `{name}` is {number}, expected {range}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::declare::Declare;
+
+    fn declared(declare: impl Fn(&mut Declare)) -> ParameterDeclaration {
+        let mut collected = Declare::new(None);
+        declare(&mut collected);
+        collected.into_declaration().parameters.remove(0)
+    }
+
+    #[test]
+    fn a_choice_admits_its_names_and_says_which_was_probably_meant() {
+        let gait = declared(|declare| declare.choice("gait", &["walk", "trot"], "walk", "the gait"));
+        assert_eq!(gait.admit("trot".into()), Ok("trot".into()));
+        let error = gait.admit("trott".into()).unwrap_err();
+        assert_eq!(error, "parameter `gait` is \"trott\", not one of its choices; did you mean `trot`?");
+        let error = gait.admit(1_i64.into()).unwrap_err();
+        assert!(error.contains("is 1, expected one of"), "{error}");
+    }
+
+    #[test]
+    fn an_array_has_its_length_and_each_number_its_range() {
+        let offsets = declared(|declare| declare.array("offsets", &[0.0; 3], -1.0..=1.0, "rad", "offsets"));
+        assert_eq!(offsets.numbers(), 3);
+        assert_eq!(offsets.admit([0.5, -1.0, 1.0].into()), Ok([0.5, -1.0, 1.0].into()));
+        let error = offsets.admit([0.5, 2.0, 0.0].into()).unwrap_err();
+        assert_eq!(error, "parameter `offsets[1]` is 2, expected from -1 to 1");
+        let error = offsets.admit([0.5].into()).unwrap_err();
+        assert_eq!(error, "parameter `offsets` is an array of 1, expected an array of 3 numbers");
+        assert!(offsets.admit([f64::NAN, 0.0, 0.0].into()).is_err());
+    }
+
+    #[test]
+    fn values_survive_json() {
+        let values = [true.into(), 3_i64.into(), 2.0.into(), "walk".into(), [1.0, -2.5].into()];
+        for value in values {
+            let text = serde_json::to_string(&value).expect("JSON");
+            assert_eq!(serde_json::from_str::<ParameterValue>(&text).expect("a value"), value, "{text}");
+        }
     }
 }

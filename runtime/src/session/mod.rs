@@ -237,7 +237,7 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Sets a parameter of a component, such as `1.5`, `3` or `true`. It takes effect at the component's next step, and stays
+    /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect at the component's next step, and stays
     /// through resets.
     ///
     /// # Errors
@@ -248,12 +248,29 @@ impl<'o> Session<'o> {
         parameter: &str,
         value: impl Into<ParameterValue>,
     ) -> Result<(), SessionError> {
+        self.set_many(component, [(parameter, value.into())])
+    }
+
+    /// Sets several parameters of a component at once: it sees all of them from its next step on, or none if one cannot be
+    /// set.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub fn set_many<'a>(
+        &mut self,
+        component: &str,
+        values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
+    ) -> Result<(), SessionError> {
         if self.parameters.is_none() {
             let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
             self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
         }
         if let Some(table) = &self.parameters {
-            table.set(&format!("{component}.{parameter}"), value.into())?;
+            let paths: Vec<(String, ParameterValue)> = values
+                .into_iter()
+                .map(|(parameter, value)| (format!("{component}.{parameter}"), value))
+                .collect();
+            table.set_many(paths.iter().map(|(path, value)| (path.as_str(), value.clone())))?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 mod episodes;
 mod example;
 mod kit;
+mod parameters;
 mod stamps;
 mod time;
 

@@ -5,7 +5,9 @@ mod generator;
 
 pub use config::{CpgModel, CpgPolicyConfig, HopfConfig, JointOscillationConfig, LegConfig, MatsuokaConfig};
 
-use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
+use core::f64::consts::PI;
+
+use motorium::component::{Choice, Component, ConfigureError, Episode, ParameterArray, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::transport::Parameter;
 
@@ -30,7 +32,11 @@ pub struct CpgPolicy {
     pull: Vec<f64>,
     frequency: Parameter<f64>,
     amplitude: Parameter<f64>,
-    gait: Parameter<i64>,
+    gait: Parameter<Choice>,
+    phase_offsets: ParameterArray,
+    /// The offsets applied last, and the phases of the legs with them, rad.
+    offsets: Vec<f64>,
+    phases: Vec<f64>,
     entrainment: Parameter<f64>,
     duty_factor: Option<Parameter<f64>>,
     number_of_legs: usize,
@@ -48,17 +54,23 @@ impl Component for CpgPolicy {
     type Config = CpgPolicyConfig;
 
     fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let default = gait_number(config)?;
+        check_gait(config)?;
         generator(config)?;
         CommandedJoints::new(&config.joint_command, declare.robot(), joints(config))?;
         let gaits = Gait::of(config.legs.len());
         CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
         declare.float("amplitude", 1.0, 0.0..=2.0, "", "factor of all amplitudes; 0 stands still");
-        let names: Vec<String> =
-            gaits.iter().enumerate().map(|(i, gait)| format!("{i} {}", name(*gait))).collect();
-        let last = gaits.len() as i64 - 1;
-        declare.integer("gait", default, 0..=last, &format!("the gait: {}", names.join(", ")));
+        let names: Vec<&str> = gaits.iter().map(|gait| name(*gait)).collect();
+        declare.choice("gait", &names, name(config.gait), "the gait");
+        let offsets = vec![0.0; config.legs.len()];
+        declare.array(
+            "phase_offsets",
+            &offsets,
+            -PI..=PI,
+            "rad",
+            "added to the phase of each leg in the gait",
+        );
         declare.float(
             "entrainment",
             0.0,
@@ -83,6 +95,9 @@ impl Component for CpgPolicy {
             frequency: setup.parameter("frequency")?,
             amplitude: setup.parameter("amplitude")?,
             gait: setup.parameter("gait")?,
+            phase_offsets: setup.parameter_array("phase_offsets")?,
+            offsets: vec![0.0; config.legs.len()],
+            phases: vec![0.0; config.legs.len()],
             entrainment: setup.parameter("entrainment")?,
             duty_factor: duty_factor.transpose()?,
             number_of_legs: config.legs.len(),
@@ -121,6 +136,7 @@ impl Component for CpgPolicy {
         self.writer.reset();
         self.generator = self.start.clone();
         (self.walking, self.scale, self.gait_changes, self.strides) = (None, f64::NAN, 0, 0.0);
+        self.offsets.fill(0.0);
         Ok(())
     }
 
@@ -148,18 +164,24 @@ impl CpgPolicy {
             self.generator.set_scale(scale).map_err(refused)?;
             self.scale = scale;
         }
-        let gait = usize::try_from(self.gait.get()).ok();
-        let gait = gait.and_then(|number| Gait::of(self.number_of_legs).get(number)).copied();
-        if gait != self.walking
-            && let Some(gait) = gait
-        {
-            let phases = gait
-                .phases(self.number_of_legs)
-                .map_err(|_| StepError::failed("the gait has another number of legs than the robot"))?;
-            self.generator.set_gait(phases).map_err(refused)?;
-            self.gait_changes += u64::from(self.walking.is_some());
-            self.walking = Some(gait);
+        let Some(gait) = Gait::of(self.number_of_legs).get(self.gait.get().index()).copied() else {
+            return Ok(());
+        };
+        let moved =
+            self.offsets.iter().zip(self.phase_offsets.iter()).any(|(applied, offset)| *applied != offset);
+        if self.walking == Some(gait) && !moved {
+            return Ok(());
         }
+        let phases = gait
+            .phases(self.number_of_legs)
+            .map_err(|_| StepError::failed("the gait has another number of legs than the robot"))?;
+        for (leg, offset) in self.phase_offsets.iter().enumerate() {
+            self.offsets[leg] = offset;
+            self.phases[leg] = phases[leg] + offset;
+        }
+        self.generator.set_gait(&self.phases).map_err(refused)?;
+        self.gait_changes += u64::from(self.walking.is_some_and(|walking| walking != gait));
+        self.walking = Some(gait);
         Ok(())
     }
 }
@@ -184,13 +206,12 @@ fn joints(config: &CpgPolicyConfig) -> impl Iterator<Item = (&str, String)> {
     })
 }
 
-fn gait_number(config: &CpgPolicyConfig) -> Result<i64, ConfigError> {
+fn check_gait(config: &CpgPolicyConfig) -> Result<(), ConfigError> {
     let legs = config.legs.len();
-    let number = Gait::of(legs).iter().position(|gait| *gait == config.gait);
-    match (number, config.gait.phases(legs)) {
-        (Some(number), _) => Ok(number as i64),
-        (None, Err(error)) => Err(ConfigError::key("gait", error.to_string())),
-        (None, Ok(_)) => Err(ConfigError::key("gait", "this gait is not defined for this number of legs")),
+    match (Gait::of(legs).contains(&config.gait), config.gait.phases(legs)) {
+        (true, _) => Ok(()),
+        (false, Err(error)) => Err(ConfigError::key("gait", error.to_string())),
+        (false, Ok(_)) => Err(ConfigError::key("gait", "this gait is not defined for this number of legs")),
     }
 }
 

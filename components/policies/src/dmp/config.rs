@@ -1,5 +1,6 @@
 //! The `config` table of `policy.dmp`.
 
+use motorium::component::TakeWeights;
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -37,6 +38,9 @@ pub struct DmpPolicyConfig {
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,
+    /// Moment at which weights from the input `weights` are taken, for goals with the shape "weights". Default "step".
+    #[serde(default)]
+    pub take_weights: TakeWeights,
 }
 
 /// A pose in the world frame.
@@ -97,4 +101,17 @@ pub enum ShapeConfig {
     Demonstration(DemonstrationConfig),
     /// The one of `primitives` that the parameter `primitive` chooses, from the next start for this goal.
     Selected,
+    /// A primitive whose weights come from the input `weights`.
+    Weights(WeightsConfig),
+}
+
+/// A primitive whose weights come from the input `weights`.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WeightsConfig {
+    /// Number of kernels for each dimension, 2 to 1000: straight until weights come. Default 30. This or `file`.
+    pub kernels: Option<usize>,
+    /// The primitive until weights come: a file that `motorium primitive fit` wrote, relative to the graph file.
+    #[schemars(extend("format" = "path"))]
+    pub file: Option<String>,
 }

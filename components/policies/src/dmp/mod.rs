@@ -4,8 +4,9 @@ mod config;
 mod imitation;
 mod start_pose;
 mod waypoints;
+mod weights;
 
-pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsConfig};
 pub use imitation::DemonstrationConfig;
 
 use std::time::Duration;
@@ -20,6 +21,7 @@ use imitation::PathRecord;
 use motorium_primitives::reach::{PoseReach, ReachPhase};
 use start_pose::StartPose;
 use waypoints::Waypoints;
+use weights::LiveWeights;
 
 /// Moves the end effector of a robot through goals, one movement primitive to each; see [`PoseReach`].
 ///
@@ -40,6 +42,7 @@ pub struct DmpPolicy {
     primitive: Option<Parameter<i64>>,
     chosen: Vec<usize>,
     exchanges: u64,
+    weights: Option<LiveWeights>,
     record: PathRecord,
     /// Goals started for before a crash.
     goals_before: u64,
@@ -60,6 +63,7 @@ impl Component for DmpPolicy {
         let waypoints = Waypoints::new(config, declare.robot())?;
         waypoints.reach()?;
         StartPose::declare(config, declare)?;
+        LiveWeights::declare(&waypoints, config.take_weights, declare);
         declare.may_end_episodes();
         declare.output::<PoseTarget>(
             "target",
@@ -88,6 +92,7 @@ impl Component for DmpPolicy {
             primitive,
             chosen: vec![0; waypoints.selected().len()],
             exchanges: 0,
+            weights: LiveWeights::open(&waypoints, config.take_weights, setup)?,
             record: waypoints.record(),
             reach: waypoints.reach()?,
             start_reach: waypoints.reach()?,
@@ -105,6 +110,9 @@ impl Component for DmpPolicy {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
         self.select()?;
+        if let Some(weights) = &mut self.weights {
+            weights.apply(&mut self.reach, tick)?;
+        }
         if self.reach.phase() == ReachPhase::Waiting {
             let Some(start) = self.start_pose.find()? else { return Ok(()) };
             self.begin(start)?;
@@ -135,6 +143,7 @@ impl Component for DmpPolicy {
         self.reach = self.start_reach.clone();
         self.record = self.waypoints.record();
         self.chosen.fill(0);
+        self.weights.iter_mut().for_each(LiveWeights::reset);
         (self.exchanges, self.goals_before, self.last_tick_ns) = (0, 0, None);
         Ok(())
     }
@@ -147,6 +156,9 @@ impl Component for DmpPolicy {
         });
         if self.primitive.is_some() {
             result["exchanges"] = self.exchanges.into();
+        }
+        if let Some(weights) = &self.weights {
+            result["weights"] = weights.result();
         }
         if let Some(imitation) = self.record.result() {
             result["imitation"] = imitation;

@@ -3,9 +3,9 @@
 use motorium::declare::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig};
+use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsConfig};
 use super::imitation::{self, Demonstrated, PathRecord};
-use motorium_primitives::dmp::DmpModel;
+use motorium_primitives::dmp::{DmpModel, Settings};
 use motorium_primitives::reach::{PathShape, PoseReach, ReachError, Repeat, Segment, SteerError};
 
 /// The goals of a policy, some of them relative to where it starts.
@@ -18,6 +18,8 @@ pub(super) struct Waypoints {
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     primitives: Vec<DmpModel>,
     selected: Vec<usize>,
+    /// Segments whose weights come from an input, and their primitives until then.
+    weighted: Vec<(usize, DmpModel)>,
     repeat: Repeat,
     origin: Isometry3<f64>,
 }
@@ -45,6 +47,7 @@ impl Waypoints {
             paths: Vec::new(),
             primitives: Vec::new(),
             selected: Vec::new(),
+            weighted: Vec::new(),
             repeat: config.repeat,
             origin: Isometry3::identity(),
         };
@@ -113,6 +116,9 @@ impl Waypoints {
             if matches!(goal.shape, ShapeConfig::Selected) {
                 self.selected.push(self.segments.len());
             }
+            if let (ShapeConfig::Weights(_), PathShape::Learned(model)) = (&goal.shape, &segment.shape) {
+                self.weighted.push((self.segments.len(), (**model).clone()));
+            }
         }
         let place = match at {
             // a path of its own is compared with only where it leads where it led
@@ -147,6 +153,7 @@ impl Waypoints {
                 .map(learned)
                 .map_err(|error| ConfigError::key(key, error.to_string())),
             ShapeConfig::File(file) => Ok(learned(imitation::primitive(file, robot, key)?)),
+            ShapeConfig::Weights(config) => Ok(learned(weighted(config, robot, key)?)),
             ShapeConfig::Selected => match self.primitives.first() {
                 Some(model) => Ok(learned(model.clone())),
                 None => Err(ConfigError::key(key, "there are no `primitives` to select from")),
@@ -162,6 +169,11 @@ impl Waypoints {
     /// The segments that follow the selected primitive.
     pub(super) fn selected(&self) -> &[usize] {
         &self.selected
+    }
+
+    /// The segments whose weights come from an input, and their primitives until then.
+    pub(super) fn weighted(&self) -> &[(usize, DmpModel)] {
+        &self.weighted
     }
 
     /// Record of the deviations from the demonstrated paths.
@@ -208,6 +220,31 @@ impl Waypoints {
     pub(super) fn origin(&self) -> Isometry3<f64> {
         self.origin
     }
+}
+
+/// The most kernels of a primitive whose weights come from an input.
+const MOST_KERNELS: usize = 1000;
+
+/// The primitive of a goal until weights come.
+fn weighted(
+    config: &WeightsConfig,
+    robot: Option<&RobotReference>,
+    key: &str,
+) -> Result<DmpModel, ConfigError> {
+    let kernels = match (&config.file, config.kernels) {
+        (Some(_), Some(_)) => {
+            return Err(
+                ConfigError::key(key, "both `kernels` and `file` are given").advise("keep one of them")
+            );
+        }
+        (Some(file), None) => return imitation::primitive(file, robot, key),
+        (None, kernels) => kernels.unwrap_or(Settings::default().kernels),
+    };
+    if !(2..=MOST_KERNELS).contains(&kernels) {
+        return Err(ConfigError::key(key, format!("{kernels} kernels, expected 2 to {MOST_KERNELS}")));
+    }
+    DmpModel::new(3, Settings { kernels, ..Settings::default() })
+        .map_err(|error| ConfigError::key(key, error.to_string()))
 }
 
 /// A configured pose. `key` is that of its table.

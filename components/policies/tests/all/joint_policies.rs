@@ -158,12 +158,28 @@ fn legs_swing_in_turn_out_of_standing_without_a_jump() {
 #[test]
 fn gait_frequency_and_amplitude_are_parameters() {
     let (report, seen) =
-        run("policy.cpg", WALK, "params = { gait = 1, frequency = 1.0, amplitude = 0.5 }", 5.0);
+        run("policy.cpg", WALK, "params = { gait = \"bound\", frequency = 1.0, amplitude = 0.5 }", 5.0);
     assert_steady(&report);
     assert_eq!(report.results["policy"]["gait"], "bound");
     for seen in &seen[seen.len() - 1000..] {
         assert!((seen.q[0] - 0.4 - (seen.q[1] - 0.6)).abs() < 0.02, "both legs together: {:?}", seen.q);
         assert!((seen.q[0] - 0.4).abs() < 0.151);
+    }
+}
+
+#[test]
+fn phase_offsets_of_the_legs_change_their_gait() {
+    // half a stride more than the walk, in which two legs are half a stride apart
+    let offsets = "params = { phase_offsets = [0.0, 3.141592653589793], frequency = 1.0 }";
+    let (report, seen) = run("policy.cpg", WALK, offsets, 5.0);
+    assert_steady(&report);
+    assert_smooth(&seen);
+    assert_eq!(
+        (&report.results["policy"]["gait"], &report.results["policy"]["gait_changes"]),
+        (&json!("walk"), &json!(0))
+    );
+    for seen in &seen[seen.len() - 1000..] {
+        assert!((seen.q[0] - 0.4 - (seen.q[1] - 0.6)).abs() < 0.02, "both legs together: {:?}", seen.q);
     }
 }
 

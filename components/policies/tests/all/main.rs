@@ -5,4 +5,5 @@ mod gaits;
 mod imitation;
 mod joint_policies;
 mod library_policy;
+mod live_weights;
 mod support;

@@ -11,7 +11,9 @@ use toml::de::{DeTable, DeValue};
 use super::robots::Robot;
 use super::siblings::Home;
 use super::{Context, Draft, doubts, exec, paths, periods};
-use crate::declare::{Declaration, Declare, Placement, TopicPattern};
+use crate::declare::{
+    Declaration, Declare, MAX_PARAMETER_NUMBERS, ParameterDeclaration, Placement, TopicPattern,
+};
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::json::to_json;
@@ -340,10 +342,23 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
             if parameters[..index].iter().any(|parameter| parameter.name == *name) {
                 return Some(format!("declares the parameter `{name}` twice"));
             }
+            let twice = |(at, choice)| parameters[index].choices[..at].contains(choice);
+            if parameters[index].choices.iter().enumerate().any(twice) {
+                return Some(format!("declares a choice of the parameter `{name}` twice"));
+            }
+            if parameters[index].numbers() == 0 {
+                return Some(format!("declares the parameter `{name}` as an array without numbers"));
+            }
             parameters[index]
-                .admit(parameters[index].default)
+                .admit(parameters[index].default.clone())
                 .err()
                 .map(|e| format!("has a default out of range: {e}"))
+        })
+    });
+    let numbers: usize = parameters.iter().map(ParameterDeclaration::numbers).sum();
+    let wrong = wrong.or_else(|| {
+        (numbers > MAX_PARAMETER_NUMBERS).then(|| {
+            format!("declares parameters of {numbers} numbers together, at most {MAX_PARAMETER_NUMBERS} fit")
         })
     });
     if let Some(wrong) = &wrong {

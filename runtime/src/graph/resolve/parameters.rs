@@ -16,7 +16,10 @@ fn of_component(draft: &Draft<'_, '_>, report: &mut Report) -> Vec<ParameterPlan
     let mut plans: Vec<ParameterPlan> = declaration
         .parameters
         .iter()
-        .map(|declaration| ParameterPlan { initial: declaration.default, declaration: declaration.clone() })
+        .map(|declaration| ParameterPlan {
+            initial: declaration.default.clone(),
+            declaration: declaration.clone(),
+        })
         .collect();
     for (name, at) in good(&draft.table.params).iter().flat_map(|params| &params.0) {
         let Some(plan) = plans.iter_mut().find(|plan| plan.declaration.name == *name) else {
@@ -32,7 +35,7 @@ fn of_component(draft: &Draft<'_, '_>, report: &mut Report) -> Vec<ParameterPlan
             continue;
         };
         let Some(value) = at.get() else { continue };
-        match plan.declaration.admit(*value) {
+        match plan.declaration.admit(value.clone()) {
             Ok(value) => plan.initial = value,
             Err(message) => {
                 let unit = match plan.declaration.unit.as_str() {

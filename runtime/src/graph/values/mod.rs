@@ -283,16 +283,39 @@ choices! {
     Schedule: Fifo, Deadline, Normal;
 }
 
+/// A number of an array.
+struct Number(f64);
+
+impl<'i> Read<'i> for Number {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let number = match value.get_ref() {
+            DeValue::Integer(_) => return i64::read(key, value, report).map(|number| Self(number as f64)),
+            DeValue::Float(number) => number.as_str().parse().ok().map(Self),
+            _ => None,
+        };
+        if number.is_none() {
+            mismatch(key, value, "a number", report);
+        }
+        number
+    }
+}
+
 impl<'i> Read<'i> for ParameterValue {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let number = match value.get_ref() {
             DeValue::Boolean(flag) => Some(Self::Boolean(*flag)),
             DeValue::Integer(_) => return i64::read(key, value, report).map(Self::Integer),
             DeValue::Float(number) => number.as_str().parse().ok().map(Self::Float),
+            DeValue::String(text) => Some(Self::Choice(text.to_string())),
+            DeValue::Array(_) => {
+                let numbers = Vec::<At<Number>>::read(key, value, report)?;
+                let numbers = numbers.iter().map(|at| at.get().map(|Number(number)| *number));
+                return numbers.collect::<Option<_>>().map(Self::Array);
+            }
             _ => None,
         };
         if number.is_none() {
-            mismatch(key, value, "a number, true or false", report);
+            mismatch(key, value, "a number, true or false, a text, or an array of numbers", report);
         }
         number
     }

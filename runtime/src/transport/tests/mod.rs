@@ -15,6 +15,8 @@ use crate::state::{Defect, JointState, StateBuffer, TypeLayout, Wrench};
 fn component(name: &str) -> ComponentPlan {
     let mut declare = Declare::new(None);
     declare.float("gain", 1.0, 0.0..=10.0, "", "a factor");
+    declare.choice("mode", &["slow", "quick"], "slow", "a choice");
+    declare.array("offsets", &[0.5, 1.5], -2.0..=2.0, "m", "an array");
     let declaration = declare.into_declaration();
     ComponentPlan {
         name: name.to_string(),
@@ -31,7 +33,7 @@ fn component(name: &str) -> ComponentPlan {
         parameters: declaration
             .parameters
             .into_iter()
-            .map(|declaration| ParameterPlan { initial: declaration.default, declaration })
+            .map(|declaration| ParameterPlan { initial: declaration.default.clone(), declaration })
             .collect(),
         config: serde_json::Value::Null,
         robot: None,
@@ -214,7 +216,8 @@ fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
 fn a_parameter_set_from_outside_takes_effect_at_the_next_tick_boundary() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
-    let gain = Parameter::<f64>::new(reader.parameter("gain").unwrap().clone());
+    let (_, numbers, place) = reader.parameter("gain").unwrap();
+    let gain = Parameter::<f64>::new(numbers.clone(), place);
     let mut plan = bench.plan.clone();
     plan.components.remove(0);
     let table = ParameterTable::open(&bench.folder.domain().unwrap(), plan).unwrap();
@@ -223,6 +226,48 @@ fn a_parameter_set_from_outside_takes_effect_at_the_next_tick_boundary() {
     reader.refresh();
     assert_eq!(gain.get(), 4.0);
     assert_eq!(table.list().unwrap()[0].2, ParameterValue::Float(4.0));
+}
+
+#[test]
+fn several_parameters_of_a_component_change_together_or_not_at_all() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
+    let handle = |name: &str| {
+        let (declaration, numbers, place) = reader.parameter(name).unwrap();
+        (numbers.clone(), place, declaration.numbers())
+    };
+    let ((gain, place, _), (mode, at, _), (offsets, from, count)) =
+        (handle("gain"), handle("mode"), handle("offsets"));
+    let (gain, mode) = (Parameter::<f64>::new(gain, place), Parameter::<Choice>::new(mode, at));
+    let offsets = ParameterArray::new(offsets, from, count);
+    let mut plan = bench.plan.clone();
+    plan.components.remove(0);
+    let table = ParameterTable::open(&bench.folder.domain().unwrap(), plan).unwrap();
+    let seen = |gain: &Parameter<f64>| {
+        (gain.get(), mode.get().index(), offsets.iter().collect::<Vec<_>>(), offsets.get(1))
+    };
+
+    let refused = table.set_many([("reader.gain", 4.0.into()), ("reader.offsets", [0.0, 3.0].into())]);
+    assert!(refused.unwrap_err().to_string().contains("`offsets[1]` is 3, expected from -2 to 2"));
+    reader.refresh();
+    assert_eq!(seen(&gain), (1.0, 0, vec![0.5, 1.5], 1.5));
+    let twice = table.set_many([("reader.gain", 4.0.into()), ("reader.gain", 5.0.into())]);
+    assert!(twice.unwrap_err().to_string().contains("twice"));
+
+    let values = [
+        ("reader.gain", 4.0.into()),
+        ("reader.offsets", [1.0, -1.0].into()),
+        ("reader.mode", "quick".into()),
+    ];
+    assert_eq!(table.set_many(values).unwrap()[2], ParameterValue::Choice("quick".to_string()));
+    assert_eq!(seen(&gain), (1.0, 0, vec![0.5, 1.5], 1.5), "not before the step is over");
+    reader.refresh();
+    assert_eq!(seen(&gain), (4.0, 1, vec![1.0, -1.0], -1.0));
+    table.set("reader.gain", 2.0.into()).unwrap();
+    reader.refresh();
+    assert_eq!(seen(&gain), (2.0, 1, vec![1.0, -1.0], -1.0), "the others stay");
+    let listed: Vec<_> = table.list().unwrap().into_iter().map(|(_, _, value)| value.to_string()).collect();
+    assert_eq!(listed, ["2", "quick", "[1, -1]"]);
 }
 
 #[test]
@@ -237,6 +282,6 @@ fn a_parameter_out_of_range_or_of_another_type_is_refused_with_what_is_allowed()
         "parameter `gain` is 11, expected from 0 to 10"
     );
     assert!(refused("reader.gain", ParameterValue::Boolean(true)).contains("expected a number"));
-    assert!(refused("reader.gian", ParameterValue::Float(1.0)).contains("it has: gain"));
+    assert!(refused("reader.gian", ParameterValue::Float(1.0)).contains("did you mean `gain`?"));
     assert!(refused("gain", ParameterValue::Float(1.0)).contains("component.parameter"));
 }

@@ -5,7 +5,7 @@ mod render;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium::declare::ParameterValue;
+use motorium::declare::{ParameterKind, ParameterValue};
 use motorium::nearest::suggest;
 use motorium::transport::ParameterTable;
 use serde::Serialize;
@@ -71,17 +71,17 @@ struct Get {
     json: bool,
 }
 
-/// Change a parameter.
+/// Change a parameter, or several at once.
 ///
-/// Example: motorium param set controller.frequency 1
+/// Parameters of one component that are set together take effect together. If one cannot be set, none is.
+///
+/// Example: motorium param set policy.gait=trot policy.frequency=1.5
 #[derive(Debug, clap::Args)]
 struct Set {
-    /// The parameter
-    #[arg(value_name = "COMPONENT.PARAMETER")]
-    path: String,
-    /// Its new value: a number, `true` or `false`
-    #[arg(value_parser = value, allow_hyphen_values = true)]
-    value: ParameterValue,
+    /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or `false`, one of
+    /// the choices, or an array such as `[0, 0.5]`
+    #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true)]
+    values: Vec<String>,
     #[command(flatten)]
     run: RunArg,
     /// Print the change as JSON
@@ -89,8 +89,28 @@ struct Set {
     json: bool,
 }
 
-/// Parses a value as it is written on the command line.
-fn value(text: &str) -> Result<ParameterValue, String> {
+/// The parameters to set, with their values as text.
+fn assignments(values: &[String]) -> anyhow::Result<Vec<(&str, &str)>> {
+    if let [path, value] = values
+        && !path.contains('=')
+    {
+        return Ok(vec![(path, value)]);
+    }
+    let split = |text: &'_ String| -> anyhow::Result<(usize, usize)> {
+        let at = text.find('=').filter(|at| *at > 0);
+        let at = at.with_context(|| format!("`{text}` sets nothing: write `COMPONENT.PARAMETER=VALUE`"))?;
+        Ok((at, at + 1))
+    };
+    values.iter().map(|text| split(text).map(|(end, start)| (&text[..end], &text[start..]))).collect()
+}
+
+/// Parses a value of a parameter of this kind as it is written on the command line.
+fn value(text: &str, kind: ParameterKind) -> Result<ParameterValue, String> {
+    match kind {
+        ParameterKind::Choice => return Ok(text.into()),
+        ParameterKind::Array => return array(text),
+        ParameterKind::Float | ParameterKind::Integer | ParameterKind::Boolean => {}
+    }
     match text {
         "true" => return Ok(ParameterValue::Boolean(true)),
         "false" => return Ok(ParameterValue::Boolean(false)),
@@ -102,6 +122,18 @@ fn value(text: &str) -> Result<ParameterValue, String> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(ParameterValue::Float(number)),
         _ => Err("expected a finite number, `true` or `false`".to_string()),
+    }
+}
+
+/// Parses numbers in brackets, or without.
+fn array(text: &str) -> Result<ParameterValue, String> {
+    let inside = text.trim();
+    let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
+    let numbers = inside.split(',').map(|number| number.trim().parse::<f64>());
+    let numbers: Result<Vec<f64>, _> = numbers.collect();
+    match numbers {
+        Ok(numbers) if numbers.iter().all(|number| number.is_finite()) => Ok(numbers.into()),
+        _ => Err(format!("`{text}`: expected finite numbers, such as `[0, 0.5]`")),
     }
 }
 
@@ -157,8 +189,8 @@ impl Get {
 #[derive(Debug, Serialize)]
 struct Change<'a> {
     name: &'a str,
-    old: ParameterValue,
-    new: ParameterValue,
+    old: &'a ParameterValue,
+    new: &'a ParameterValue,
     unit: &'a str,
 }
 
@@ -166,19 +198,39 @@ impl Set {
     fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
         let (table, rows) = parameters(&run)?;
-        let row = find(&rows, &self.path, &run.plan.name)?;
-        let new = match table.set(&self.path, self.value) {
-            Ok(new) => new,
-            Err(error) => {
-                errln!("{}: {error}; it stays {}", style::error("error"), row.with_unit(row.value));
+        let mut wanted = Vec::new();
+        for (path, text) in assignments(&self.values)? {
+            let row = find(&rows, path, &run.plan.name)?;
+            let value = value(text, row.kind).map_err(|message| anyhow::anyhow!("`{path}`: {message}"))?;
+            wanted.push((row, value));
+        }
+        let set = table.set_many(wanted.iter().map(|(row, value)| (row.name.as_str(), value.clone())));
+        let new = match (set, wanted.as_slice()) {
+            (Ok(new), _) => new,
+            (Err(error), [(row, _)]) => {
+                errln!("{}: {error}; it stays {}", style::error("error"), row.with_unit(&row.value));
+                return Ok(exit::FAILED);
+            }
+            (Err(error), _) => {
+                errln!("{}: {error}; nothing was set", style::error("error"));
                 return Ok(exit::FAILED);
             }
         };
-        if self.json {
-            let change = Change { name: &row.name, old: row.value, new, unit: &row.unit };
-            outln!("{}", serde_json::to_string_pretty(&change)?);
-        } else {
-            outln!("{}: {} -> {}", style::strong(&row.name), row.value, row.with_unit(new));
+        let changes = wanted.iter().zip(&new).map(|((row, _), new)| Change {
+            name: &row.name,
+            old: &row.value,
+            new,
+            unit: &row.unit,
+        });
+        let changes: Vec<_> = changes.collect();
+        match changes.as_slice() {
+            [change] if self.json => outln!("{}", serde_json::to_string_pretty(change)?),
+            changes if self.json => outln!("{}", serde_json::to_string_pretty(changes)?),
+            _ => {
+                for ((row, _), new) in wanted.iter().zip(&new) {
+                    outln!("{}: {} -> {}", style::strong(&row.name), row.value, row.with_unit(new));
+                }
+            }
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -190,11 +242,30 @@ mod tests {
 
     #[test]
     fn values_are_read_as_people_write_them() {
-        assert_eq!(value("true"), Ok(ParameterValue::Boolean(true)));
-        assert_eq!(value("-3"), Ok(ParameterValue::Integer(-3)));
-        assert_eq!(value("2.5e-3"), Ok(ParameterValue::Float(0.0025)));
+        let float = |text| value(text, ParameterKind::Float);
+        assert_eq!(value("true", ParameterKind::Boolean), Ok(ParameterValue::Boolean(true)));
+        assert_eq!(float("-3"), Ok(ParameterValue::Integer(-3)));
+        assert_eq!(float("2.5e-3"), Ok(ParameterValue::Float(0.0025)));
         for text in ["nan", "inf", "fast", "", "1 kHz"] {
-            assert!(value(text).unwrap_err().contains("finite number"), "{text}");
+            assert!(float(text).unwrap_err().contains("finite number"), "{text}");
         }
+        assert_eq!(value("2", ParameterKind::Choice), Ok("2".into()));
+        for text in ["[1, -2.5]", "1,-2.5", " [ 1 , -2.5 ] "] {
+            assert_eq!(value(text, ParameterKind::Array), Ok([1.0, -2.5].into()), "{text}");
+        }
+        for text in ["[1, nan]", "[]", "[1", "one"] {
+            assert!(value(text, ParameterKind::Array).unwrap_err().contains("finite numbers"), "{text}");
+        }
+    }
+
+    #[test]
+    fn several_parameters_are_written_with_an_equals_sign_and_one_may_be_without() {
+        let owned = |texts: &[&str]| -> Vec<String> { texts.iter().map(ToString::to_string).collect() };
+        let one = owned(&["policy.speed", "-1"]);
+        assert_eq!(assignments(&one).unwrap(), [("policy.speed", "-1")]);
+        let two = owned(&["policy.speed=1", "policy.gait=trot"]);
+        assert_eq!(assignments(&two).unwrap(), [("policy.speed", "1"), ("policy.gait", "trot")]);
+        let error = assignments(&owned(&["policy.speed"])).unwrap_err().to_string();
+        assert!(error.contains("write `COMPONENT.PARAMETER=VALUE`"), "{error}");
     }
 }

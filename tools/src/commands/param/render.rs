@@ -21,6 +21,9 @@ pub(super) struct Row {
     pub(super) default: ParameterValue,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
+    /// Names to choose from; only of a choice.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) choices: Vec<String>,
     pub(super) unit: String,
     pub(super) doc: String,
 }
@@ -38,25 +41,32 @@ impl Row {
             default: declaration.default,
             min: declaration.min,
             max: declaration.max,
+            choices: declaration.choices,
             unit: declaration.unit,
             doc: declaration.doc,
         }
     }
 
     /// A value of this parameter with its unit.
-    pub(super) fn with_unit(&self, value: ParameterValue) -> String {
+    pub(super) fn with_unit(&self, value: &ParameterValue) -> String {
         if self.unit.is_empty() { value.to_string() } else { format!("{value} {}", self.unit) }
     }
 
     /// The range in words.
     fn range(&self) -> String {
-        match (self.min, self.max) {
+        let length = match &self.default {
+            ParameterValue::Array(values) => format!("{} numbers, ", values.len()),
+            _ => String::new(),
+        };
+        let range = match (self.min, self.max) {
+            _ if self.kind == ParameterKind::Choice => self.choices.join(", "),
             (Some(min), Some(max)) => format!("{min} to {max}"),
             (Some(min), None) => format!("from {min}"),
             (None, Some(max)) => format!("to {max}"),
             (None, None) if self.kind == ParameterKind::Boolean => "true, false".to_string(),
             (None, None) => "any".to_string(),
-        }
+        };
+        length + &range
     }
 }
 
@@ -85,25 +95,30 @@ mod tests {
 
     use super::*;
 
-    fn row(default: ParameterValue, min: Option<f64>, max: Option<f64>) -> Row {
+    fn row(default: impl Into<ParameterValue>, min: Option<f64>, max: Option<f64>) -> Row {
+        let default: ParameterValue = default.into();
         let declaration = ParameterDeclaration {
             name: "gain".into(),
-            default,
+            default: default.clone(),
             min,
             max,
+            choices: Vec::new(),
             unit: "1/s".into(),
             doc: "how fast".into(),
         };
-        Row::new("controller".into(), ParameterPlan { declaration, initial: default }, default)
+        Row::new("controller".into(), ParameterPlan { declaration, initial: default.clone() }, default)
     }
 
     #[test]
     fn ranges_are_written_as_they_are_meant() {
-        let float = ParameterValue::Float(1.0);
+        let float = 1.0;
         assert_eq!(row(float, Some(0.0), Some(2.5)).range(), "0 to 2.5");
         assert_eq!(row(float, Some(0.5), None).range(), "from 0.5");
         assert_eq!(row(float, None, None).range(), "any");
         assert_eq!(row(ParameterValue::Boolean(true), None, None).range(), "true, false");
+        assert_eq!(row([1.0, 2.0], Some(0.0), Some(3.0)).range(), "2 numbers, 0 to 3");
+        let choices = vec!["walk".to_string(), "trot".to_string()];
+        assert_eq!(Row { choices, ..row("walk", None, None) }.range(), "walk, trot");
     }
 
     #[test]

@@ -1,0 +1,158 @@
+//! Parameters of a running graph, seen from outside of its components.
+
+use iceoryx2::node::Node;
+
+use super::blackboard::{ENTRY, ParameterReader, RawTable, encode, places};
+use crate::declare::ParameterValue;
+use crate::nearest::suggest;
+use crate::plan::{ComponentPlan, ParameterPlan, Plan};
+use crate::transport::topic::{refused, service_name};
+use crate::transport::{Domain, DomainError, PortError, Shared};
+
+/// A parameter could not be read or set from outside.
+#[derive(Debug, thiserror::Error)]
+pub enum ParameterError {
+    /// There is no such component or parameter.
+    #[error("{0}")]
+    Unknown(String),
+    /// The value has the wrong type or is out of range.
+    #[error("{0}")]
+    Refused(String),
+    /// The run cannot be reached.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The run's domain cannot be joined.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+}
+
+/// The parameters of a running graph, seen from outside.
+#[derive(Debug)]
+pub struct ParameterTable {
+    node: Node<Shared>,
+    plan: Plan,
+}
+
+/// A value for one parameter: index of the component, place in its table, parameter, admitted value.
+type Admitted<'a> = (usize, usize, &'a ParameterPlan, ParameterValue);
+
+impl ParameterTable {
+    /// Joins a run.
+    ///
+    /// # Errors
+    /// The run's domain cannot be joined.
+    pub fn open(domain: &Domain, plan: Plan) -> Result<Self, ParameterError> {
+        Ok(Self { node: domain.node()?, plan })
+    }
+
+    /// All parameters of the graph: component, declaration, current value.
+    ///
+    /// # Errors
+    /// The run cannot be reached.
+    pub fn list(&self) -> Result<Vec<(String, ParameterPlan, ParameterValue)>, ParameterError> {
+        let mut all = Vec::new();
+        for component in &self.plan.components {
+            let reader = ParameterReader::open(&self.node, component)?;
+            let values = reader.values();
+            all.extend(values.map(|(plan, value)| (component.name.clone(), plan.clone(), value)));
+        }
+        Ok(all)
+    }
+
+    /// Sets a parameter, named `component.parameter`. It takes effect at the component's next step.
+    ///
+    /// # Errors
+    /// No such parameter; a value of another type or out of range; somebody else is writing at the moment.
+    pub fn set(&self, path: &str, value: ParameterValue) -> Result<ParameterValue, ParameterError> {
+        let mut set = self.set_many([(path, value)])?;
+        Ok(set.swap_remove(0))
+    }
+
+    /// Sets several parameters at once. Those of one component take effect together, at its next step; of several
+    /// components each at its own. Returns the values as they were set.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set), for the first that cannot be set: then none of them is.
+    pub fn set_many<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
+    ) -> Result<Vec<ParameterValue>, ParameterError> {
+        let mut admitted: Vec<Admitted<'_>> = Vec::new();
+        for (path, value) in values {
+            let one = self.admit(path, value)?;
+            if admitted.iter().any(|(component, place, ..)| (*component, *place) == (one.0, one.1)) {
+                return Err(ParameterError::Refused(format!("`{path}` is to be set twice at once")));
+            }
+            admitted.push(one);
+        }
+        for (index, component) in self.plan.components.iter().enumerate() {
+            let own = admitted.iter().filter(|(of, ..)| *of == index);
+            self.write(component, own)?;
+        }
+        Ok(admitted.into_iter().map(|(.., value)| value).collect())
+    }
+
+    fn admit(&self, path: &str, value: ParameterValue) -> Result<Admitted<'_>, ParameterError> {
+        let unknown = |message: String| ParameterError::Unknown(message);
+        let (name, parameter) = path
+            .split_once('.')
+            .ok_or_else(|| unknown(format!("`{path}` is no parameter; write it as `component.parameter`")))?;
+        let components = &self.plan.components;
+        let index = components.iter().position(|component| component.name == name).ok_or_else(|| {
+            let names = components.iter().map(|component| component.name.as_str());
+            unknown(format!("the graph has no component `{name}`; {}", suggest(name, names, "it has")))
+        })?;
+        let parameters = &components[index].parameters;
+        let found = places(parameters).find(|(_, plan)| plan.declaration.name == parameter);
+        let (place, plan) = found.ok_or_else(|| {
+            let names = parameters.iter().map(|plan| plan.declaration.name.as_str());
+            unknown(format!(
+                "`{name}` has no parameter `{parameter}`; {}",
+                suggest(parameter, names, "it has")
+            ))
+        })?;
+        let value = plan.declaration.admit(value).map_err(ParameterError::Refused)?;
+        Ok((index, place, plan, value))
+    }
+
+    /// Writes values of one component into its table, which readers see as it was or with all of them.
+    fn write<'a>(
+        &self,
+        component: &ComponentPlan,
+        values: impl Iterator<Item = &'a Admitted<'a>>,
+    ) -> Result<(), ParameterError> {
+        let mut values = values.peekable();
+        if values.peek().is_none() {
+            return Ok(());
+        }
+        let name = &component.name;
+        let service = self
+            .node
+            .service_builder(&service_name("parameters", name)?)
+            .blackboard_opener::<u64>()
+            .open()
+            .map_err(|error| refused(name, "opening its parameters")(&error))?;
+        // There is one writer at a time: nobody changes the table between the reading and the writing below.
+        let writer = service
+            .writer_builder()
+            .create()
+            .map_err(|error| refused(name, "writing its parameters")(&error))?;
+        let entry = writer
+            .entry::<RawTable>(&ENTRY)
+            .map_err(|error| refused(name, "writing its parameters")(&error))?;
+        let reader = service
+            .reader_builder()
+            .create()
+            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+        let handle = reader
+            .entry::<RawTable>(&ENTRY)
+            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+        let mut table = *handle.get();
+        for (_, place, plan, value) in values {
+            let places = *place..place + plan.declaration.numbers();
+            encode(&plan.declaration, value, &mut table.bits[places]);
+        }
+        entry.update_with_copy(table);
+        Ok(())
+    }
+}
