@@ -126,6 +126,8 @@ fn the_log_of_a_run_that_a_crash_left_behind_is_read_by_its_id() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();
+    // A launcher that runs would replace its guard.
+    signal(run.launcher(), Signal::STOP);
     kill(run.guard());
     kill(run.launcher());
     crate::support::await_that("nobody holds the run", || !run.folder.is_alive());

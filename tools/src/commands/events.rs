@@ -15,7 +15,7 @@ use crate::style;
 
 /// Show the log of events of a run: starts, resets, failures, restarts, stops, misses, refusals, safe states, printed lines.
 ///
-/// The log has a fixed size: of each severity it keeps the newest 128. A run that is over has none, but what was left
+/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A run that is over has none, but what was left
 /// behind by a crash is shown when its id is named.
 ///
 /// Example: motorium events --follow --severity warning

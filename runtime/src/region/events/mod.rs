@@ -1,8 +1,8 @@
-//! The log of events of a run, in its control block: a ring for each severity, of a fixed size.
+//! The log of events of a run, in its control block: a ring for each severity and one for printed lines, of a fixed size.
 //!
 //! Whoever has something to tell writes it: the launcher, and the guard when the launcher is gone. No worker does: misses and
 //! refusals are counted by workers and told by the launcher, at its own pace. Since each severity has its ring, printed lines
-//! push out no warning, and warnings push out no failure.
+//! push out nothing else, and warnings push out no failure.
 
 mod kind;
 mod ring;
@@ -18,7 +18,10 @@ pub(crate) use ring::Ring;
 
 use crate::atomics::Native;
 
-/// Records of one severity that are kept.
+/// The severity of the events in each ring. The last ring is for printed lines.
+const RINGS: [EventSeverity; 4] =
+    [EventSeverity::Information, EventSeverity::Warning, EventSeverity::Error, EventSeverity::Information];
+/// Records of one ring that are kept.
 const RECORDS: usize = 128;
 /// Words of a record, so that its slot has 512 bytes.
 const WORDS: usize = 63;
@@ -35,7 +38,7 @@ const NONE: u64 = u64::MAX;
 pub struct EventLog {
     /// Time at which it was made, `CLOCK_MONOTONIC` ns.
     opened_ns: AtomicU64,
-    rings: [Ring<Native, RECORDS, WORDS>; EventSeverity::ALL.len()],
+    rings: [Ring<Native, RECORDS, WORDS>; RINGS.len()],
 }
 
 /// One event in the log.
@@ -68,10 +71,11 @@ impl EventLog {
         self.opened_ns.load(Relaxed)
     }
 
-    /// Writes an event in place of the oldest one of its severity. It waits for nobody and takes no memory.
+    /// Writes an event in place of the oldest one of its ring. It waits for nobody and takes no memory.
     pub fn write(&self, record: &EventRecord) {
         // In no slot only if its writers were killed; there is nobody to tell then.
-        let _ = self.rings[record.severity as usize].write(&encode(record));
+        let ring = if record.kind == EventKind::Output { RINGS.len() - 1 } else { record.severity as usize };
+        let _ = self.rings[ring].write(&encode(record));
     }
 
     /// Number of events that were written so far.
@@ -114,7 +118,7 @@ fn in_order(records: &mut [EventRecord]) {
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct EventReader {
-    places: [Place; EventSeverity::ALL.len()],
+    places: [Place; RINGS.len()],
     lost: u64,
 }
 
@@ -131,7 +135,7 @@ impl EventReader {
     /// The events since the last call, or all that are still there, oldest first.
     pub fn read(&mut self, log: &EventLog) -> Vec<EventRecord> {
         let mut records = Vec::new();
-        for ((place, ring), severity) in self.places.iter_mut().zip(&log.rings).zip(EventSeverity::ALL) {
+        for ((place, ring), severity) in self.places.iter_mut().zip(&log.rings).zip(RINGS) {
             self.lost = self.lost.saturating_add(place.read_on(ring, severity, &mut records));
         }
         in_order(&mut records);
