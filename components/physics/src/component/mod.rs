@@ -15,7 +15,7 @@ use motorium::worker::Kind;
 use motorium_robots::Dynamics;
 use serde_json::json;
 
-use crate::{Articulated, JointCommand, Rapier, Simulation, Simulator, StepReport};
+use crate::{Articulated, BuildWarning, JointCommand, Rapier, Simulation, Simulator, StepReport};
 pub use build::PhysicsEngine;
 use build::{Built, build};
 pub use config::PhysicsConfig;
@@ -94,7 +94,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         // Everything that could be refused later is refused now.
         let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
         for warning in simulation.warnings() {
-            declare.warn(warning.to_string());
+            // Links that are always close are how the robot is built: nothing that its user could mend.
+            if !matches!(warning, BuildWarning::SelfCollisionOff { .. }) {
+                declare.warn(warning.to_string());
+            }
         }
         for robot in &robots {
             declare.input::<state::JointCommand>(&robot.port("joint_command"), "commands of the drives");
