@@ -16,10 +16,10 @@ pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
 /// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
-    /// The graph file
-    #[arg(default_value = DEFAULT_GRAPH)]
+    /// The graph file; graphs/panda-reach.toml if not given
+    #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true)]
     pub(crate) graph: PathBuf,
-    /// Lay a file over the graph: tables merge key by key, other values replace; before `--set`; may be repeated
+    /// Lay a file over the graph, before `--set`: tables merge, values replace; may be repeated
     #[arg(long = "with", value_name = "OVERLAY.toml")]
     pub(crate) with: Vec<PathBuf>,
     /// Set a value of the graph file, such as `controller.config.damping=1e-4`; may be repeated

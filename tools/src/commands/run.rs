@@ -28,8 +28,8 @@ pub(crate) struct Run {
     /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<String>,
-    /// The clock: as the graph says if not given
-    #[arg(long, value_enum)]
+    /// The clock, `realtime` or `lockstep`: as the graph says if not given
+    #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
     /// Where the components run: in `processes`, in `threads`, or `inline`, all in one thread
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
@@ -52,7 +52,7 @@ pub(crate) struct Run {
     /// Hold simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Expect a figure of the report, such as `controller.position_error_m <= 1e-3`; may be repeated
+    /// Expect a figure of the report, such as `controller.goals_missed == 0`; may be repeated
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
     /// Expect nothing, whatever the graph expects

@@ -46,7 +46,7 @@ mod tests {
         let time = |component: &str, wall_ns| DeclareTime { component: component.to_string(), wall_ns };
         let times = [time("quick", DECLARE_BOUND_NS), time("slow", 1_234_567_890)];
         let text = warnings(&times);
-        assert!(text.contains("component `slow` took 1234 ms to declare itself, more than 100 ms"), "{text}");
+        assert!(text.contains("component `slow` took 1.234 s to declare itself, more than 100 ms"), "{text}");
         assert!(!text.contains("quick"), "{text}");
         let data = of(&times);
         assert_eq!((&data[0]["within_bound"], &data[1]["within_bound"]), (&json!(true), &json!(false)));
