@@ -244,6 +244,8 @@ impl Launch {
             self.signal_all();
             std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
         }
+        // What was kept for restarts is room for results.
+        self.spare.release();
         self.region.header().order(Command::Stop);
         self.ended_ns = Some(monotonic_ns());
         let ordered = Instant::now();

@@ -109,7 +109,7 @@ impl Expectation {
         }
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());
         let bound = match (number, text) {
-            (Some(number), _) => number.into(),
+            (Some(number), text) => text.parse::<i64>().map_or(number.into(), Into::into),
             (None, "true" | "false") => (text == "true").into(),
             (None, text) => text.trim_matches('"').into(),
         };
