@@ -147,7 +147,7 @@ fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything
 /// The run goes on while `fill` is at work; then the controller is killed.
 fn killed_after(fill: &str) -> String {
     let line = format!(
-        "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
+        "\"$MOTORIUM\" run graphs/panda-reach.toml --force --no-expect --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
          run=$!; sleep 2; {fill}\n\
          kill -9 $(pgrep -P $run -f 'motorium-worker .* controller$'); wait $run; rc=$?\n\
          rm -f /dev/shm/fill; cat /tmp/motorium-full-$$; rm /tmp/motorium-full-$$; (exit $rc)"
