@@ -10,7 +10,7 @@ pub struct DelayLine {
     width: usize,
     /// Ring of frames, oldest first from `head`; the oldest is the one that was last read, once one was.
     times: Vec<u64>,
-    /// What the owner of each frame noted with it.
+    /// A number of the owner for each frame, handed back with it.
     notes: Vec<u64>,
     values: Vec<f64>,
     head: usize,

@@ -54,7 +54,7 @@ pub struct Setup {
     pub(super) helpers: Helpers,
 }
 
-/// What a configured component was given.
+/// Ports, parameters, activation and helper threads of a component that is configured.
 pub(crate) struct Prepared {
     pub(crate) ports: Vec<Rc<dyn Connect>>,
     pub(crate) parameters: ParameterReader,

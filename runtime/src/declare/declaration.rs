@@ -30,7 +30,7 @@ pub struct Declaration {
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
-    /// What works, and is probably not meant.
+    /// Warnings about a configuration that works, and is probably not meant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
 }
