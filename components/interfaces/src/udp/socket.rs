@@ -21,7 +21,8 @@ pub(super) struct Datagram {
     pub(super) length: usize,
     /// Its sender; `None` for one that is no internet address.
     pub(super) sender: Option<SocketAddr>,
-    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`.
+    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`. The kernel stamps datagrams from a moment after the first
+    /// socket of the machine asked for it; one that arrived before that has the time at which it is read.
     pub(super) received_ns: Option<u64>,
     /// Datagrams that the kernel had no room for since the socket was opened, modulo 2^32.
     pub(super) lost: Option<u32>,
@@ -125,7 +126,7 @@ fn sender(from: &libc::sockaddr_storage) -> Option<SocketAddr> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::{SystemTime, UNIX_EPOCH};
+    use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
     use super::*;
 
@@ -141,11 +142,26 @@ mod tests {
         SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
     }
 
+    /// Waits until the kernel stamps datagrams when they arrive: it defers that after the first socket asked for it.
+    fn wait_for_stamps(socket: &Socket, sender: &UdpSocket) {
+        for _ in 0..1_000 {
+            sender.send(&[0]).unwrap();
+            let after = now_ns();
+            std::thread::sleep(Duration::from_millis(2));
+            let datagram = socket.receive(&mut [0]).unwrap().unwrap();
+            if datagram.received_ns.unwrap() <= after {
+                return;
+            }
+        }
+        panic!("the kernel stamps no datagram when it arrives");
+    }
+
     #[test]
     fn datagrams_come_in_order_with_their_sender_and_the_time_of_their_arrival() {
         let (socket, sender, own) = pair("127.0.0.1").unwrap();
         let mut payload = [0; 4];
         assert_eq!(socket.receive(&mut payload).unwrap(), None, "it does not wait");
+        wait_for_stamps(&socket, &sender);
         let before = now_ns();
         for bytes in [&[1_u8, 2, 3, 4][..], &[5, 6], &[7; 9]] {
             sender.send(bytes).unwrap();
