@@ -20,7 +20,8 @@ impl Numbers {
     fn frame(&mut self) -> Frame {
         let (choice, data) = (self.next(), self.next().to_le_bytes());
         let length = [8, 8, 8, 8, 6, 6, 4, 2, 1, 0, 3, 5, 7][(choice >> 8) as usize % 13];
-        const USED: [u16; 10] = [0x000, 0x001, 0x011, 0x7ff, 0x061, 0x069, 0x181, 0x281, 0x581, 0x701];
+        const USED: [u16; 12] =
+            [0x000, 0x001, 0x011, 0x011, 0x7ff, 0x061, 0x069, 0x06c, 0x181, 0x281, 0x581, 0x701];
         let id = match choice % 16 {
             0 => Id::Extended((choice >> 32) as u32 & 0x1fff_ffff),
             1 => Id::Standard((choice >> 32) as u16 & 0x7ff),
@@ -32,7 +33,10 @@ impl Numbers {
             0..=3 => data[0] = data[0] & 0xf0 | 1,
             4..=7 => data[0] = 1,
             8 => data[..4].copy_from_slice(&[1, 0, 0x33, 23]),
-            9 => data[1..4].copy_from_slice(&[0x60, 0x60, 0]),
+            9 => {
+                data[0] = 0x43 | data[0] & 0x0c;
+                data[1..4].copy_from_slice(&[0x60, 0x60, 0]);
+            }
             _ => {}
         }
         Frame::new(id, Form::Classic, &data[..length]).unwrap()
