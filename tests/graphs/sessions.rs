@@ -114,6 +114,8 @@ fn an_arm_driven_to_a_goal_set_back_and_driven_again_repeats_itself_to_the_last_
     assert_ne!(reach(&mut session, 0.5), first, "another goal");
     session.reset(seed + 1).expect("all its components can be set back");
     assert_ne!(reach(&mut session, 0.4), first, "other noise");
+    let newest = session.read::<JointState>("panda/joint_state").expect("a state").expect("was published");
+    assert_eq!(newest.stamp.episode, 3);
     let report = session.stop();
     let hashes: Vec<&str> = report.episodes.iter().map(|episode| episode.state_hash.as_str()).collect();
     assert_eq!((hashes[0], hashes[1], report.exit), (hash.as_str(), hash.as_str(), Exit::Finished));
