@@ -10,3 +10,5 @@ mod mit;
 mod odrive;
 mod random;
 mod table;
+
+motorium::count_allocations!();
