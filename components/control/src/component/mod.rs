@@ -63,6 +63,7 @@ impl Component for QpController {
     const KIND: &'static str = "control.qp";
     const SUMMARY: &'static str =
         "differential inverse kinematics: pose targets to joint commands, within limits";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = QpControllerConfig;
 

@@ -47,6 +47,18 @@ fn parameters_change_what_the_configuration_says() {
 }
 
 #[test]
+fn gravity_is_that_of_the_world_unless_the_controller_states_its_own() {
+    let hash = |config: &str, world: Option<&str>| {
+        let graph = graph("{ gravity = -1.62 }", Targets::default(), controller(config));
+        run(world.into_iter().fold(graph, |graph, gravity| graph.set("world.gravity", gravity))).state_hash
+    };
+    let stated = hash("{ gravity = [0.0, 0.0, -1.62] }", None);
+    assert_eq!(hash("{}", Some("[0.0, 0.0, -1.62]")), stated);
+    assert_eq!(hash("{ gravity = [0.0, 0.0, -1.62] }", Some("[0.0, 0.0, -9.0]")), stated);
+    assert_ne!(hash("{}", None), stated);
+}
+
+#[test]
 fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
     // gravity is stronger than the controller believes
     let plant = "{ gravity = -10.5 }";

@@ -62,6 +62,8 @@ pub(super) struct Line<'a> {
     /// Names of the joints, where the arrays of the value have an entry for each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) joints: Option<&'a [String]>,
+    /// Index of the episode.
+    pub(super) episode: u64,
     pub(super) value: &'a Decoded<'a>,
 }
 
@@ -141,6 +143,7 @@ impl Echo {
                 .map(|component| component.name.as_str()),
             restart_count: stamp.restart_count,
             joints: Some(joints).filter(|joints| are_of_joints(&value, joints.len())),
+            episode: stamp.episode,
             value: &value,
         };
         self.write(&line)
@@ -260,6 +263,7 @@ mod tests {
             age_ns: 0,
             publisher: None,
             restart_count: 0,
+            episode: 0,
             joints: Some(&joints),
             value: &value,
         };

@@ -55,6 +55,7 @@ pub(super) fn line<'a>(
         publisher: component.map(|component| component.name.as_str()),
         restart_count: 0,
         joints: None,
+        episode: 0,
         value,
     }
 }
