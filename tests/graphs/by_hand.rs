@@ -14,16 +14,7 @@ fn a_component_that_is_killed_by_hand_comes_back_and_the_run_is_found_by_its_nam
     let graph = workspace().join("graphs/panda-reach.toml");
     let run = Run::start(
         &graph,
-        &[
-            "--for",
-            "60 s",
-            "--name",
-            "killed-by-hand",
-            "--force",
-            "--no-expect",
-            "--set",
-            "policy.restart.when=failure",
-        ],
+        &["--for", "60 s", "--name", "killed-by-hand", "--force", "--set", "policy.restart.when=failure"],
     );
     assert!(run.folder.id().starts_with("killed-by-hand-"), "{}", run.folder.id());
 
@@ -55,8 +46,7 @@ fn a_component_that_is_killed_by_hand_comes_back_and_the_run_is_found_by_its_nam
 fn a_component_that_is_a_thread_of_the_launcher_is_not_killed() {
     let _machine = machine();
     let graph = workspace().join("graphs/panda-reach.toml");
-    let arguments =
-        ["--for", "60 s", "--name", "hosted-by-hand", "--hosting", "threads", "--force", "--no-expect"];
+    let arguments = ["--for", "60 s", "--name", "hosted-by-hand", "--hosting", "threads", "--force"];
     let run = Run::start(&graph, &arguments);
     let told = complaint(&["kill", "hosted-by-hand", "policy"]);
     assert!(told.contains("is a thread of the launcher"), "{told}");

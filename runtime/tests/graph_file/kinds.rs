@@ -29,9 +29,6 @@ pub(crate) fn registry() -> Registry {
 
 fn check(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     let (urdf, folder) = (robot.urdf.as_str(), &robot.base);
-    if let Some(profile) = robot.profile.as_ref().filter(|profile| !profile.exists()) {
-        return Err(ConfigError::key("profile", format!("no profile at `{}`", profile.display())));
-    }
     if matches!(urdf, "panda" | "ur5") {
         return Ok(Vec::new());
     }

@@ -274,8 +274,8 @@ mod tests {
             [
                 "  count            2",
                 "  joint    position    velocity",
-                "  hip      0.500000    0.000000",
-                "  knee    -1.000000    2.000000",
+                "  hip     0.500000    0.000000",
+                "  knee   -1.000000    2.000000",
             ]
         );
         assert!(!are_of_joints(&value, 3) && !are_of_joints(&value, 0));
