@@ -60,6 +60,7 @@ mod feed_forward;
 mod gains;
 mod goals;
 mod ik;
+mod levels;
 pub mod limits;
 mod setpoint;
 pub mod solver;

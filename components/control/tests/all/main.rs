@@ -6,6 +6,7 @@ mod feed_forward;
 mod graph;
 mod inverse_kinematics;
 mod known_problems;
+mod levels;
 mod random_problems;
 mod recorded_problems;
 mod robot;

@@ -16,6 +16,8 @@ use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 pub struct CartesianConfig {
     /// Name of the task, with which the names of its parameters begin. Default "cartesian".
     pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
     /// Link whose frame follows the target. Default: that of the robot's only end effector.
     pub frame: Option<String>,
     /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default
@@ -45,6 +47,7 @@ impl Default for CartesianConfig {
         let settings = CartesianSettings::default();
         Self {
             name: "cartesian".to_owned(),
+            level: 1,
             frame: None,
             target: "target".to_owned(),
             gain: settings.gain,
@@ -97,6 +100,10 @@ impl CartesianConfig {
 impl TaskKind for CartesianConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
     }
 
     fn target(&self) -> Option<&str> {

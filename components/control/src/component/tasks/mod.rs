@@ -60,6 +60,9 @@ pub(super) trait TaskKind {
     /// Name of the task, with which the names of its parameters begin.
     fn name(&self) -> &str;
 
+    /// Its level: tasks of a higher number decide only what those of lower ones leave open.
+    fn level(&self) -> u32;
+
     /// Name of the input of its target, if it has one.
     fn target(&self) -> Option<&str> {
         None
@@ -114,6 +117,14 @@ impl TaskPlace<'_> {
             self.in_range("damping", damping, 0.0..=f64::MAX)
         })
     }
+}
+
+/// A task with its name and the place of its level.
+pub(super) struct Held {
+    pub(super) name: String,
+    /// 0 for the highest.
+    pub(super) level: usize,
+    pub(super) task: Box<dyn HeldTask>,
 }
 
 /// A task of a running controller, with its input and its parameters.
