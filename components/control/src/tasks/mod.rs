@@ -2,10 +2,12 @@
 
 mod cartesian;
 mod centre_of_mass;
+mod gaze;
 mod posture;
 
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
+pub use gaze::{GazeSettings, GazeTask};
 pub use posture::{PostureSettings, PostureTask};
 
 pub use crate::levels::Rows;

@@ -7,7 +7,7 @@ use motorium::testing::Graph;
 
 use crate::graph::{Targets, bare_controller, controller, graph, run};
 
-fn number(value: &serde_json::Value) -> f64 {
+pub(crate) fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 

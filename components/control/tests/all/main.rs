@@ -3,6 +3,7 @@
 mod allocations;
 mod component;
 mod feed_forward;
+mod gaze;
 mod graph;
 mod inverse_kinematics;
 mod known_problems;

@@ -1,7 +1,7 @@
 //! The Cartesian task of `control.qp`.
 
 use motorium::prelude::*;
-use motorium_robots::{EndEffectorError, Twist};
+use motorium_robots::Twist;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -65,13 +65,7 @@ impl Default for CartesianConfig {
 impl CartesianConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
         let model = place.model;
-        let frame = model.end_effector(place.profile, self.frame.as_deref()).map_err(|error| match error {
-            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(place.key("frame"), unknown.to_string()),
-            error => ConfigError::new(error.to_string()).advise(format!(
-                "name the link to control: tasks = [{{ cartesian = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
-                error.example().unwrap_or_default()
-            )),
-        })?;
+        let frame = place.frame("cartesian", self.frame.as_deref())?;
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
         let settings = CartesianSettings {
             gain: place.in_range("gain", self.gain, GAINS)?,

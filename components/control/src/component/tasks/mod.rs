@@ -5,16 +5,18 @@
 
 mod cartesian;
 mod centre_of_mass;
+mod gaze;
 mod posture;
 
 pub use cartesian::CartesianConfig;
 pub use centre_of_mass::CentreOfMassConfig;
+pub use gaze::GazeConfig;
 pub use posture::PostureConfig;
 
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
-use motorium_robots::{Model, Profile};
+use motorium_robots::{EndEffectorError, FrameId, Model, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -51,6 +53,8 @@ task_kinds! {
     "cartesian" => Cartesian(CartesianConfig),
     /// The centre of mass follows a point.
     "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
+    /// An axis of a frame points at a point.
+    "gaze" => Gaze(GazeConfig),
     /// The joints keep a posture.
     "posture" => Posture(PostureConfig),
 }
@@ -93,6 +97,17 @@ impl TaskPlace<'_> {
     /// Path of the key `name` of the task.
     pub(super) fn key(&self, name: &str) -> String {
         format!("{}.{name}", self.path)
+    }
+
+    /// The frame that a task of this kind leads: the one named, or that of the robot's only end effector.
+    fn frame(&self, kind: &str, named: Option<&str>) -> Result<FrameId, ConfigError> {
+        self.model.end_effector(self.profile, named).map_err(|error| match error {
+            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(self.key("frame"), unknown.to_string()),
+            error => ConfigError::new(error.to_string()).advise(format!(
+                "name the link to control: tasks = [{{ {kind} = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
+                error.example().unwrap_or_default()
+            )),
+        })
     }
 
     /// The value of the key `name`, if it is within `range`.
