@@ -3,6 +3,7 @@
 
 mod access;
 mod bridge;
+mod by_hand;
 mod commands;
 mod corruption;
 mod events;
@@ -16,6 +17,7 @@ mod looking_on;
 mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
+mod programs;
 mod runs;
 mod sessions;
 mod siblings;

@@ -217,6 +217,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "steps_at_a_joint_limit": totals.at_limit,
             "steps_beyond_a_velocity_limit": totals.overspeed,
             "steps_near_contact": totals.near_contact,
+            "joints": self.simulation.joint_names(),
             "joint_position": self.simulation.positions(),
             "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
@@ -224,6 +225,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             let Some(name) = &robot.name else { continue };
             result["robots"][name] = json!({
                 "steps_in_safe_state": robot.safe,
+                "joints": robot_joints(&self.simulation.joint_names()[robot.drives.clone()], name),
                 "joint_position": self.simulation.positions()[robot.drives.clone()],
             });
         }
@@ -241,6 +243,12 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         Some(result)
     }
+}
+
+/// The names of the joints of one of several robots, without that of the robot in front of them.
+fn robot_joints(names: &[String], robot: &str) -> Vec<String> {
+    let own = |name: &String| name.strip_prefix(robot)?.strip_prefix('/').map(str::to_string);
+    names.iter().map(|name| own(name).unwrap_or_else(|| name.clone())).collect()
 }
 
 impl<E: PhysicsEngine> PhysicsComponent<E> {

@@ -1,6 +1,7 @@
 //! The posture task of `control.qp`.
 
 use motorium::prelude::*;
+use motorium_robots::PerJoint;
 use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -16,10 +17,12 @@ use crate::tasks::{PostureSettings, PostureTask, Task};
 pub struct PostureConfig {
     /// Name of the task, with which the names of its parameters begin. Default "posture".
     pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
     /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no profile.
     pub pose: Option<String>,
-    /// The posture itself, rad or m, one number per joint. This or `pose`.
-    pub positions: Option<Vec<f64>>,
+    /// The posture itself, rad or m: one number for all joints, or one for each. This or `pose`.
+    pub positions: Option<PerJoint>,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
     pub gain: f64,
     /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
@@ -29,7 +32,7 @@ pub struct PostureConfig {
 impl Default for PostureConfig {
     fn default() -> Self {
         let PostureSettings { gain, weight } = PostureSettings::default();
-        Self { name: "posture".to_owned(), pose: None, positions: None, gain, weight }
+        Self { name: "posture".to_owned(), level: 1, pose: None, positions: None, gain, weight }
     }
 }
 
@@ -50,7 +53,13 @@ impl PostureConfig {
                     .advise("give `positions`, or put a profile beside the URDF"));
             }
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
-            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
+            (None, Some(positions), _) => {
+                let positions = match positions {
+                    PerJoint::All(position) => vec![*position; model.nv()],
+                    PerJoint::Each(positions) => positions.clone(),
+                };
+                (per_joint(&place.key("positions"), &positions, model)?, false)
+            }
             (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
             (None, None, None) => (DVector::zeros(model.nv()), true),
         };
@@ -65,6 +74,10 @@ impl PostureConfig {
 impl TaskKind for PostureConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
