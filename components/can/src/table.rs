@@ -3,6 +3,7 @@
 use core::ops::Range as Span;
 
 use motorium::units::TimeSpan;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::bus::bits::Rates;
@@ -44,7 +45,7 @@ pub struct Table {
 }
 
 /// A bus of a drive table.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BusEntry {
     /// Its name, such as that of its network interface.
@@ -63,7 +64,7 @@ fn turn_round() -> TimeSpan {
 }
 
 /// A drive of a drive table.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveEntry {
     /// The joint that it moves.
@@ -96,7 +97,7 @@ fn one() -> f64 {
 }
 
 /// The ranges of a drive's fields, in the units of its output shaft.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RangeEntry {
     /// Largest position, rad.
@@ -119,7 +120,7 @@ impl RangeEntry {
 }
 
 /// The protocol of a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
     /// The MIT protocol with answers of six bytes.
@@ -152,6 +153,8 @@ impl Protocol {
 pub struct TableError {
     /// The line of the file, from 1, if one can be named.
     pub line: Option<usize>,
+    /// The entry at fault: `bus` or `drive`, and its index.
+    pub entry: Option<(&'static str, usize)>,
     /// What was found, and what was expected.
     pub message: String,
     /// What to try.
@@ -190,19 +193,29 @@ impl Table {
         };
         let table: Self = toml::from_str(text).map_err(|error| TableError {
             line: line(error.span()),
+            entry: None,
             message: error.message().to_string(),
             advice: "the keys of a drive table stand in the page of `can.adapter`",
         })?;
-        table.check().map_err(|(place, message, advice)| {
-            let line = place.and_then(|(header, index)| nth_line(text, header, index));
-            TableError { line, message, advice }
+        table.check().map_err(|error| {
+            let line = error.entry.and_then(|(entry, index)| nth_line(text, &format!("[[{entry}]]"), index));
+            TableError { line, ..error }
         })?;
         Ok(table)
     }
 
-    fn check(&self) -> Result<(), Fault> {
+    /// Checks a table by itself.
+    ///
+    /// # Errors
+    /// A value in it cannot be.
+    pub fn check(&self) -> Result<(), TableError> {
+        let named = |(entry, message, advice)| TableError { line: None, entry, message, advice };
+        self.check_entries().map_err(named)
+    }
+
+    fn check_entries(&self) -> Result<(), Fault> {
         for (index, bus) in self.buses.iter().enumerate() {
-            let at = Some(("[[bus]]", index));
+            let at = Some(("bus", index));
             if !(10_000..=1_000_000).contains(&bus.bitrate) {
                 let message = format!("bus `{}`: a bitrate of {}", bus.name, bus.bitrate);
                 return Err((at, message, "write bits per second, 10000 to 1000000"));
@@ -216,7 +229,7 @@ impl Table {
             }
         }
         for (index, drive) in self.drives.iter().enumerate() {
-            let at = Some(("[[drive]]", index));
+            let at = Some(("drive", index));
             let refuse =
                 |message: String, advice| Err((at, format!("drive of `{}`: {message}", drive.joint), advice));
             let before = &self.drives[..index];
@@ -325,7 +338,7 @@ impl Table {
     /// # Errors
     /// A joint has no drive, or a drive moves no such joint.
     pub fn of_joints(&self, joints: &[String]) -> Result<Vec<usize>, TableError> {
-        let refuse = |message, advice| TableError { line: None, message, advice };
+        let refuse = |message, advice| TableError { line: None, entry: None, message, advice };
         if let Some(stray) = self.drives.iter().find(|drive| !joints.contains(&drive.joint)) {
             let message = format!("the robot has no joint `{}`; it has {}", stray.joint, joints.join(", "));
             return Err(refuse(message, "name the joints as the robot's model does"));

@@ -4,8 +4,8 @@ use motorium::declare::{ConfigError, Declare};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::Budget;
-use crate::component::Equipped;
+use crate::component::{Equipped, Source};
+use crate::{Budget, BusEntry, DriveEntry};
 
 motorium::state_buffer! {
     /// The drives of a robot, in the order of its joints.
@@ -57,14 +57,22 @@ pub enum WhenTripped {
 /// The `config` table of `can.adapter`.
 ///
 /// ```toml
-/// drives       = "drives/panda.toml"
-/// when_tripped = "disable"
+/// bus   = [{ name = "can0", bitrate = 1_000_000 }]
+/// drive = [
+///     { joint = "hinge", bus = "can0", protocol = "damiao", node = 1, watchdog = "20 ms", ranges = { position = 12.5, velocity = 30.0, torque = 10.0 } },
+/// ]
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CanAdapterConfig {
-    /// The drive table: a TOML file, relative to the graph file.
-    pub drives: String,
+    /// The drive table: a TOML file, relative to the graph file. Instead of `bus` and `drive`.
+    pub drives: Option<String>,
+    /// The buses, where no file has them.
+    #[serde(default)]
+    pub bus: Vec<BusEntry>,
+    /// The drives, where no file has them.
+    #[serde(default)]
+    pub drive: Vec<DriveEntry>,
     /// What the other drives do when one is lost or reports a fault, until `motorium resume`: "damp" or "disable". Default
     /// "damp".
     #[serde(default)]
@@ -77,6 +85,12 @@ pub struct CanAdapterConfig {
     /// the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
+}
+
+impl CanAdapterConfig {
+    pub(in crate::component) fn source(&self) -> Source<'_> {
+        Source { file: self.drives.as_deref(), buses: &self.bus, drives: &self.drive }
+    }
 }
 
 fn gravity() -> [f64; 3] {

@@ -72,7 +72,7 @@ impl Component for CanAdapter {
 
     fn declare(config: &CanAdapterConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.actuator();
-        let equipped = load(declare.robot(), declare.folder(), &config.drives)?;
+        let equipped = load(declare.robot(), declare.folder(), &config.source())?;
         check_watchdogs(config, &equipped)?;
         if let Some(message) = limits::too_small(&equipped) {
             let advice = "enlarge the range in the drive and in the table, or correct `ratio` and `offset`";
@@ -105,7 +105,8 @@ impl Component for CanAdapter {
 
     fn configure(config: CanAdapterConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let equipped = load(Some(&robot), setup.folder(), &config.drives).map_err(ConfigureError::Config)?;
+        let equipped =
+            load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
         let limits = limits::of_joints(&equipped).map_err(ConfigureError::Config)?;
         let damping: Vec<f64> = limits.iter().map(|joint| joint.kd).collect();
         let Equipped { robot, table, order } = equipped;

@@ -1,70 +1,19 @@
 //! `can.drive_sim`: buses and drives of a robot that physics simulates.
 
+mod config;
+
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::CanFrame;
 use motorium::transport::{SliceInput, SliceOutput};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::adapter::BATCH;
-use super::faults::{Fault, FaultConfig, FaultKind};
+use super::faults::{Fault, FaultKind};
 use super::{Equipped, load, wire};
 use crate::bus::simulated::{ErrorState, Event};
 use crate::{Frame, Id, SimulatedBus, SimulatedDrive, Table, Transmission};
 
-/// The `config` table of `can.drive_sim`.
-///
-/// ```toml
-/// drives = "drives/panda.toml"
-/// delay  = "60 us"
-/// jitter = "20 us"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DriveSimulationConfig {
-    /// The drive table: the file that the adapter reads, too.
-    pub drives: String,
-    /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
-    #[serde(default = "delay")]
-    pub delay: TimeSpan,
-    /// Largest random addition to `delay`. Default none.
-    #[serde(default)]
-    pub jitter: TimeSpan,
-    /// Share of the answers that are lost, 0 to 1. Default 0.
-    #[serde(default)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub loss: f64,
-    /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
-    #[serde(default = "yes")]
-    pub brakes: bool,
-    /// Drives that are set otherwise than the table says.
-    #[serde(default)]
-    pub set: Vec<SettingConfig>,
-    /// Faults, each at its time.
-    #[serde(default)]
-    pub faults: Vec<FaultConfig>,
-}
-
-/// Settings of a drive that are not those of the table.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SettingConfig {
-    /// The joint of the drive.
-    pub joint: String,
-    /// Its watchdog; "0 s" for off.
-    pub watchdog: Option<TimeSpan>,
-    /// The largest torque of its range, N m.
-    pub torque: Option<f64>,
-}
-
-fn delay() -> TimeSpan {
-    TimeSpan { ns: 50_000 }
-}
-
-fn yes() -> bool {
-    true
-}
+pub use config::DriveSimulationConfig;
 
 /// Velocity gain of a closed brake, N m s/rad or N s/m: it gives the joint's full effort at a creep.
 const BRAKE: f64 = 1e5;
@@ -119,7 +68,7 @@ impl Component for DriveSimulation {
     type Config = DriveSimulationConfig;
 
     fn declare(config: &DriveSimulationConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let equipped = load(declare.robot(), declare.folder(), &config.drives)?;
+        let equipped = load(declare.robot(), declare.folder(), &config.source())?;
         axes(config, &equipped)?;
         faults(config, &equipped.table)?;
         if !(0.0..=1.0).contains(&config.loss) {
@@ -144,7 +93,8 @@ impl Component for DriveSimulation {
 
     fn configure(config: DriveSimulationConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let equipped = load(Some(&robot), setup.folder(), &config.drives).map_err(ConfigureError::Config)?;
+        let equipped =
+            load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
         let mut axes = axes(&config, &equipped).map_err(ConfigureError::Config)?;
         let table = &equipped.table;
         let mut buses = Vec::new();
