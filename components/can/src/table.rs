@@ -216,6 +216,15 @@ impl Table {
     fn check_entries(&self) -> Result<(), Fault> {
         for (index, bus) in self.buses.iter().enumerate() {
             let at = Some(("bus", index));
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+            if bus.name.is_empty() || !bus.name.chars().all(is_plain) {
+                let message = format!("a bus named {:?}", bus.name);
+                return Err((
+                    at,
+                    message,
+                    "name it by letters, digits, `_` and `-`: its ports are named after it",
+                ));
+            }
             if !(10_000..=1_000_000).contains(&bus.bitrate) {
                 let message = format!("bus `{}`: a bitrate of {}", bus.name, bus.bitrate);
                 return Err((at, message, "write bits per second, 10000 to 1000000"));

@@ -32,6 +32,8 @@ fn mistakes_are_named_with_their_line() {
     assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 stands on that bus twice".into()));
     let nowhere = format!("{BUS}{}", drive("a", 1, "").replace("can0", "can7"));
     assert_eq!(refused(&nowhere).1, "drive of `a`: no bus is named `can7`");
+    let named = format!("{}{}", BUS.replace("can0", "can 0"), drive("a", 1, ""));
+    assert_eq!(refused(&named), (Some(1), "a bus named \"can 0\"".into()));
     let gains = format!("{BUS}{}", drive("a", 1, "").replace("torque = 10.0", "torque = 10.0, kp = 900.0"));
     assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive end at 500 and 5");
     let key = format!("{BUS}{}", drive("a", 1, "torqe = 2"));

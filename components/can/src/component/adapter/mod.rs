@@ -98,7 +98,7 @@ impl Component for CanAdapter {
         );
         declare.output::<JointHealth>("joint_health", "age, flags and temperature of every drive");
         for bus in &equipped.table.buses {
-            declare.output::<BusHealth>(&format!("{}.health", bus.name), "state and counts of this bus");
+            declare.output::<BusHealth>(&format!("{}_health", bus.name), "state and counts of this bus");
         }
         Ok(())
     }
@@ -121,7 +121,7 @@ impl Component for CanAdapter {
             buses.push(BusAccount {
                 name: bus.name.clone(),
                 rates: table.rates(index),
-                health: setup.named_output(&format!("{}.health", bus.name))?,
+                health: setup.named_output(&format!("{}_health", bus.name))?,
                 counts: BusHealth { bus: index as u32, state: BusHealth::ACTIVE, ..BusHealth::default() },
                 busy_ns: 0,
                 total_ns: 0,
