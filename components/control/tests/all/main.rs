@@ -6,10 +6,12 @@ mod feed_forward;
 mod graph;
 mod inverse_kinematics;
 mod known_problems;
+mod multirotor;
 mod random_problems;
 mod recorded_problems;
 mod robot;
 mod setpoint;
 mod tasks;
+mod wheels;
 
 motorium::count_allocations!();

@@ -2,6 +2,7 @@
 
 mod config;
 mod imitation;
+mod reachable;
 mod start_pose;
 mod waypoints;
 mod weights;
@@ -62,7 +63,7 @@ impl Component for DmpPolicy {
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let waypoints = Waypoints::new(config, declare.robot())?;
         waypoints.reach()?;
-        StartPose::declare(config, declare)?;
+        StartPose::declare(config, &waypoints, declare)?;
         LiveWeights::declare(&waypoints, config.take_weights, declare);
         declare.may_end_episodes();
         declare.output::<PoseTarget>(

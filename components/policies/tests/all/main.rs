@@ -7,3 +7,5 @@ mod joint_policies;
 mod library_policy;
 mod live_weights;
 mod support;
+mod trajectory;
+mod waypoints;
