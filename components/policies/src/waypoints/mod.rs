@@ -186,7 +186,7 @@ fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Rou
     let mut stops = Vec::new();
     for (index, goal) in config.goals.iter().enumerate() {
         for number in goal.position.iter().chain(&goal.yaw) {
-            if !(number.abs() <= 1e6) {
+            if number.abs() > 1e6 {
                 let message = format!("{number}, expected a number of at most 1e6");
                 return Err(ConfigError::key(format!("goals[{index}]"), message));
             }

@@ -1,5 +1,6 @@
 //! Integration tests of the crate, one module a subject.
 
+mod couplings;
 mod dmp;
 mod gaits;
 mod imitation;
