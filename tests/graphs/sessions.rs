@@ -114,9 +114,30 @@ fn an_arm_driven_to_a_goal_set_back_and_driven_again_repeats_itself_to_the_last_
     assert_ne!(reach(&mut session, 0.5), first, "another goal");
     session.reset(seed + 1).expect("all its components can be set back");
     assert_ne!(reach(&mut session, 0.4), first, "other noise");
+    let newest = session.read::<JointState>("panda/joint_state").expect("a state").expect("was published");
+    assert_eq!(newest.stamp.episode, 3);
     let report = session.stop();
     let hashes: Vec<&str> = report.episodes.iter().map(|episode| episode.state_hash.as_str()).collect();
     assert_eq!((hashes[0], hashes[1], report.exit), (hash.as_str(), hash.as_str(), Exit::Finished));
+}
+
+#[test]
+fn a_value_that_a_session_publishes_has_the_time_at_which_it_was_measured() {
+    let mut session = launch(plan("panda-reach.toml", &[]), &Options::inline().standing_in_for("policy"));
+    session.step_until(30 * MS).expect("it steps");
+    let now_ns = session.stamp_ns();
+    let target = PoseTarget { orientation: [1.0, 0.0, 0.0, 0.0], ..PoseTarget::default() };
+    session.publish_from("panda/target", &target, now_ns - 20_000_000).expect("a time in the past");
+    let stamp = session.read::<PoseTarget>("panda/target").expect("a topic").expect("was published").stamp;
+    assert_eq!((stamp.source_time, stamp.publish_time), (now_ns - 20_000_000, now_ns));
+    let ahead = session
+        .publish_from("panda/target", &target, now_ns + 20_000_000)
+        .map_err(|error| error.to_string())
+        .unwrap_err();
+    assert!(ahead.contains("future") || ahead.contains("ahead"), "{ahead}");
+    session.publish("panda/target", &target).expect("at the present time");
+    let stamp = session.read::<PoseTarget>("panda/target").expect("a topic").expect("was published").stamp;
+    assert_eq!(stamp.source_time, now_ns);
 }
 
 #[test]

@@ -10,12 +10,11 @@
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::Parser as _;
+use crossbeam_channel::unbounded;
 use motorium::graph::{self, Machine};
 use motorium::launcher::Options;
 use motorium::plan::Plan;
@@ -197,71 +196,45 @@ impl Trial<'_> {
         mut generations: impl FnMut(&mut dyn FnMut(&[Vec<f64>]) -> anyhow::Result<Vec<f64>>) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         std::thread::scope(|scope| {
-            let (mut requests, mut answers) = (Vec::new(), Vec::new());
+            // whichever session is free takes the next gait
+            let (request, requested) = unbounded::<(usize, Gait)>();
+            let (answer, answered) = unbounded::<anyhow::Result<(usize, f64)>>();
             for core in 0..self.sessions {
-                let (request, requested) = std::sync::mpsc::channel::<Work>();
-                let (answer, answered) = std::sync::mpsc::channel::<anyhow::Result<()>>();
-                requests.push(request);
-                answers.push(answered);
+                let (requested, answer) = (requested.clone(), answer.clone());
                 scope.spawn(move || {
                     let options = Options::inline().on_core(core).standing_in_for(POLICY);
-                    let launched = Session::launch(self.plan.clone(), &registry(), &options);
-                    let mut session = match launched {
+                    let mut session = match Session::launch(self.plan.clone(), &registry(), &options) {
                         Ok(session) => session,
                         Err(error) => {
                             let _ = answer.send(Err(error.into()));
                             return;
                         }
                     };
-                    for work in requested {
-                        if answer.send(work.take(&mut session, self.legs, self.seconds)).is_err() {
+                    for (index, gait) in requested {
+                        let reached = distance(&mut session, self.legs, &gait, self.seconds);
+                        if answer.send(reached.map(|distance| (index, distance))).is_err() {
                             break;
                         }
                     }
                     session.stop();
                 });
             }
+            drop((requested, answer));
             let mut evaluate = |candidates: &[Vec<f64>]| -> anyhow::Result<Vec<f64>> {
-                let work = Work::new(candidates);
-                for request in &requests {
-                    request.send(work.clone()).context("a session has ended")?;
+                for (index, numbers) in candidates.iter().enumerate() {
+                    request.send((index, Gait::of(numbers))).context("the sessions have ended")?;
                 }
-                for answered in &answers {
-                    answered.recv().context("a session has ended")??;
+                let mut distances = vec![0.0; candidates.len()];
+                for _ in candidates {
+                    let (index, distance) = answered.recv().context("the sessions have ended")??;
+                    distances[index] = distance;
                 }
-                Ok(work.distances())
+                Ok(distances)
             };
             let result = generations(&mut evaluate);
-            drop(requests);
+            drop(request);
             result
         })
-    }
-}
-
-/// A generation that several sessions share: each takes the next gait that nobody has tried.
-#[derive(Clone)]
-struct Work(std::sync::Arc<(Vec<Gait>, AtomicUsize, Mutex<Vec<f64>>)>);
-
-impl Work {
-    fn new(candidates: &[Vec<f64>]) -> Self {
-        let gaits: Vec<Gait> = candidates.iter().map(|numbers| Gait::of(numbers)).collect();
-        let distances = vec![0.0; gaits.len()];
-        Self(std::sync::Arc::new((gaits, AtomicUsize::new(0), Mutex::new(distances))))
-    }
-
-    fn take(&self, session: &mut Session<'_>, legs: &Legs, seconds: f64) -> anyhow::Result<()> {
-        let (gaits, next, distances) = &*self.0;
-        while let Some((index, gait)) =
-            Some(next.fetch_add(1, Relaxed)).and_then(|i| Some((i, gaits.get(i)?)))
-        {
-            let reached = distance(session, legs, gait, seconds)?;
-            distances.lock().unwrap_or_else(std::sync::PoisonError::into_inner)[index] = reached;
-        }
-        Ok(())
-    }
-
-    fn distances(&self) -> Vec<f64> {
-        self.0.2.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
     }
 }
 

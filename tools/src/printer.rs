@@ -7,9 +7,9 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
+use crossbeam_channel::{Receiver, Sender, bounded};
 use motorium::launcher::{Event, Status};
 use motorium::plan::Plan;
 
@@ -25,7 +25,7 @@ const LAST_LINES: Duration = Duration::from_secs(1);
 
 /// A printer of events that never holds up its caller.
 pub(crate) struct Printer {
-    sender: SyncSender<Message>,
+    sender: Sender<Message>,
     ended: Receiver<()>,
     /// Lines that found no room.
     dropped: Arc<AtomicU64>,
@@ -72,8 +72,8 @@ impl Printer {
     }
 
     fn start(mut sink: Sink, wants: Box<dyn FnMut(&Status) -> bool>) -> anyhow::Result<Self> {
-        let (sender, messages) = sync_channel(QUEUE);
-        let (end, ended) = sync_channel::<()>(0);
+        let (sender, messages) = bounded(QUEUE);
+        let (end, ended) = bounded::<()>(0);
         let (dropped, states) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
         let (lost, shown) = (dropped.clone(), states.clone());
         let thread = std::thread::Builder::new().name("printer".to_string());

@@ -4,6 +4,7 @@ use motorium_robots::Model;
 
 use crate::{
     RobotState,
+    levels::{Freedom, Level, LevelSolver, Rows},
     limits::Limit,
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
@@ -45,6 +46,9 @@ pub enum IkError {
 /// subject to lower <= v <= upper
 /// ```
 ///
+/// With [`levels`](Self::levels) there are several such sums, in strict priority: each level minimises its own over the
+/// velocities that leave `A v` of all tasks of the levels above as it is.
+///
 /// The unknown is the velocity, not the step `v dt`: steps are so small that a solver's absolute tolerances would be
 /// as large as the limits.
 #[derive(Debug)]
@@ -53,6 +57,17 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     problem: Problem,
     solver: S,
     velocity: Vec<f64>,
+    below: Option<Below>,
+}
+
+/// The levels below the first.
+#[derive(Debug)]
+struct Below {
+    /// Rows of the first level.
+    first: Rows,
+    levels: Vec<Level>,
+    solvers: Vec<LevelSolver>,
+    freedom: Freedom,
 }
 
 impl DifferentialIk {
@@ -73,10 +88,47 @@ impl<S: QpSolver> DifferentialIk<S> {
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
         let velocity = vec![0.0; solver.structure().variables()];
-        Self { settings, problem, solver, velocity }
+        Self { settings, problem, solver, velocity, below: None }
     }
 
-    /// Poses the problem of one tick of `dt` seconds: [`begin`](Self::begin), every task, every limit.
+    /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks have
+    /// together, the most that it ever has.
+    ///
+    /// ```
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_robots::{Kinematics, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, home.as_slice());
+    /// let mut hand = CartesianTask::new(model, model.frame("panda_hand_tcp")?);
+    /// hand.set_target(kinematics.pose(model, hand.frame()));
+    /// let mut posture = PostureTask::new(model, &vec![0.1; model.nv()]);
+    ///
+    /// let mut ik = DifferentialIk::new(model).levels(&[hand.rows(), posture.rows()]);
+    /// let state = RobotState { model, kinematics: &kinematics, q: home.as_slice() };
+    /// ik.begin();
+    /// ik.add_task(&state, 0, &mut hand);
+    /// ik.add_task(&state, 1, &mut posture);
+    /// let velocity = nalgebra::DVector::from_column_slice(ik.solve()?);
+    /// assert!(velocity.norm() > 0.01, "the elbow moves");
+    /// assert!((hand.jacobian() * velocity).norm() < 1e-9, "the hand does not");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn levels(mut self, rows: &[usize]) -> Self {
+        let variables = self.velocity.len();
+        self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
+            first: Rows::new(variables, *first),
+            levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
+            solvers: below.iter().map(|_| LevelSolver::new(variables)).collect(),
+            freedom: Freedom::new(variables, rows.iter().copied().max().unwrap_or_default()),
+        });
+        self
+    }
+
+    /// Poses the problem of one tick of `dt` seconds: [`begin`](Self::begin), every task in the first level, every limit.
     pub fn assemble(
         &mut self,
         state: &RobotState<'_>,
@@ -86,7 +138,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     ) {
         self.begin();
         for task in tasks {
-            self.add_task(state, *task);
+            self.add_task(state, 0, *task);
         }
         for limit in limits {
             self.add_limit(state, *limit, dt);
@@ -100,12 +152,31 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.gradient.fill(0.0);
         self.problem.lower.fill(f64::NEG_INFINITY);
         self.problem.upper.fill(f64::INFINITY);
+        if let Some(below) = &mut self.below {
+            below.first.clear();
+            below.levels.iter_mut().for_each(|level| level.begin(self.settings.damping));
+        }
     }
 
-    /// Updates `task` at `state` and adds its cost.
-    pub fn add_task(&mut self, state: &RobotState<'_>, task: &mut dyn Task) {
+    /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
+    ///
+    /// # Panics
+    /// If there is no such level, or its tasks have more rows than it was made for.
+    pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn Task) {
         task.update(state);
-        task.add_to(&mut self.problem);
+        match (&mut self.below, level) {
+            (None, 0) => task.add_to(&mut self.problem),
+            (Some(below), 0) => {
+                task.add_to(&mut self.problem);
+                task.write_rows(&mut below.first);
+            }
+            (Some(below), level) => {
+                let level = &mut below.levels[level - 1];
+                task.add_to(&mut level.cost);
+                task.write_rows(&mut level.rows);
+            }
+            (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),
+        }
     }
 
     /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
@@ -125,12 +196,36 @@ impl<S: QpSolver> DifferentialIk<S> {
             // an interior-point solution may touch a bound from outside by its tolerance
             *v = x.clamp(self.problem.lower[joint], self.problem.upper[joint]);
         }
+        if let Err(error) = self.solve_below() {
+            self.velocity.fill(0.0);
+            return Err(error);
+        }
         Ok(&self.velocity)
+    }
+
+    /// Moves the velocity of the first level by what the levels below decide.
+    fn solve_below(&mut self) -> Result<(), IkError> {
+        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
+        let limits = (&self.problem.lower, &self.problem.upper);
+        freedom.open();
+        let mut above = &*first;
+        for (level, solver) in levels.iter_mut().zip(solvers) {
+            freedom.close(above);
+            solver.solve(level, freedom, limits, &mut self.velocity)?;
+            above = &level.rows;
+        }
+        for (v, (lower, upper)) in self.velocity.iter_mut().zip(limits.0.iter().zip(limits.1)) {
+            *v = v.clamp(*lower, *upper);
+        }
+        Ok(())
     }
 
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
+        if let Some(below) = &mut self.below {
+            below.solvers.iter_mut().for_each(LevelSolver::reset);
+        }
         self.velocity.fill(0.0);
     }
 

@@ -7,7 +7,8 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, the joints keep a posture.
+//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the joints keep a
+//!   posture. They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
@@ -62,6 +63,7 @@ mod feed_forward;
 mod gains;
 mod goals;
 mod ik;
+mod levels;
 pub mod limits;
 pub mod multirotor;
 mod setpoint;

@@ -57,8 +57,9 @@ pub enum BuildWarning {
     },
     /// Two links are too close at the start to ever count as touching.
     #[error(
-        "links \"{first}\" and \"{second}\" start {distance} m apart and will never collide with one another; \
-         start farther apart than a centimetre if they should"
+        "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
+         start farther apart than a centimetre if they should",
+        apart = distance * 1e3
     )]
     SelfCollisionOff {
         /// A link.

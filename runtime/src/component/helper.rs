@@ -26,12 +26,12 @@ impl Setup {
     ///
     /// ```
     /// use motorium::prelude::*;
-    /// use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+    /// use crossbeam_channel::{Receiver, Sender, bounded};
     /// use std::time::Duration;
     ///
     /// /// Writes numbers to a file. A step hands them over by `try_send`, which never waits.
-    /// fn writer(setup: &mut Setup) -> Result<SyncSender<f64>, ConfigureError> {
-    ///     let (sender, receiver): (_, Receiver<f64>) = sync_channel(1_000);
+    /// fn writer(setup: &mut Setup) -> Result<Sender<f64>, ConfigureError> {
+    ///     let (sender, receiver): (_, Receiver<f64>) = bounded(1_000);
     ///     setup.helper("writer", move |stop| loop {
     ///         let last_round = stop.wait(Duration::from_millis(20));
     ///         receiver.try_iter().for_each(|number| println!("{number}"));
@@ -154,7 +154,7 @@ impl Helpers {
         os::install_interrupt().map_err(ConfigureError::failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let request = StopRequest(stop.clone());
-        let (sender, receiver) = std::sync::mpsc::sync_channel(1);
+        let (sender, receiver) = crossbeam_channel::bounded(1);
         let thread = std::thread::Builder::new().name(name.to_string()).spawn(move || {
             // What is denied leaves it on the cores of the component, where it is at normal priority all the same.
             let _ = os::apply(&os::Request { class: SchedulingClass::Normal, cores, lock_memory: false });
@@ -208,7 +208,7 @@ impl Drop for Helpers {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc::channel;
+    use crossbeam_channel::unbounded;
 
     use super::*;
 
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_helper_runs_under_its_name_until_it_is_stopped() {
-        let (sender, receiver) = channel();
+        let (sender, receiver) = unbounded();
         let mut helpers = helpers();
         helpers
             .start("decoder", vec![0], move |stop| {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_helper_that_waits_in_a_system_call_is_interrupted() {
         let (mut reader, _writer) = std::io::pipe().unwrap();
-        let (sender, receiver) = channel();
+        let (sender, receiver) = unbounded();
         let mut helpers = helpers();
         helpers
             .start("reader", vec![0], move |stop| {
@@ -257,7 +257,7 @@ mod tests {
         helpers.start("broken", vec![0], |_| panic!("in a test")).unwrap();
         assert_eq!(helpers.stop(), Err("its helper `broken` panicked".to_string()));
         let mut helpers = Helpers::stopping_within(Duration::from_millis(20));
-        let (sender, receiver) = channel::<()>();
+        let (sender, receiver) = unbounded::<()>();
         helpers.start("deaf", vec![0], move |_| while receiver.recv().is_ok() {}).unwrap();
         assert!(helpers.start("a-name-that-is-too-long", vec![0], |_| ()).is_err());
         assert_eq!(helpers.stop(), Err("its helper `deaf` has not stopped within 20ms".to_string()));

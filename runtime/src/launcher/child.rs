@@ -8,10 +8,10 @@ use std::process::{self, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use crossbeam_channel::{Receiver, Sender, bounded};
 use rustix::process::Signal;
 
 use super::{LaunchError, STOP_WITHIN};
@@ -77,7 +77,7 @@ impl Child {
                 return Err(failed(error));
             }
         };
-        let (sender, lines) = sync_channel(LINES);
+        let (sender, lines) = bounded(LINES);
         let dropped = Arc::new(AtomicU64::new(0));
         let relayed = process
             .stdout
@@ -141,7 +141,7 @@ impl Child {
     }
 
     fn of_this_process(name: &str, body: Body) -> Self {
-        let (_, lines) = sync_channel(0);
+        let (_, lines) = bounded(0);
         Self { name: name.to_string(), body, lines, dropped: Arc::default(), ended: None }
     }
 
@@ -332,7 +332,7 @@ const LONGEST_LINE: u64 = 16 * 1024;
 /// readers of its output.
 fn relay(
     output: impl std::io::Read + Send + 'static,
-    sender: SyncSender<String>,
+    sender: Sender<String>,
     dropped: Arc<AtomicU64>,
 ) -> std::io::Result<()> {
     let thread = std::thread::Builder::new().name("relay".to_string());

@@ -123,6 +123,7 @@ mod tests {
             source_time: source,
             publish_time: at,
             state_time: source,
+            episode: 0,
             publisher: 3,
             restart_count: 0,
         }

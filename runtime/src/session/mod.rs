@@ -344,8 +344,9 @@ impl<'o> Session<'o> {
         }
     }
 
-    /// The present on the clock of stamps, ns.
-    fn stamp_ns(&self) -> u64 {
+    /// The present on the clock of [`Stamp`](crate::state::Stamp)s, ns: `CLOCK_MONOTONIC` in real time, simulated time in
+    /// lockstep.
+    pub fn stamp_ns(&self) -> u64 {
         match self.launch.plan().clock {
             ClockKind::Lockstep => self.launch.time_ns(),
             ClockKind::Realtime => monotonic_ns(),

@@ -78,6 +78,38 @@ impl Session<'_> {
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the topic holds
     /// another type, or the value holds a number that is not finite.
     pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
+        self.publish_at(topic, value, None)
+    }
+
+    /// As [`publish`](Self::publish), with the time at which the value was measured, received or recorded, ns on the clock
+    /// of [`stamp_ns`](Self::stamp_ns): latencies and the ages of commands count from it.
+    ///
+    /// ```no_run
+    /// # use motorium::{session::{Session, SessionError}, state::PoseTarget};
+    /// /// Publishes a target that a camera saw 20 ms ago.
+    /// fn seen(session: &mut Session<'_>, target: &PoseTarget) -> Result<(), SessionError> {
+    ///     let seen_ns = session.stamp_ns().saturating_sub(20_000_000);
+    ///     session.publish_from("panda/target", target, seen_ns)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish), and a time that lies more than 1 ms ahead.
+    pub fn publish_from<T: StateBuffer>(
+        &mut self,
+        topic: &str,
+        value: &T,
+        source_ns: u64,
+    ) -> Result<(), SessionError> {
+        self.publish_at(topic, value, Some(source_ns))
+    }
+
+    fn publish_at<T: StateBuffer>(
+        &mut self,
+        topic: &str,
+        value: &T,
+        source_ns: Option<u64>,
+    ) -> Result<(), SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;
         let now_ns = self.stamp_ns();
@@ -91,7 +123,14 @@ impl Session<'_> {
         let output =
             output.ok_or_else(|| refused("it was published with another type before".to_string()))?;
         context.enter_step(now_ns, now_ns, u64::MAX);
-        output.send(value).map_err(|error| refused(error.to_string()))?;
+        let sent = output.loan().and_then(|mut loan| {
+            *loan = *value;
+            match source_ns {
+                Some(source_ns) => loan.publish_from(source_ns),
+                None => loan.publish(),
+            }
+        });
+        sent.map_err(|error| refused(error.to_string()))?;
         context.deferred().finish();
         Ok(())
     }

@@ -23,6 +23,8 @@ crate::state_buffer! {
         /// Time that the state is for: the scheduled release of the time-triggered step that made it, or made the
         /// sample at the head of the chain of triggers. It keeps to the grid of the rate, however late the step was.
         pub state_time: u64,
+        /// Index of the episode in which it was published, from 0.
+        pub episode: u64,
         /// Index of the publishing component in the plan.
         pub publisher: u32,
         /// Restarts of the publishing component before this sample.

@@ -25,6 +25,7 @@ pub(super) fn stamp(context: &Context, sequence: u64, now: u64, source_time: u64
         source_time,
         publish_time: now,
         state_time: context.causality().state_time_or(context.clock().step_ns()),
+        episode: context.episode(),
         publisher: context.index() as u32,
         restart_count: context.restart_count(),
     }

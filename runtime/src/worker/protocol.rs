@@ -69,6 +69,8 @@ pub struct KindAnswer {
     pub summary: String,
     /// Its configuration has a key `world`: the graph's `[world]` takes its place.
     pub reads_world: bool,
+    /// Its configuration has a key `gravity`, whose default is that of the graph's `[world]`.
+    pub reads_gravity: bool,
     /// The JSON Schema of its `config` table.
     pub schema: serde_json::Value,
     /// The definitions to which the schema refers.
@@ -83,6 +85,7 @@ impl KindAnswer {
             name: kind.name.to_string(),
             summary: kind.summary.to_string(),
             reads_world: kind.reads_world,
+            reads_gravity: kind.reads_gravity,
             schema,
             definitions,
         }

@@ -25,6 +25,8 @@ pub struct Kind {
     pub summary: &'static str,
     /// Its configuration has a key `world`: the graph's `[world]` takes its place.
     pub reads_world: bool,
+    /// Its configuration has a key `gravity`, whose default is that of the graph's `[world]`.
+    pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
     pub(crate) run: fn(Worker) -> Outcome,
@@ -50,6 +52,7 @@ impl Kind {
             name: C::KIND,
             summary: C::SUMMARY,
             reads_world: C::READS_WORLD,
+            reads_gravity: C::READS_GRAVITY,
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
             run: super::run::<C>,

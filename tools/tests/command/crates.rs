@@ -8,10 +8,9 @@ use std::process::Command;
 use serde::Deserialize;
 
 /// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own included.
-/// A change that needs more says so here, and why it is worth it. The last were `csv` and `csv-core`, which read the tables
-/// of recordings, and a crate of the project: the bridges, apart from the other components because they alone meet
-/// foreign programs.
-const CEILING: usize = 225;
+/// A change that needs more says so here, and why it is worth it. The last were the channels and queues of crossbeam (three
+/// crates in place of one), which the launcher, the printers and programs that drive several sessions share.
+const CEILING: usize = 227;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
 fn cargo(arguments: &[&str]) -> String {

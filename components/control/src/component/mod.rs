@@ -39,8 +39,8 @@ pub struct QpController {
     /// At the measured joint positions.
     measured: Kinematics,
     q: DVector<f64>,
-    /// Names and tasks, in the order of the configuration.
-    tasks: Vec<(String, Box<dyn HeldTask>)>,
+    /// In the order of the configuration.
+    tasks: Vec<Held>,
     position: PositionLimit,
     velocity: VelocityLimit,
     ik: DifferentialIk,
@@ -67,6 +67,7 @@ impl Component for QpController {
     const KIND: &'static str = "control.qp";
     const SUMMARY: &'static str =
         "differential inverse kinematics: pose targets to joint commands, within limits";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = QpControllerConfig;
 
@@ -101,10 +102,17 @@ impl Component for QpController {
     fn configure(config: QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let parts = ControllerSetup::new(&config, &robot)?;
-        let tasks = parts
+        let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
-            .map(|(place, task)| Ok((task.name().to_owned(), task.configure(&place, setup)?)))
-            .collect::<Result<_, ConfigureError>>()?;
+            .map(|(place, task)| {
+                let level = parts.levels().filter(|level| *level < task.level()).count();
+                Ok(Held { name: task.name().to_owned(), level, task: task.configure(&place, setup)? })
+            })
+            .collect::<Result<Vec<_>, ConfigureError>>()?;
+        let mut rows = vec![0; parts.levels().count()];
+        for Held { level, task, .. } in &mut tasks {
+            rows[*level] += task.task().rows();
+        }
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
         let solver = ActiveSetSolver::new(DifferentialIk::structure(&model), ActiveSetSettings::default());
@@ -117,7 +125,7 @@ impl Component for QpController {
             tasks,
             position: config.limits.position,
             velocity: config.limits.velocity,
-            ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }),
+            ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }).levels(&rows),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
             gains,
             feed_forward,
@@ -151,15 +159,15 @@ impl Component for QpController {
         self.prepare(dt);
         self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
-        for (_, task) in &mut self.tasks {
-            task.record(&measured, dt);
+        for held in &mut self.tasks {
+            held.task.record(&measured, dt);
         }
         self.checkpoint.save(self.setpoint.position().iter().copied());
         self.publish(dt)
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        self.tasks.iter_mut().for_each(|(_, task)| task.reset());
+        self.tasks.iter_mut().for_each(|held| held.task.reset());
         self.ik.reset();
         (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
         Ok(())
@@ -168,7 +176,7 @@ impl Component for QpController {
     fn result(&self) -> Option<serde_json::Value> {
         let mut goals = GoalSummary::default();
         let mut tasks = serde_json::Map::new();
-        for (name, task) in &self.tasks {
+        for Held { name, task, .. } in &self.tasks {
             if let Some(record) = task.goals() {
                 goals = goals.merge(record.summary());
             }
@@ -220,16 +228,16 @@ impl QpController {
         }
         self.feed_forward.reset();
         let start = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
-        for (_, task) in &mut self.tasks {
-            task.begin(&start);
+        for held in &mut self.tasks {
+            held.task.begin(&start);
         }
     }
 
     /// Applies the current parameters and targets.
     fn prepare(&mut self, dt: f64) {
         let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
-        for (_, task) in &mut self.tasks {
-            task.prepare(&bounds);
+        for held in &mut self.tasks {
+            held.task.prepare(&bounds);
         }
         self.velocity.fraction = self.velocity_fraction.get();
     }
@@ -245,8 +253,8 @@ impl QpController {
         };
         let state = RobotState { model: &self.model, kinematics, q };
         self.ik.begin();
-        for (_, task) in &mut self.tasks {
-            self.ik.add_task(&state, task.task());
+        for held in &mut self.tasks {
+            self.ik.add_task(&state, held.level, held.task.task());
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);

@@ -12,6 +12,9 @@ use crate::{FeedForward, check_gains};
 /// Time constant of the acceleration that is fed forward, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
 
+/// Levels that tasks may have.
+const LEVELS: u32 = 8;
+
 /// A robot, the tasks it is given, and the gains and efforts of its drives.
 pub(super) struct ControllerSetup {
     pub(super) model: Model,
@@ -55,7 +58,7 @@ impl ControllerSetup {
         };
         let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
         let setup = Self { model, profile, tasks, gains, feed_forward };
-        setup.check_names()?;
+        setup.check_tasks()?;
         Ok(setup)
     }
 
@@ -68,7 +71,12 @@ impl ControllerSetup {
         })
     }
 
-    fn check_names(&self) -> Result<(), ConfigError> {
+    /// The levels that its tasks have, each once, the highest first.
+    pub(super) fn levels(&self) -> impl Iterator<Item = u32> {
+        (1..=LEVELS).filter(|level| self.tasks.iter().any(|task| task.kind().1.level() == *level))
+    }
+
+    fn check_tasks(&self) -> Result<(), ConfigError> {
         let (mut names, mut targets) = (Vec::new(), vec!["joint_state"]);
         for (place, kind) in self.tasks(0.0) {
             let name = kind.name();
@@ -78,6 +86,11 @@ impl ControllerSetup {
                     .advise("give each task its own `name`: lower-case letters, digits and underscores"));
             }
             names.push(name);
+            if !(1..=LEVELS).contains(&kind.level()) {
+                let message =
+                    format!("level {} of task `{name}`, where 1 to {LEVELS} are possible", kind.level());
+                return Err(ConfigError::key(place.key("level"), message).advise("1 is the highest priority"));
+            }
             let Some(target) = kind.target() else { continue };
             if targets[1..].contains(&target) {
                 let message = format!("two tasks take their target from `{target}`");

@@ -3,7 +3,7 @@
 use motorium_robots::{FrameId, Model, Reference, Twist, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
-use super::Task;
+use super::{Rows, Task};
 use crate::{RobotState, solver::Problem};
 
 /// Gains and weights of a [`CartesianTask`].
@@ -167,6 +167,10 @@ impl CartesianTask {
 }
 
 impl Task for CartesianTask {
+    fn rows(&self) -> usize {
+        6
+    }
+
     fn update(&mut self, state: &RobotState<'_>) {
         let pose = state.kinematics.pose(state.model, self.frame);
         let target_in_frame = pose.inv_mul(&self.target);
@@ -196,6 +200,12 @@ impl Task for CartesianTask {
                 problem.hessian[(i, j)] += weighted.dot(&self.jacobian.fixed_columns::<1>(i));
             }
             problem.hessian[(j, j)] += damping;
+        }
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        for (axis, weight) in self.weights().iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            rows.push().iter_mut().zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
         }
     }
 }

@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 use nalgebra::{Matrix3xX, Vector3};
 
-use super::Task;
+use super::{Rows, Task};
 use crate::{RobotState, solver::Problem};
 
 /// Gain and weights of a [`CentreOfMassTask`].
@@ -147,6 +147,10 @@ impl CentreOfMassTask {
 }
 
 impl Task for CentreOfMassTask {
+    fn rows(&self) -> usize {
+        3
+    }
+
     fn update(&mut self, state: &RobotState<'_>) {
         self.error = self.target - state.kinematics.centre_of_mass(state.model).position;
         self.desired = self.correction() + self.velocity;
@@ -163,6 +167,13 @@ impl Task for CentreOfMassTask {
                 problem.hessian[(i, j)] += weighted.dot(&self.jacobian.column(i));
             }
             problem.hessian[(j, j)] += damping;
+        }
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        for (axis, share) in self.settings.shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+            let weight = self.settings.weight * share;
+            rows.push().iter_mut().zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
         }
     }
 }

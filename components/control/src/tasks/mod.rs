@@ -2,20 +2,30 @@
 
 mod cartesian;
 mod centre_of_mass;
+mod gaze;
 mod posture;
 
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
+pub use gaze::{GazeSettings, GazeTask};
 pub use posture::{PostureSettings, PostureTask};
 
+pub use crate::levels::Rows;
 use crate::{RobotState, solver::Problem};
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 pub trait Task {
+    /// Number of rows of `A`.
+    fn rows(&self) -> usize;
+
     /// Evaluates error, `A` and `b` at this state.
     fn update(&mut self, state: &RobotState<'_>);
 
     /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle of
     /// the Hessian), whose unknowns are the joint velocities.
     fn add_to(&self, problem: &mut Problem);
+
+    /// Appends the rows of `W A` as of the last update: at most [`rows`](Self::rows) of them, for a row without weight may
+    /// be left out.
+    fn write_rows(&self, rows: &mut Rows);
 }

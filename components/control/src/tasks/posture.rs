@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 use nalgebra::DVector;
 
-use super::Task;
+use super::{Rows, Task};
 use crate::{RobotState, solver::Problem};
 
 /// Gain and weight of a [`PostureTask`].
@@ -99,6 +99,10 @@ impl PostureTask {
 }
 
 impl Task for PostureTask {
+    fn rows(&self) -> usize {
+        self.shares.len()
+    }
+
     fn update(&mut self, state: &RobotState<'_>) {
         for (error, (target, q)) in self.error.iter_mut().zip(self.target.iter().zip(state.q)) {
             *error = target - q;
@@ -110,6 +114,12 @@ impl Task for PostureTask {
             let weight = self.settings.weight * self.shares[joint];
             problem.hessian[(joint, joint)] += weight * weight;
             problem.gradient[joint] -= weight * weight * self.settings.gain * error;
+        }
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        for (joint, share) in self.shares.iter().enumerate() {
+            rows.push()[joint] = self.settings.weight * share;
         }
     }
 }

@@ -7,7 +7,7 @@ use motorium::testing::Graph;
 
 use crate::graph::{Targets, bare_controller, controller, graph, run};
 
-fn number(value: &serde_json::Value) -> f64 {
+pub(crate) fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
@@ -44,6 +44,33 @@ fn parameters_change_what_the_configuration_says() {
     let softer = graph("{ gravity = -10.5 }", Targets::default(), softer);
     let stiff = run(graph("{ gravity = -10.5 }", Targets::default(), controller("{}")));
     assert_ne!(run(softer).state_hash, stiff.state_hash);
+}
+
+#[test]
+fn a_strong_posture_pulls_the_hand_off_its_target_in_a_sum_and_not_from_a_level_below() {
+    let error = |level: u32| {
+        let tasks = format!(
+            "{{ tasks = [{{ cartesian = {{}} }}, {{ posture = {{ level = {level}, weight = 1.0, gain = 5.0 }} }}] }}"
+        );
+        let report = run(graph("{}", Targets::default(), controller(&tasks)));
+        assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+        number(&report.results["controller"]["position_error_m"])
+    };
+    let (sum, below) = (error(1), error(2));
+    assert!(sum > 0.02, "{sum}");
+    assert!(below < 1e-4, "{below}");
+}
+
+#[test]
+fn gravity_is_that_of_the_world_unless_the_controller_states_its_own() {
+    let hash = |config: &str, world: Option<&str>| {
+        let graph = graph("{ gravity = -1.62 }", Targets::default(), controller(config));
+        run(world.into_iter().fold(graph, |graph, gravity| graph.set("world.gravity", gravity))).state_hash
+    };
+    let stated = hash("{ gravity = [0.0, 0.0, -1.62] }", None);
+    assert_eq!(hash("{}", Some("[0.0, 0.0, -1.62]")), stated);
+    assert_eq!(hash("{ gravity = [0.0, 0.0, -1.62] }", Some("[0.0, 0.0, -9.0]")), stated);
+    assert_ne!(hash("{}", None), stated);
 }
 
 #[test]
@@ -212,6 +239,7 @@ fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
         "{ tasks = [{ centre_of_mass = { shares = [1.0, 0.0, 2.0] } }] }",
         &["tasks[0].centre_of_mass.shares", "2, expected from 0 to 1"],
     );
+    assert_refused("{ tasks = [{ posture = { level = 0 } }] }", &["tasks[0].posture.level", "1 to 8"]);
     assert_refused("{ tasks = [{ cartesian = { gian = 1.0 } }] }", &["gian", "gain"]);
     assert_refused("{ tasks = [{ posture = { pose = \"raedy\" } }] }", &["tasks[0].posture.pose", "ready"]);
     assert_refused(

@@ -3,9 +3,11 @@
 mod allocations;
 mod component;
 mod feed_forward;
+mod gaze;
 mod graph;
 mod inverse_kinematics;
 mod known_problems;
+mod levels;
 mod multirotor;
 mod random_problems;
 mod recorded_problems;

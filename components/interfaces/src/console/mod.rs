@@ -169,10 +169,11 @@ fn print_all(mut lines: Receiver, formats: &[Format], stop: &StopRequest) {
         // Polling keeps the step free of the system call that waking this thread would take.
         let last_round = stop.wait(Duration::from_millis(20));
         let mut out = std::io::stderr().lock();
-        while let Some(entry) = lines.receive() {
-            // Standard error may be closed: that must not stop the graph.
-            let _ = writeln!(out, "{}", formats[entry.input].line(entry.time, &entry.bytes));
-        }
+        // Standard error may be closed: that must not stop the graph.
+        while lines
+            .receive(|entry| writeln!(out, "{}", formats[entry.input].line(entry.time, entry.bytes)))
+            .is_some()
+        {}
         let _ = out.flush();
         drop(out);
         if last_round {

@@ -128,7 +128,7 @@ fn goals_beyond_the_reach_are_refused_and_offsets_that_may_lead_there_are_warned
     let beside = "{ offset = [0.0, 2.0, 0.0], duration = \"1 s\" }";
     assert!(graph(&format!("{near}, {beside}")).check().is_err(), "beside a place that is known");
     let checked = graph(&format!("{beside}, {near}")).check().expect("where it starts is not known");
-    let warnings: Vec<String> = checked.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = checked.warnings.iter().map(|warning| format!("{warning:?}")).collect();
     assert!(
         warnings.iter().any(|warning| warning.contains("if the robot starts in its home pose")),
         "{warnings:?}"

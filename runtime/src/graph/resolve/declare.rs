@@ -297,9 +297,16 @@ fn config_value<'i>(
     // a component without a robot knows no folder: all its paths are made absolute
     let folder = known.map_or(Path::new(""), |robot| &robot.base);
     paths::rebase(&mut value, &kind, folder, context.sources);
-    if let (true, Some(at), DeValue::Table(table)) = (kind.reads_world(), &graph.world, value.get_mut())
-        && let Some(AnyTable(world)) = at.get()
+    let (Some(at), DeValue::Table(table)) = (&graph.world, value.get_mut()) else { return value };
+    let Some(AnyTable(world)) = at.get() else { return value };
+    if kind.reads_gravity()
+        && !table.contains_key("gravity")
+        && let DeValue::Table(world) = world.get_ref()
+        && let Some((key, gravity)) = world.get_key_value("gravity")
     {
+        table.insert(key.clone(), gravity.clone());
+    }
+    if kind.reads_world() {
         match table.get_key_value("world") {
             Some((key, _)) => {
                 report

@@ -8,9 +8,9 @@ use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{Receiver, bounded};
 use serde_json::Value as Json;
 
 use super::Draft;
@@ -184,7 +184,7 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
         let _ = child.wait();
         return Err(silent());
     };
-    let collect = |channel: mpsc::Receiver<String>| {
+    let collect = |channel: Receiver<String>| {
         channel
             .recv_timeout(deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(50)))
     };
@@ -206,8 +206,8 @@ fn ended<T>(child: &mut Child, error: std::io::Error) -> std::io::Result<T> {
 }
 
 /// Reads a stream to its end on a thread of its own; a child of the program may keep it open for ever.
-fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> std::io::Result<mpsc::Receiver<String>> {
-    let (send, receive) = mpsc::channel();
+fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> std::io::Result<Receiver<String>> {
+    let (send, receive) = bounded(1);
     thread().spawn(move || {
         let mut bytes = Vec::new();
         if let Some(stream) = stream {

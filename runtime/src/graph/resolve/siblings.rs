@@ -57,6 +57,14 @@ impl Home<'_> {
         }
     }
 
+    /// Its configuration has a key `gravity`, whose default is that of the graph's world.
+    pub(super) fn reads_gravity(&self) -> bool {
+        match self {
+            Self::Here(kind) => kind.reads_gravity,
+            Self::Sibling(program, index) => program.kinds[*index].reads_gravity,
+        }
+    }
+
     /// The JSON Schema of the `config` table, and the definitions to which it refers.
     pub(super) fn config_schema(&self) -> (Json, Json) {
         match self {

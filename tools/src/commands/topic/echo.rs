@@ -59,6 +59,8 @@ pub(super) struct Line<'a> {
     pub(super) age_ns: u64,
     pub(super) publisher: Option<&'a str>,
     pub(super) restart_count: u32,
+    /// Index of the episode.
+    pub(super) episode: u64,
     pub(super) value: &'a Decoded<'a>,
 }
 
@@ -130,6 +132,7 @@ impl Echo {
                 .get(stamp.publisher as usize)
                 .map(|component| component.name.as_str()),
             restart_count: stamp.restart_count,
+            episode: stamp.episode,
             value: &value,
         };
         self.write(&line)

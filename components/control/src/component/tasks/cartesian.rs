@@ -1,7 +1,7 @@
 //! The Cartesian task of `control.qp`.
 
 use motorium::prelude::*;
-use motorium_robots::{EndEffectorError, Twist};
+use motorium_robots::Twist;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -16,6 +16,8 @@ use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 pub struct CartesianConfig {
     /// Name of the task, with which the names of its parameters begin. Default "cartesian".
     pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
     /// Link whose frame follows the target. Default: that of the robot's only end effector.
     pub frame: Option<String>,
     /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default
@@ -45,6 +47,7 @@ impl Default for CartesianConfig {
         let settings = CartesianSettings::default();
         Self {
             name: "cartesian".to_owned(),
+            level: 1,
             frame: None,
             target: "target".to_owned(),
             gain: settings.gain,
@@ -62,13 +65,7 @@ impl Default for CartesianConfig {
 impl CartesianConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
         let model = place.model;
-        let frame = model.end_effector(place.profile, self.frame.as_deref()).map_err(|error| match error {
-            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(place.key("frame"), unknown.to_string()),
-            error => ConfigError::new(error.to_string()).advise(format!(
-                "name the link to control: tasks = [{{ cartesian = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
-                error.example().unwrap_or_default()
-            )),
-        })?;
+        let frame = place.frame("cartesian", self.frame.as_deref())?;
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
         let settings = CartesianSettings {
             gain: place.in_range("gain", self.gain, GAINS)?,
@@ -97,6 +94,10 @@ impl CartesianConfig {
 impl TaskKind for CartesianConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
     }
 
     fn target(&self) -> Option<&str> {

@@ -15,6 +15,8 @@ use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 pub struct CentreOfMassConfig {
     /// Name of the task, with which the names of its parameters begin. Default "centre_of_mass".
     pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
     /// Name of the input port of its target, of which position and linear velocity count. The input is optional:
     /// without a target the centre of mass stays where it was at the start. Default "centre_of_mass_target".
     pub target: String,
@@ -38,6 +40,7 @@ impl Default for CentreOfMassConfig {
         let CentreOfMassSettings { gain, weight, shares, .. } = CentreOfMassSettings::default();
         Self {
             name: "centre_of_mass".to_owned(),
+            level: 1,
             target: "centre_of_mass_target".to_owned(),
             gain,
             weight,
@@ -72,6 +75,10 @@ impl CentreOfMassConfig {
 impl TaskKind for CentreOfMassConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
     }
 
     fn target(&self) -> Option<&str> {

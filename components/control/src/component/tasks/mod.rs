@@ -5,16 +5,18 @@
 
 mod cartesian;
 mod centre_of_mass;
+mod gaze;
 mod posture;
 
 pub use cartesian::CartesianConfig;
 pub use centre_of_mass::CentreOfMassConfig;
+pub use gaze::GazeConfig;
 pub use posture::PostureConfig;
 
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
-use motorium_robots::{Model, Profile};
+use motorium_robots::{EndEffectorError, FrameId, Model, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -51,6 +53,8 @@ task_kinds! {
     "cartesian" => Cartesian(CartesianConfig),
     /// The centre of mass follows a point.
     "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
+    /// An axis of a frame points at a point.
+    "gaze" => Gaze(GazeConfig),
     /// The joints keep a posture.
     "posture" => Posture(PostureConfig),
 }
@@ -59,6 +63,9 @@ task_kinds! {
 pub(super) trait TaskKind {
     /// Name of the task, with which the names of its parameters begin.
     fn name(&self) -> &str;
+
+    /// Its level: tasks of a higher number decide only what those of lower ones leave open.
+    fn level(&self) -> u32;
 
     /// Name of the input of its target, if it has one.
     fn target(&self) -> Option<&str> {
@@ -92,6 +99,17 @@ impl TaskPlace<'_> {
         format!("{}.{name}", self.path)
     }
 
+    /// The frame that a task of this kind leads: the one named, or that of the robot's only end effector.
+    fn frame(&self, kind: &str, named: Option<&str>) -> Result<FrameId, ConfigError> {
+        self.model.end_effector(self.profile, named).map_err(|error| match error {
+            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(self.key("frame"), unknown.to_string()),
+            error => ConfigError::new(error.to_string()).advise(format!(
+                "name the link to control: tasks = [{{ {kind} = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
+                error.example().unwrap_or_default()
+            )),
+        })
+    }
+
     /// The value of the key `name`, if it is within `range`.
     fn in_range(&self, name: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
         checks::in_range(&self.key(name), value, range)
@@ -114,6 +132,14 @@ impl TaskPlace<'_> {
             self.in_range("damping", damping, 0.0..=f64::MAX)
         })
     }
+}
+
+/// A task with its name and the place of its level.
+pub(super) struct Held {
+    pub(super) name: String,
+    /// 0 for the highest.
+    pub(super) level: usize,
+    pub(super) task: Box<dyn HeldTask>,
 }
 
 /// A task of a running controller, with its input and its parameters.

@@ -16,6 +16,8 @@ use crate::tasks::{PostureSettings, PostureTask, Task};
 pub struct PostureConfig {
     /// Name of the task, with which the names of its parameters begin. Default "posture".
     pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
     /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no profile.
     pub pose: Option<String>,
     /// The posture itself, rad or m, one number per joint. This or `pose`.
@@ -29,7 +31,7 @@ pub struct PostureConfig {
 impl Default for PostureConfig {
     fn default() -> Self {
         let PostureSettings { gain, weight } = PostureSettings::default();
-        Self { name: "posture".to_owned(), pose: None, positions: None, gain, weight }
+        Self { name: "posture".to_owned(), level: 1, pose: None, positions: None, gain, weight }
     }
 }
 
@@ -65,6 +67,10 @@ impl PostureConfig {
 impl TaskKind for PostureConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {

@@ -1,0 +1,189 @@
+//! The bits of a frame on the wire, stuffing included.
+//!
+//! A frame is sent from its start bit to the three bits that keep two frames apart. Within it a bit of the opposite value is
+//! inserted after each five equal ones; in the checksum of CAN FD, at fixed places.
+
+use crate::frame::{Form, Frame, Id};
+
+/// The rates of a bus.
+///
+/// ```
+/// use motorium_can::{Bits, Rates};
+///
+/// let rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
+/// assert_eq!(Bits { nominal: 30, fast: 96 }.ns(&rates), 49_200);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rates {
+    /// Bits per second of arbitration, and of whole classic frames.
+    pub nominal: u32,
+    /// Bits per second of the data of CAN FD frames that switch their rate.
+    pub fast: u32,
+}
+
+/// The number of bits of a frame, by the rate at which they are sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bits {
+    /// At the rate of the arbitration, the pause after the frame included.
+    pub nominal: u32,
+    /// At the higher rate.
+    pub fast: u32,
+}
+
+/// From the delimiter of the checksum to the end of the pause: none of these bits is stuffed.
+const TAIL: u32 = 13;
+
+impl Bits {
+    /// Time on the wire, ns, rounded up.
+    pub fn ns(self, rates: &Rates) -> u64 {
+        let time = |bits: u32, rate: u32| (u64::from(bits) * 1_000_000_000).div_ceil(u64::from(rate.max(1)));
+        time(self.nominal, rates.nominal) + time(self.fast, rates.fast)
+    }
+
+    /// The bits of this very frame.
+    ///
+    /// ```
+    /// use motorium_can::{Bits, Frame, Id};
+    ///
+    /// let zeros = Frame::classic(Id::Standard(0), &[0; 8]);
+    /// assert!(Bits::of(&zeros).nominal > Bits::of(&Frame::classic(Id::Standard(0x2aa), &[0x55; 8])).nominal);
+    /// ```
+    pub fn of(frame: &Frame) -> Self {
+        let mut wire = Wire::new();
+        let data = frame.data();
+        match (frame.id, frame.form) {
+            (Id::Standard(id), Form::Classic) => {
+                wire.push(u32::from(id), 12); // the start bit is zero
+                wire.push(0, 3);
+            }
+            (Id::Extended(id), Form::Classic) => {
+                wire.push(id >> 18, 12);
+                wire.push(0b11, 2);
+                wire.push(id & 0x3_ffff, 18);
+                wire.push(0, 3);
+            }
+            (Id::Standard(id), form) => {
+                wire.push(u32::from(id), 12);
+                // no remote request, no extension, CAN FD, reserved, rate switch
+                wire.push(if form == Form::FdFast { 0b00101 } else { 0b00100 }, 5);
+            }
+            (Id::Extended(id), form) => {
+                wire.push(id >> 18, 12);
+                wire.push(0b11, 2);
+                wire.push(id & 0x3_ffff, 18);
+                wire.push(if form == Form::FdFast { 0b0101 } else { 0b0100 }, 4);
+            }
+        }
+        let head = wire.count;
+        if frame.form != Form::Classic {
+            wire.push(0, 1); // the sender is not error passive
+        }
+        wire.push(length_code(data.len()), 4);
+        data.iter().for_each(|byte| wire.push((*byte).into(), 8));
+        if frame.form == Form::Classic {
+            let checksum = wire.checksum;
+            wire.push(checksum.into(), 15);
+            return Self { nominal: wire.count + TAIL, fast: 0 };
+        }
+        let body = wire.count - head + checksum_field(data.len());
+        match frame.form {
+            Form::FdFast => Self { nominal: head + TAIL, fast: body },
+            _ => Self { nominal: head + body + TAIL, fast: 0 },
+        }
+    }
+
+    /// The bits of the longest frame of this form with so many bytes, whatever they are.
+    pub fn worst(is_extended: bool, form: Form, bytes: usize) -> Self {
+        let plain = Self::nominal(is_extended, form, bytes);
+        // a bit after the first five equal ones, then after each four
+        let stuffed = |bits: u32| (bits - 1) / 4;
+        if form == Form::Classic {
+            return Self { nominal: plain.nominal + stuffed(plain.nominal - TAIL), fast: 0 };
+        }
+        let all = plain.nominal + plain.fast - TAIL - checksum_field(bytes);
+        if form == Form::Fd {
+            return Self { nominal: plain.nominal + stuffed(all), fast: 0 };
+        }
+        let head = stuffed(plain.nominal - TAIL);
+        Self { nominal: plain.nominal + head, fast: plain.fast + stuffed(all) - head }
+    }
+
+    /// The bits of a frame of this form with so many bytes, stuffing left out.
+    pub fn nominal(is_extended: bool, form: Form, bytes: usize) -> Self {
+        let bits = 8 * bytes as u32;
+        match (form, is_extended) {
+            (Form::Classic, extended) => {
+                Self { nominal: if extended { 39 } else { 19 } + bits + 15 + TAIL, fast: 0 }
+            }
+            (form, extended) => {
+                let head = if extended { 36 } else { 17 };
+                let body = 5 + bits + checksum_field(bytes);
+                match form {
+                    Form::FdFast => Self { nominal: head + TAIL, fast: body },
+                    _ => Self { nominal: head + body + TAIL, fast: 0 },
+                }
+            }
+        }
+    }
+}
+
+impl core::ops::Add for Bits {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { nominal: self.nominal + other.nominal, fast: self.fast + other.fast }
+    }
+}
+
+/// Count of stuff bits and checksum of CAN FD, with the bits stuffed at fixed places.
+fn checksum_field(bytes: usize) -> u32 {
+    if bytes <= 16 { 4 + 17 + 6 } else { 4 + 21 + 7 }
+}
+
+/// The four bits that stand for a length.
+fn length_code(bytes: usize) -> u32 {
+    match bytes {
+        0..=8 => bytes as u32,
+        12 => 9,
+        16 => 10,
+        20 => 11,
+        24 => 12,
+        32 => 13,
+        48 => 14,
+        _ => 15,
+    }
+}
+
+/// Bits as they are put on the wire: counted with stuffing, and summed up to the checksum of 15 bits.
+struct Wire {
+    count: u32,
+    last: Option<bool>,
+    run: u32,
+    checksum: u16,
+}
+
+impl Wire {
+    fn new() -> Self {
+        Self { count: 0, last: None, run: 0, checksum: 0 }
+    }
+
+    fn push(&mut self, value: u32, bits: u32) {
+        for place in (0..bits).rev() {
+            self.bit(value >> place & 1 == 1);
+        }
+    }
+
+    fn bit(&mut self, bit: bool) {
+        let feedback = bit != (self.checksum >> 14 & 1 == 1);
+        self.checksum = self.checksum << 1 & 0x7fff;
+        if feedback {
+            self.checksum ^= 0x4599;
+        }
+        self.count += 1;
+        self.run = if self.last == Some(bit) { self.run + 1 } else { 1 };
+        self.last = Some(bit);
+        if self.run == 5 {
+            (self.count, self.run, self.last) = (self.count + 1, 1, Some(!bit));
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The registers of Damiao drives: the settings that must be known before such a drive is enabled.
+//!
+//! All drives of a bus listen to the identifier 0x7FF; the first two bytes name the drive. An answer has the identifier of
+//! the drive's other answers and repeats what was asked.
+
+use crate::frame::{DecodeError, Frame, Id, exactly, finite};
+
+/// The identifier to which all drives listen.
+const EVERYBODY: Id = Id::Standard(0x7ff);
+const READ: u8 = 0x33;
+const WRITE: u8 = 0x55;
+/// Length of the unit in which the watchdog is set, ns.
+const TIMEOUT_NS: u64 = 50_000;
+
+/// A register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Register {
+    /// Time without a command after which the drive lets go, in units of 50 us; 0 for never.
+    Timeout = 9,
+    /// The largest position of the range, rad.
+    PositionMax = 21,
+    /// The largest velocity of the range, rad/s.
+    VelocityMax = 22,
+    /// The largest torque of the range, N m.
+    TorqueMax = 23,
+}
+
+impl Register {
+    /// Those that are read before a drive is enabled, in this order.
+    pub const CHECKED: [Self; 4] = [Self::Timeout, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
+
+    fn of(code: u8) -> Result<Self, DecodeError> {
+        let found = Self::CHECKED.into_iter().find(|register| *register as u8 == code);
+        found.ok_or(DecodeError::Field { field: "the register", found: code.into() })
+    }
+}
+
+/// The value of a register.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Time without a command after which the drive lets go, ns; `None` for never.
+    Watchdog(Option<u64>),
+    /// The end of a range.
+    Range(f64),
+}
+
+/// A request of a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Number of the drive.
+    pub node: u8,
+    /// The register.
+    pub register: Register,
+}
+
+impl Request {
+    /// The frame that asks for the register.
+    ///
+    /// ```
+    /// use motorium_can::damiao::{Register, Request};
+    ///
+    /// let request = Request { node: 1, register: Register::VelocityMax };
+    /// assert_eq!(request.frame().data(), [1, 0, 0x33, 22, 0, 0, 0, 0]);
+    /// ```
+    pub fn frame(&self) -> Frame {
+        Frame::classic(EVERYBODY, &[self.node, 0, READ, self.register as u8, 0, 0, 0, 0])
+    }
+
+    /// The drive's side: the request in a frame to all drives.
+    ///
+    /// # Errors
+    /// The frame asks for nothing that can be read here, or asks another drive.
+    pub fn decode(frame: &Frame, node: u8) -> Result<Self, DecodeError> {
+        let data: &[u8; 8] = exactly(frame, EVERYBODY)?;
+        let [low, high, action, register, ..] = *data;
+        if (low, high) != (node, 0) {
+            return Err(DecodeError::Device { found: low, expected: node });
+        }
+        if action != READ {
+            return Err(DecodeError::Field { field: "the action", found: action.into() });
+        }
+        Ok(Self { node, register: Register::of(register)? })
+    }
+
+    /// The drive's side: the answer, which has the identifier `master`.
+    pub fn answer(&self, master: Id, value: Value) -> Frame {
+        let bytes = match value {
+            Value::Watchdog(time) => {
+                let units = time.unwrap_or(0).div_ceil(TIMEOUT_NS);
+                u32::try_from(units).unwrap_or(u32::MAX).to_le_bytes()
+            }
+            Value::Range(max) => (max as f32).to_le_bytes(),
+        };
+        let [a, b, c, d] = bytes;
+        Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
+    }
+
+    /// Whether a frame is the answer to a request or a change of some register of this drive, and not its usual answer.
+    pub fn is_answer(&self, frame: &Frame, master: Id) -> bool {
+        let asks = |data: &[u8]| data[0] == self.node && data[1] == 0 && matches!(data[2], READ | WRITE);
+        frame.id == master && frame.data().len() == 8 && asks(frame.data())
+    }
+
+    /// The value in an answer with the identifier `master`.
+    ///
+    /// # Errors
+    /// It is the answer of another drive, about another register, or its number is not finite.
+    pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
+        let data: &[u8; 8] = exactly(frame, master)?;
+        let [low, high, action, register, a, b, c, d] = *data;
+        if (low, high) != (self.node, 0) {
+            return Err(DecodeError::Device { found: low, expected: self.node });
+        }
+        if action != READ {
+            return Err(DecodeError::Field { field: "the action", found: action.into() });
+        }
+        if register != self.register as u8 {
+            return Err(DecodeError::Answer { found: register.into(), expected: self.register as u32 });
+        }
+        let bytes = [a, b, c, d];
+        match self.register {
+            Register::Timeout => {
+                let units = u64::from(u32::from_le_bytes(bytes));
+                Ok(Value::Watchdog((units > 0).then_some(units * TIMEOUT_NS)))
+            }
+            _ => finite(bytes, "the end of a range").map(Value::Range),
+        }
+    }
+}

@@ -1,0 +1,428 @@
+//! The protocol of the MIT mini cheetah, and of the drives that took it over: CubeMars, Damiao, RobStride.
+//!
+//! A command is one frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and torque (12
+//! bits each), most significant bit first; the drive answers every command with one frame. Enabling, disabling and setting
+//! the zero position are commands of seven bytes 0xFF and a code.
+//!
+//! Numbers are spread over [`Ranges`] that stand in the drive: a wrong range scales them silently.
+
+use super::range::Range;
+use crate::frame::{DecodeError, Form, Frame, Id, exactly};
+
+/// The ranges of the fields, in the units of the drive's output shaft.
+///
+/// ```
+/// use motorium_can::mit::Ranges;
+///
+/// assert_eq!(Ranges::MINI_CHEETAH.velocity.max, 65.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranges {
+    /// Positions, rad.
+    pub position: Range,
+    /// Velocities, rad/s.
+    pub velocity: Range,
+    /// Position gains, N m/rad.
+    pub kp: Range,
+    /// Velocity gains, N m s/rad.
+    pub kd: Range,
+    /// Torques, N m.
+    pub torque: Range,
+}
+
+impl Ranges {
+    /// Those of the published firmware of the mini cheetah's drives.
+    pub const MINI_CHEETAH: Self = Self::new(12.5, 65.0, 18.0);
+    /// Those of the CubeMars AK80-64.
+    pub const AK80_64: Self = Self::new(12.5, 8.0, 144.0);
+    /// Those of the RobStride RS00.
+    pub const RS00: Self = Self::new(12.57, 33.0, 14.0);
+
+    /// Ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m s/rad.
+    pub const fn new(position: f64, velocity: f64, torque: f64) -> Self {
+        Self {
+            position: Range::symmetric(position),
+            velocity: Range::symmetric(velocity),
+            kp: Range::from_zero(500.0),
+            kd: Range::from_zero(5.0),
+            torque: Range::symmetric(torque),
+        }
+    }
+
+    /// The same with other largest gains.
+    #[must_use]
+    pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
+        Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }
+    }
+}
+
+/// The command of a drive, in the units of its output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Position setpoint, rad.
+    pub position: f64,
+    /// Velocity setpoint, rad/s.
+    pub velocity: f64,
+    /// Position gain, N m/rad.
+    pub kp: f64,
+    /// Velocity gain, N m s/rad.
+    pub kd: f64,
+    /// Feed-forward torque, N m.
+    pub torque: f64,
+}
+
+/// A frame to a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction {
+    /// Setpoints and gains.
+    Command(Command),
+    /// The drive begins to follow commands.
+    Enable,
+    /// The drive lets go.
+    Disable,
+    /// The present position becomes zero.
+    SetZero,
+}
+
+/// The form of a drive's answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// Six bytes: device, position, velocity, torque.
+    MiniCheetah,
+    /// Eight bytes: as before, then an unused byte and the supply voltage over 40 V.
+    MiniCheetahVoltage,
+    /// Eight bytes: as before, then temperature (signed, degrees Celsius) and error.
+    CubeMars,
+    /// Eight bytes: device and state in one byte, position, velocity, torque, temperatures of transistors and rotor.
+    Damiao,
+    /// Eight bytes: device, position, velocity, torque, temperature in tenths of a degree Celsius.
+    RobStride,
+}
+
+impl Reply {
+    /// Bytes of the answer.
+    pub fn length(self) -> usize {
+        if self == Self::MiniCheetah { 6 } else { 8 }
+    }
+}
+
+/// The state that a drive reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It does not tell.
+    Unknown,
+    /// It lets go.
+    Disabled,
+    /// It follows commands.
+    Enabled,
+    /// It let go because of a fault.
+    Fault(Fault),
+}
+
+/// The fault of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The supply voltage is too high.
+    OverVoltage,
+    /// The supply voltage is too low.
+    UnderVoltage,
+    /// The current is too high.
+    OverCurrent,
+    /// The transistors are too hot.
+    HotTransistors,
+    /// The motor is too hot.
+    HotMotor,
+    /// No command came for the time of its watchdog.
+    CommunicationLost,
+    /// The motor could not give the torque for too long.
+    Overload,
+    /// The encoder failed.
+    Encoder,
+}
+
+impl Fault {
+    /// The fault in a few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::OverVoltage => "supply voltage too high",
+            Self::UnderVoltage => "supply voltage too low",
+            Self::OverCurrent => "current too high",
+            Self::HotTransistors => "transistors too hot",
+            Self::HotMotor => "motor too hot",
+            Self::CommunicationLost => "no command for the time of its watchdog",
+            Self::Overload => "overload",
+            Self::Encoder => "encoder failed",
+        }
+    }
+}
+
+/// A drive's answer, in the units of its output shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feedback {
+    /// Position, rad.
+    pub position: f64,
+    /// Velocity, rad/s.
+    pub velocity: f64,
+    /// Torque, N m.
+    pub torque: f64,
+    /// Temperature of the drive, degrees Celsius, if it tells.
+    pub temperature: Option<f64>,
+    /// Supply voltage, V, if it tells.
+    pub voltage: Option<f64>,
+    /// Its state.
+    pub state: State,
+}
+
+/// One drive as both ends of the bus know it: identifiers, ranges, form of its answer.
+///
+/// ```
+/// use motorium_can::{Id, mit};
+///
+/// let knee = mit::Drive::mini_cheetah(3);
+/// let nothing = knee.command(&mit::Command::default());
+/// assert_eq!(nothing.data(), [0x7f, 0xff, 0x7f, 0xf0, 0x00, 0x00, 0x07, 0xff]);
+/// assert_eq!(nothing.id, Id::Standard(3));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Number of the drive: the identifier of its commands.
+    pub node: u8,
+    /// Identifier of its answers.
+    pub reply_id: Id,
+    /// Form of its answers.
+    pub reply: Reply,
+    /// Ranges of the fields.
+    pub ranges: Ranges,
+    /// Form of its frames on the wire.
+    pub form: Form,
+}
+
+const ENABLE: u8 = 0xfc;
+const DISABLE: u8 = 0xfd;
+const SET_ZERO: u8 = 0xfe;
+/// The supply voltage that the largest byte stands for, V.
+const VOLTAGE: Range = Range::from_zero(40.0);
+
+impl Drive {
+    /// A drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`], answers of six bytes
+    /// with identifier 0.
+    pub const fn mini_cheetah(node: u8) -> Self {
+        Self {
+            node,
+            reply_id: Id::Standard(0),
+            reply: Reply::MiniCheetah,
+            ranges: Ranges::MINI_CHEETAH,
+            form: Form::Classic,
+        }
+    }
+
+    /// A Damiao drive with these ranges, whose answers have the identifier `master`.
+    pub const fn damiao(node: u8, master: u16, ranges: Ranges) -> Self {
+        let reply_id = Id::Standard(master & 0x7ff);
+        Self { node, reply_id, reply: Reply::Damiao, ranges, form: Form::Classic }
+    }
+
+    /// The identifier of its commands.
+    pub fn id(&self) -> Id {
+        Id::Standard(u16::from(self.node))
+    }
+
+    /// The frame of a command. What lies outside the ranges is sent as their end.
+    pub fn command(&self, command: &Command) -> Frame {
+        let r = &self.ranges;
+        let p = r.position.encode(command.position, 16);
+        let v = r.velocity.encode(command.velocity, 12);
+        let kp = r.kp.encode(command.kp, 12);
+        let kd = r.kd.encode(command.kd, 12);
+        let t = r.torque.encode(command.torque, 12);
+        let mut data = [
+            (p >> 8) as u8,
+            p as u8,
+            (v >> 4) as u8,
+            ((v << 4) | (kp >> 8)) as u8,
+            kp as u8,
+            (kd >> 4) as u8,
+            ((kd << 4) | (t >> 8)) as u8,
+            t as u8,
+        ];
+        // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives way.
+        if data[..7] == [0xff; 7] && data[7] >= ENABLE {
+            data[7] = ENABLE - 1;
+        }
+        self.frame(data)
+    }
+
+    /// The frame of an instruction.
+    pub fn instruct(&self, instruction: &Instruction) -> Frame {
+        let code = match instruction {
+            Instruction::Command(command) => return self.command(command),
+            Instruction::Enable => ENABLE,
+            Instruction::Disable => DISABLE,
+            Instruction::SetZero => SET_ZERO,
+        };
+        self.frame([0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, code])
+    }
+
+    fn frame(&self, data: [u8; 8]) -> Frame {
+        Frame::classic(self.id(), &data).in_form(self.form)
+    }
+
+    /// The drive's side: what a frame asks of it.
+    ///
+    /// # Errors
+    /// The frame is for another drive, has another length, or ends in a code that there is not.
+    pub fn instruction(&self, frame: &Frame) -> Result<Instruction, DecodeError> {
+        let data: &[u8; 8] = exactly(frame, self.id())?;
+        if data[..7] == [0xff; 7] {
+            match data[7] {
+                ENABLE => return Ok(Instruction::Enable),
+                DISABLE => return Ok(Instruction::Disable),
+                SET_ZERO => return Ok(Instruction::SetZero),
+                0xff => return Err(DecodeError::Field { field: "the code", found: 0xff }),
+                _ => {}
+            }
+        }
+        let r = &self.ranges;
+        let [p1, p0, v1, v_kp, kp0, kd1, kd_t, t0] = data.map(u16::from);
+        Ok(Instruction::Command(Command {
+            position: r.position.decode(p1 << 8 | p0, 16),
+            velocity: r.velocity.decode(v1 << 4 | v_kp >> 4, 12),
+            kp: r.kp.decode((v_kp & 0xf) << 8 | kp0, 12),
+            kd: r.kd.decode(kd1 << 4 | kd_t >> 4, 12),
+            torque: r.torque.decode((kd_t & 0xf) << 8 | t0, 12),
+        }))
+    }
+
+    /// The drive's side: the frame of an answer. What its form has no field for is left out.
+    pub fn answer(&self, feedback: &Feedback) -> Frame {
+        let r = &self.ranges;
+        let p = r.position.encode(feedback.position, 16);
+        let v = r.velocity.encode(feedback.velocity, 12);
+        let t = r.torque.encode(feedback.torque, 12);
+        let celsius = feedback.temperature.unwrap_or(25.0);
+        let mut data =
+            [self.node, (p >> 8) as u8, p as u8, (v >> 4) as u8, ((v << 4) | (t >> 8)) as u8, t as u8, 0, 0];
+        match self.reply {
+            Reply::MiniCheetah => {}
+            Reply::MiniCheetahVoltage => {
+                data[7] = VOLTAGE.encode(feedback.voltage.unwrap_or(0.0), 8) as u8;
+            }
+            Reply::CubeMars => {
+                data[6] = celsius.clamp(-128.0, 127.0) as i8 as u8;
+                data[7] = cubemars_code(feedback.state);
+            }
+            Reply::Damiao => {
+                data[0] = self.node & 0xf | damiao_code(feedback.state) << 4;
+                (data[6], data[7]) = (celsius.clamp(0.0, 255.0) as u8, celsius.clamp(0.0, 255.0) as u8);
+            }
+            Reply::RobStride => {
+                [data[6], data[7]] = ((celsius * 10.0).clamp(0.0, 65535.0) as u16).to_be_bytes();
+            }
+        }
+        Frame::classic(self.reply_id, &data[..self.reply.length()]).in_form(self.form)
+    }
+
+    /// The values of an answer.
+    ///
+    /// # Errors
+    /// The frame has another identifier or length, comes from another drive, or has a code that there is not.
+    pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
+        let mut data = [0; 8];
+        if self.reply == Reply::MiniCheetah {
+            data[..6].copy_from_slice(exactly::<6>(frame, self.reply_id)?);
+        } else {
+            data = *exactly::<8>(frame, self.reply_id)?;
+        }
+        let (found, expected) = match self.reply {
+            Reply::Damiao => (data[0] & 0xf, self.node & 0xf),
+            _ => (data[0], self.node),
+        };
+        if found != expected {
+            return Err(DecodeError::Device { found, expected });
+        }
+        let r = &self.ranges;
+        let [_, p1, p0, v1, v_t, t0, ..] = data.map(u16::from);
+        let mut feedback = Feedback {
+            position: r.position.decode(p1 << 8 | p0, 16),
+            velocity: r.velocity.decode(v1 << 4 | v_t >> 4, 12),
+            torque: r.torque.decode((v_t & 0xf) << 8 | t0, 12),
+            temperature: None,
+            voltage: None,
+            state: State::Unknown,
+        };
+        match self.reply {
+            Reply::MiniCheetah => {}
+            Reply::MiniCheetahVoltage => feedback.voltage = Some(VOLTAGE.decode(data[7].into(), 8)),
+            Reply::CubeMars => {
+                feedback.temperature = Some(f64::from(data[6] as i8));
+                feedback.state = cubemars_state(data[7])?;
+            }
+            Reply::Damiao => {
+                feedback.temperature = Some(f64::from(data[6].max(data[7])));
+                feedback.state = damiao_state(data[0] >> 4)?;
+            }
+            Reply::RobStride => {
+                let tenths = u16::from_be_bytes([data[6], data[7]]);
+                feedback.temperature = Some(f64::from(tenths) / 10.0);
+            }
+        }
+        Ok(feedback)
+    }
+}
+
+fn cubemars_state(code: u8) -> Result<State, DecodeError> {
+    Ok(match code {
+        0 => State::Unknown,
+        1 => State::Fault(Fault::HotMotor),
+        2 => State::Fault(Fault::OverCurrent),
+        3 => State::Fault(Fault::OverVoltage),
+        4 => State::Fault(Fault::UnderVoltage),
+        5 => State::Fault(Fault::Encoder),
+        6 => State::Fault(Fault::HotTransistors),
+        7 => State::Fault(Fault::Overload),
+        code => return Err(DecodeError::Field { field: "the error", found: code.into() }),
+    })
+}
+
+fn cubemars_code(state: State) -> u8 {
+    match state {
+        State::Fault(Fault::HotMotor) => 1,
+        State::Fault(Fault::OverCurrent) => 2,
+        State::Fault(Fault::OverVoltage) => 3,
+        State::Fault(Fault::UnderVoltage) => 4,
+        State::Fault(Fault::Encoder) => 5,
+        State::Fault(Fault::HotTransistors) => 6,
+        State::Fault(Fault::Overload) => 7,
+        // it has no code for the others
+        _ => 0,
+    }
+}
+
+fn damiao_state(code: u8) -> Result<State, DecodeError> {
+    Ok(match code {
+        0x0 => State::Disabled,
+        0x1 => State::Enabled,
+        0x8 => State::Fault(Fault::OverVoltage),
+        0x9 => State::Fault(Fault::UnderVoltage),
+        0xa => State::Fault(Fault::OverCurrent),
+        0xb => State::Fault(Fault::HotTransistors),
+        0xc => State::Fault(Fault::HotMotor),
+        0xd => State::Fault(Fault::CommunicationLost),
+        0xe => State::Fault(Fault::Overload),
+        code => return Err(DecodeError::Field { field: "the state", found: code.into() }),
+    })
+}
+
+fn damiao_code(state: State) -> u8 {
+    match state {
+        State::Unknown | State::Disabled => 0x0,
+        State::Enabled => 0x1,
+        State::Fault(Fault::OverVoltage) => 0x8,
+        State::Fault(Fault::UnderVoltage) => 0x9,
+        State::Fault(Fault::OverCurrent) => 0xa,
+        State::Fault(Fault::HotTransistors) => 0xb,
+        State::Fault(Fault::HotMotor) => 0xc,
+        State::Fault(Fault::CommunicationLost) => 0xd,
+        State::Fault(Fault::Overload | Fault::Encoder) => 0xe,
+    }
+}

@@ -1,0 +1,345 @@
+//! CANSimple, the protocol of ODrive drives.
+//!
+//! The identifier of 11 bits is `node << 5 | command`; numbers have their least significant byte first, positions are in
+//! turns of the motor. Heartbeat and encoder estimates come by themselves, at rates that are set in the drive. The messages
+//! are those of the published database `odrive-cansimple.dbc` of firmware 0.5.6.
+
+use core::f64::consts::TAU;
+
+use crate::frame::{DecodeError, Frame, Id, finite};
+
+/// The state of an axis: what it does, or is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum AxisState {
+    /// It has not begun yet.
+    Undefined = 0,
+    /// It lets go.
+    Idle = 1,
+    /// It runs what is configured for the start.
+    StartupSequence = 2,
+    /// It calibrates motor and encoder.
+    FullCalibration = 3,
+    /// It calibrates the motor.
+    MotorCalibration = 4,
+    /// It looks for the index of the encoder.
+    IndexSearch = 6,
+    /// It measures the offset of the encoder.
+    EncoderOffset = 7,
+    /// It follows commands.
+    ClosedLoop = 8,
+    /// It spins with the phase it is given.
+    LockinSpin = 9,
+    /// It finds the direction of the encoder.
+    EncoderDirection = 10,
+    /// It homes.
+    Homing = 11,
+    /// It calibrates the polarity of Hall sensors.
+    HallPolarity = 12,
+    /// It calibrates the phase of Hall sensors.
+    HallPhase = 13,
+}
+
+impl AxisState {
+    const ALL: [Self; 13] = [
+        Self::Undefined,
+        Self::Idle,
+        Self::StartupSequence,
+        Self::FullCalibration,
+        Self::MotorCalibration,
+        Self::IndexSearch,
+        Self::EncoderOffset,
+        Self::ClosedLoop,
+        Self::LockinSpin,
+        Self::EncoderDirection,
+        Self::Homing,
+        Self::HallPolarity,
+        Self::HallPhase,
+    ];
+
+    fn of(code: u32) -> Result<Self, DecodeError> {
+        let found = Self::ALL.into_iter().find(|state| *state as u32 == code);
+        found.ok_or(DecodeError::Field { field: "the axis state", found: code })
+    }
+}
+
+/// The quantity that a controller controls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ControlMode {
+    /// The voltage.
+    Voltage = 0,
+    /// The torque.
+    Torque = 1,
+    /// The velocity.
+    Velocity = 2,
+    /// The position.
+    Position = 3,
+}
+
+/// The way from an input to a setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum InputMode {
+    /// None: setpoints stay.
+    Inactive = 0,
+    /// At once.
+    Passthrough = 1,
+    /// By a limited acceleration.
+    VelocityRamp = 2,
+    /// By a filter of second order.
+    PositionFilter = 3,
+}
+
+/// A message to a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction {
+    /// It lets go at once and reports an error.
+    EmergencyStop,
+    /// Asks for a state.
+    SetState(AxisState),
+    /// Sets control mode and input mode.
+    SetModes(ControlMode, InputMode),
+    /// Position \[rad\], feed-forward velocity \[rad/s\] and torque \[N m\], of the motor.
+    Position {
+        /// Position, rad. Sent as 32-bit floating-point turns.
+        position: f64,
+        /// Velocity, rad/s. Sent in thousandths of a turn per second, at most 32.767.
+        velocity: f64,
+        /// Torque, N m. Sent in thousandths, at most 32.767.
+        torque: f64,
+    },
+    /// Velocity \[rad/s\] and feed-forward torque \[N m\], of the motor.
+    Velocity {
+        /// Velocity, rad/s.
+        velocity: f64,
+        /// Torque, N m.
+        torque: f64,
+    },
+    /// Torque of the motor, N m.
+    Torque(f64),
+    /// Clears the errors.
+    ClearErrors,
+}
+
+/// A message of a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Report {
+    /// That it lives.
+    Heartbeat {
+        /// Flags of the errors of the axis.
+        error: u32,
+        /// Its state.
+        state: AxisState,
+    },
+    /// The estimates of the encoder, of the motor.
+    Encoder {
+        /// Position, rad.
+        position: f64,
+        /// Velocity, rad/s.
+        velocity: f64,
+    },
+    /// Supply voltage \[V\] and current \[A\].
+    Supply {
+        /// Voltage, V.
+        voltage: f64,
+        /// Current, A.
+        current: f64,
+    },
+    /// Torques of newer firmware: setpoint and estimate, N m.
+    Torques {
+        /// The setpoint.
+        target: f64,
+        /// The estimate.
+        estimate: f64,
+    },
+}
+
+const HEARTBEAT: u16 = 0x01;
+const ESTOP: u16 = 0x02;
+const SET_STATE: u16 = 0x07;
+const ENCODER: u16 = 0x09;
+const SET_MODES: u16 = 0x0b;
+const SET_POSITION: u16 = 0x0c;
+const SET_VELOCITY: u16 = 0x0d;
+const SET_TORQUE: u16 = 0x0e;
+const SUPPLY: u16 = 0x17;
+const CLEAR_ERRORS: u16 = 0x18;
+const TORQUES: u16 = 0x1c;
+
+/// A drive by its node, 0 to 63.
+///
+/// ```
+/// use motorium_can::odrive::{Instruction, Node};
+///
+/// let node = Node::new(3).ok_or("0 to 63")?;
+/// let turn = Instruction::Position { position: core::f64::consts::TAU, velocity: 0.0, torque: -1.0 };
+/// let frame = node.frame(&turn);
+/// assert_eq!(format!("{frame:?}"), "0x06C#0000803F000018FC");
+/// # Ok::<(), &str>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node(u8);
+
+impl Node {
+    /// The drive with this number; `None` beyond 63.
+    pub fn new(node: u8) -> Option<Self> {
+        (node < 64).then_some(Self(node))
+    }
+
+    /// The identifier of one of its messages.
+    fn id(self, command: u16) -> Id {
+        Id::Standard(u16::from(self.0) << 5 | command)
+    }
+
+    /// The frame of a message to the drive.
+    pub fn frame(self, instruction: &Instruction) -> Frame {
+        let turns = |rad: f64| ((rad / TAU) as f32).to_le_bytes();
+        let thousandths = |x: f64| ((x * 1e3).round_to_even().clamp(-32768.0, 32767.0) as i16).to_le_bytes();
+        let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
+        let make = |command, data: &[u8]| Frame::classic(self.id(command), data);
+        match *instruction {
+            Instruction::EmergencyStop => make(ESTOP, &[]),
+            Instruction::SetState(state) => make(SET_STATE, &(state as u32).to_le_bytes()),
+            Instruction::SetModes(control, input) => {
+                make(SET_MODES, &words((control as u32).to_le_bytes(), (input as u32).to_le_bytes()))
+            }
+            Instruction::Position { position, velocity, torque } => {
+                let ([a, b], [c, d]) = (thousandths(velocity / TAU), thousandths(torque));
+                make(SET_POSITION, &words(turns(position), [a, b, c, d]))
+            }
+            Instruction::Velocity { velocity, torque } => {
+                make(SET_VELOCITY, &words(turns(velocity), (torque as f32).to_le_bytes()))
+            }
+            Instruction::Torque(torque) => make(SET_TORQUE, &(torque as f32).to_le_bytes()),
+            Instruction::ClearErrors => make(CLEAR_ERRORS, &[]),
+        }
+    }
+
+    /// The drive's side: the message in a frame.
+    ///
+    /// # Errors
+    /// The frame is for another drive, no message to a drive, of another length, or holds a number that there is not.
+    pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
+        let command = self.command(frame)?;
+        let data = frame.data();
+        Ok(match command {
+            ESTOP => length::<0>(data).map(|_| Instruction::EmergencyStop)?,
+            CLEAR_ERRORS => length::<0>(data).map(|_| Instruction::ClearErrors)?,
+            SET_STATE => Instruction::SetState(AxisState::of(u32::from_le_bytes(*length(data)?))?),
+            SET_MODES => {
+                let (control, input) = halves(data)?;
+                Instruction::SetModes(
+                    match u32::from_le_bytes(control) {
+                        0 => ControlMode::Voltage,
+                        1 => ControlMode::Torque,
+                        2 => ControlMode::Velocity,
+                        3 => ControlMode::Position,
+                        found => return Err(DecodeError::Field { field: "the control mode", found }),
+                    },
+                    match u32::from_le_bytes(input) {
+                        0 => InputMode::Inactive,
+                        1 => InputMode::Passthrough,
+                        2 => InputMode::VelocityRamp,
+                        3 => InputMode::PositionFilter,
+                        found => return Err(DecodeError::Field { field: "the input mode", found }),
+                    },
+                )
+            }
+            SET_POSITION => {
+                let (position, [a, b, c, d]) = halves(data)?;
+                Instruction::Position {
+                    position: finite(position, "the position")? * TAU,
+                    velocity: f64::from(i16::from_le_bytes([a, b])) * 1e-3 * TAU,
+                    torque: f64::from(i16::from_le_bytes([c, d])) * 1e-3,
+                }
+            }
+            SET_VELOCITY => {
+                let (velocity, torque) = halves(data)?;
+                Instruction::Velocity {
+                    velocity: finite(velocity, "the velocity")? * TAU,
+                    torque: finite(torque, "the torque")?,
+                }
+            }
+            SET_TORQUE => Instruction::Torque(finite(*length(data)?, "the torque")?),
+            found => return Err(DecodeError::Field { field: "the command", found: found.into() }),
+        })
+    }
+
+    /// The drive's side: the frame of a report.
+    pub fn report_frame(self, report: &Report) -> Frame {
+        let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
+        let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
+        let (command, data) = match *report {
+            Report::Heartbeat { error, state } => {
+                (HEARTBEAT, words(error.to_le_bytes(), [state as u8, 0, 0, 0]))
+            }
+            Report::Encoder { position, velocity } => (ENCODER, floats(position / TAU, velocity / TAU)),
+            Report::Supply { voltage, current } => (SUPPLY, floats(voltage, current)),
+            Report::Torques { target, estimate } => (TORQUES, floats(target, estimate)),
+        };
+        Frame::classic(self.id(command), &data)
+    }
+
+    /// A report of the drive.
+    ///
+    /// # Errors
+    /// The frame comes from another drive, is no report that is known here, has another length, or holds a number that there
+    /// is not.
+    pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
+        let command = self.command(frame)?;
+        let (first, second) = halves(frame.data())?;
+        Ok(match command {
+            // The last three bytes are flags of motor, encoder and controller, in newer firmware the result of a procedure.
+            HEARTBEAT => Report::Heartbeat {
+                error: u32::from_le_bytes(first),
+                state: AxisState::of(second[0].into())?,
+            },
+            ENCODER => Report::Encoder {
+                position: finite(first, "the position")? * TAU,
+                velocity: finite(second, "the velocity")? * TAU,
+            },
+            SUPPLY => Report::Supply {
+                voltage: finite(first, "the voltage")?,
+                current: finite(second, "the current")?,
+            },
+            TORQUES => Report::Torques {
+                target: finite(first, "the target")?,
+                estimate: finite(second, "the estimate")?,
+            },
+            found => return Err(DecodeError::Field { field: "the command", found: found.into() }),
+        })
+    }
+
+    /// The command of a frame of this drive.
+    fn command(self, frame: &Frame) -> Result<u16, DecodeError> {
+        match frame.id {
+            Id::Standard(id) if id >> 5 == u16::from(self.0) => Ok(id & 0x1f),
+            found => Err(DecodeError::Id { found, expected: self.id(0) }),
+        }
+    }
+}
+
+/// The data of exactly `N` bytes.
+fn length<const N: usize>(data: &[u8]) -> Result<&[u8; N], DecodeError> {
+    data.try_into().map_err(|_| DecodeError::Length { found: data.len(), expected: N })
+}
+
+/// Two words of four bytes.
+fn halves(data: &[u8]) -> Result<([u8; 4], [u8; 4]), DecodeError> {
+    let [a, b, c, d, e, f, g, h] = *length::<8>(data)?;
+    Ok(([a, b, c, d], [e, f, g, h]))
+}
+
+/// Rounding that needs no library of the system.
+trait RoundToEven {
+    fn round_to_even(self) -> f64;
+}
+
+impl RoundToEven for f64 {
+    /// To the nearest whole number, halves to the even one; of numbers below 2^51.
+    fn round_to_even(self) -> f64 {
+        const SHIFT: f64 = 6_755_399_441_055_744.0;
+        if self.abs() < 2_251_799_813_685_248.0 { (self + SHIFT) - SHIFT } else { self }
+    }
+}

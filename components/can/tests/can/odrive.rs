@@ -1,0 +1,74 @@
+//! CANSimple, against bytes worked out by hand from the published database.
+
+use core::f64::consts::TAU;
+
+use motorium_can::odrive::{AxisState, ControlMode, InputMode, Instruction, Node, Report};
+use motorium_can::{DecodeError, Frame, Id};
+use proptest::prelude::*;
+
+fn node() -> Node {
+    Node::new(3).unwrap()
+}
+
+#[test]
+fn identifiers_and_fields_stand_where_the_database_has_them() {
+    let text = |instruction| format!("{:?}", node().frame(&instruction));
+    assert_eq!(text(Instruction::EmergencyStop), "0x062#");
+    assert_eq!(text(Instruction::SetState(AxisState::ClosedLoop)), "0x067#08000000");
+    assert_eq!(
+        text(Instruction::SetModes(ControlMode::Position, InputMode::Passthrough)),
+        "0x06B#0300000001000000"
+    );
+    // 1 turn is 0x3F800000; 2 turns a second are 2000 thousandths, 0x07D0; 0.5 N m are 500, 0x01F4
+    let position = Instruction::Position { position: TAU, velocity: 2.0 * TAU, torque: 0.5 };
+    assert_eq!(text(position), "0x06C#0000803FD007F401");
+    // -0.5 turns a second are 0xBF000000, 0.25 N m 0x3E800000
+    let velocity = Instruction::Velocity { velocity: -0.5 * TAU, torque: 0.25 };
+    assert_eq!(text(velocity), "0x06D#000000BF0000803E");
+    assert_eq!(text(Instruction::Torque(1.5)), "0x06E#0000C03F");
+    assert_eq!(text(Instruction::ClearErrors), "0x078#");
+}
+
+#[test]
+fn a_heartbeat_and_estimates_are_read() {
+    let heartbeat = Frame::classic(Id::Standard(0x061), &[0x40, 0, 0, 0, 8, 1, 0, 1]);
+    assert_eq!(
+        node().report(&heartbeat),
+        Ok(Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop })
+    );
+    let estimates = Frame::classic(Id::Standard(0x069), &[0, 0, 0x80, 0x3f, 0, 0, 0, 0xbf]);
+    assert_eq!(node().report(&estimates), Ok(Report::Encoder { position: TAU, velocity: -0.5 * TAU }));
+}
+
+#[test]
+fn what_the_database_does_not_know_is_refused() {
+    let report = |id, bytes: &[u8]| node().report(&Frame::classic(Id::Standard(id), bytes));
+    assert_eq!(report(0x069, &[0; 6]), Err(DecodeError::Length { found: 6, expected: 8 }));
+    let endless = report(0x069, &[0, 0, 0xc0, 0x7f, 0, 0, 0, 0]);
+    assert_eq!(endless, Err(DecodeError::NotFinite { field: "the position" }));
+    let state = report(0x061, &[0, 0, 0, 0, 5, 0, 0, 0]);
+    assert_eq!(state, Err(DecodeError::Field { field: "the axis state", found: 5 }));
+    assert!(matches!(report(0x089, &[0; 8]), Err(DecodeError::Id { .. })));
+}
+
+proptest! {
+    #[test]
+    fn setpoints_arrive_within_the_steps_of_their_fields(
+        position in -1e3..1e3_f64, velocity in -200.0..200.0_f64, torque in -32.0..32.0_f64,
+    ) {
+        let sent = Instruction::Position { position, velocity, torque };
+        let Ok(Instruction::Position { position: p, velocity: v, torque: t }) =
+            node().instruction(&node().frame(&sent)) else { panic!() };
+        prop_assert!((p - position).abs() <= 1e-7 * position.abs());
+        prop_assert!((v - velocity).abs() <= 0.5e-3 * TAU * (1.0 + 1e-9));
+        prop_assert!((t - torque).abs() <= 0.5e-3 * (1.0 + 1e-9));
+    }
+
+    #[test]
+    fn reports_arrive_as_numbers_of_32_bits(position in -1e4..1e4_f64, velocity in -1e3..1e3_f64) {
+        let sent = Report::Encoder { position, velocity };
+        let Ok(Report::Encoder { position: p, velocity: v }) =
+            node().report(&node().report_frame(&sent)) else { panic!() };
+        prop_assert!((p - position).abs() <= 1e-7 * position.abs() && (v - velocity).abs() <= 1e-7 * velocity.abs());
+    }
+}

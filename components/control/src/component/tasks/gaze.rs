@@ -1,0 +1,191 @@
+//! The gaze task of `control.qp`.
+
+use motorium::prelude::*;
+use nalgebra::{Unit, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::tasks::{GazeSettings, GazeTask, Task};
+use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
+
+/// Distance of the point that an axis without a target keeps pointing at, m: so far that the motion of the frame turns it by
+/// nothing that counts.
+const FAR: f64 = 1e6;
+
+/// A gaze task: an axis of a frame points at a point.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct GazeConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "gaze".
+    pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
+    /// Link whose axis points. Default: that of the robot's only end effector.
+    pub frame: Option<String>,
+    /// The axis in the axes of the frame, of any length but 0. Default [0, 0, 1].
+    pub axis: [f64; 3],
+    /// Name of the input port of its target, of which position and linear velocity count. The input is optional: without
+    /// a target the axis keeps its direction. Default "gaze_target".
+    pub target: String,
+    /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+    pub gain: f64,
+    /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
+    pub weight: f64,
+    /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
+    pub max_speed: Option<f64>,
+    /// Levenberg-Marquardt damping, s/rad: keeps the robot calm where it cannot look at the point. Default: 5e-3, or two
+    /// ticks where that is more.
+    pub damping: Option<f64>,
+    /// Angle from a goal within which it counts as reached, rad. Default 0.02.
+    pub tolerance: f64,
+}
+
+impl Default for GazeConfig {
+    fn default() -> Self {
+        let GazeSettings { gain, weight, .. } = GazeSettings::default();
+        Self {
+            name: "gaze".to_owned(),
+            level: 1,
+            frame: None,
+            axis: [0.0, 0.0, 1.0],
+            target: "gaze_target".to_owned(),
+            gain,
+            weight,
+            max_speed: None,
+            damping: None,
+            tolerance: GoalTolerance::default().orientation,
+        }
+    }
+}
+
+impl GazeConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<GazeTask, ConfigError> {
+        let frame = place.frame("gaze", self.frame.as_deref())?;
+        let axis = Unit::try_new(Vector3::from(self.axis), 1e-9)
+            .filter(|axis| axis.iter().all(|number| number.is_finite()))
+            .ok_or_else(|| {
+                ConfigError::key(place.key("axis"), format!("{:?} has no direction", self.axis))
+                    .advise("give an axis of the frame, such as [0, 0, 1]")
+            })?;
+        Ok(GazeTask::new(place.model, frame, axis).with(GazeSettings {
+            gain: place.in_range("gain", self.gain, GAINS)?,
+            weight: place.in_range("weight", self.weight, WEIGHTS)?,
+            max_speed: place.max_speed("max_speed", self.max_speed)?,
+            damping: place.damping(self.damping, GazeSettings::default().damping)?,
+        }))
+    }
+}
+
+impl TaskKind for GazeConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
+    }
+
+    fn target(&self) -> Option<&str> {
+        Some(&self.target)
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        let doc = "position and linear velocity of the point to look at, in the world frame";
+        declare.optional_input::<PoseTarget>(&self.target, doc);
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
+        declare.float(
+            &name("weight"),
+            self.weight,
+            WEIGHTS,
+            "1/(rad/s)",
+            "cost of an angular velocity error",
+        );
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let task = self.build(place)?;
+        let input = setup.input(&self.target)?;
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        Ok(Box::new(Gaze {
+            task,
+            input,
+            gain: parameter("gain")?,
+            weight: parameter("weight")?,
+            goals: GoalRecord::new(GoalTolerance {
+                position: f64::INFINITY,
+                orientation: place.tolerance("tolerance", self.tolerance)?,
+            }),
+            current: None,
+        }))
+    }
+}
+
+/// An axis that points at the positions of one input.
+struct Gaze {
+    task: GazeTask,
+    input: Input<PoseTarget>,
+    gain: Parameter<f64>,
+    weight: Parameter<f64>,
+    goals: GoalRecord,
+    current: Option<PoseTarget>,
+}
+
+impl HeldTask for Gaze {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if self.current.is_none() {
+            let pose = start.kinematics.pose(start.model, self.task.frame());
+            let ahead = pose.rotation * self.task.axis().into_inner();
+            self.task.set_target(pose.translation.vector + ahead * FAR);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.goals.reset();
+        self.current = None;
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.task.set_settings(GazeSettings {
+            gain: self.gain.get().min(bounds.max_gain),
+            weight: self.weight.get(),
+            ..*self.task.settings()
+        });
+        let Some(reading) = self.input.latest() else { return };
+        let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
+        let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };
+        self.task.set_moving_target(Vector3::from(target.position), velocity);
+        self.current = Some(target);
+    }
+
+    fn task(&mut self) -> &mut dyn Task {
+        &mut self.task
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        let Some(target) = &self.current else { return };
+        let error = GoalError { position: 0.0, orientation: Some(self.task.angle_at(measured)) };
+        self.goals.observe(target.goal, target.at_goal != 0, error, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        Some(&self.goals)
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let summary = self.goals.summary();
+        Some(serde_json::json!({
+            "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
+            "orientation_error_rad": summary.worst.and_then(|error| error.orientation),
+            "last_orientation_error_rad": self.goals.latest().and_then(|error| error.orientation),
+        }))
+    }
+}

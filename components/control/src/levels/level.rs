@@ -1,0 +1,118 @@
+//! Levels of strict priority below the first.
+
+use nalgebra::DVector;
+
+use super::{Freedom, Rows};
+use crate::{
+    ik::IkError,
+    solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
+};
+
+/// The tasks of one level: their cost on the joint velocity, and the rows that decide which motions it closes.
+#[derive(Debug)]
+pub(crate) struct Level {
+    /// Cost on the joint velocity, without limits.
+    pub(crate) cost: Problem,
+    pub(crate) rows: Rows,
+}
+
+impl Level {
+    /// A level of tasks that have `rows` rows together.
+    pub(crate) fn new(variables: usize, rows: usize) -> Self {
+        Self { cost: Problem::new(&Structure::new(variables)), rows: Rows::new(variables, rows) }
+    }
+
+    /// Starts a tick without a task.
+    pub(crate) fn begin(&mut self, damping: f64) {
+        self.cost.hessian.fill(0.0);
+        self.cost.hessian.fill_diagonal(damping);
+        self.cost.gradient.fill(0.0);
+        self.rows.clear();
+    }
+}
+
+/// Solves a level within the motions that are open to it.
+///
+/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v + Z z`:
+///
+/// ```text
+/// minimise   1/2 z' (Z'PZ) z + (Z'(P v + q))' z
+/// subject to lower - v <= Z z <= upper - v
+/// ```
+///
+/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size, whatever is
+/// open: unknowns without a motion have a cost of their own and stay zero.
+#[derive(Debug)]
+pub(crate) struct LevelSolver {
+    problem: Problem,
+    solver: ActiveSetSolver,
+    /// `P` times a column of `Z`.
+    product: DVector<f64>,
+    /// `P v + q`.
+    slope: DVector<f64>,
+}
+
+impl LevelSolver {
+    pub(crate) fn new(variables: usize) -> Self {
+        let structure = Structure::new(variables).rows(variables, Sides::Both);
+        Self {
+            problem: Problem::new(&structure),
+            solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()),
+            product: DVector::zeros(variables),
+            slope: DVector::zeros(variables),
+        }
+    }
+
+    /// Adds to `velocity` the motion that is best for the level.
+    ///
+    /// # Errors
+    /// The level has no solution; `velocity` is that of the levels above.
+    pub(crate) fn solve(
+        &mut self,
+        level: &mut Level,
+        freedom: &Freedom,
+        limits: (&DVector<f64>, &DVector<f64>),
+        velocity: &mut [f64],
+    ) -> Result<(), IkError> {
+        let open = freedom.count();
+        if open == 0 {
+            return Ok(());
+        }
+        let Level { cost, .. } = level;
+        cost.hessian.fill_lower_triangle_with_upper_triangle();
+        let basis = freedom.basis().columns(0, open);
+        self.slope.copy_from(&cost.gradient);
+        for (column, velocity) in cost.hessian.column_iter().zip(&*velocity) {
+            self.slope.axpy(*velocity, &column, 1.0);
+        }
+        let problem = &mut self.problem;
+        problem.hessian.fill_with_identity();
+        problem.gradient.fill(0.0);
+        // column by column: a product of whole matrices would allocate
+        for (j, direction) in basis.column_iter().enumerate() {
+            self.product.gemv(1.0, &cost.hessian, &direction, 0.0);
+            for (i, other) in basis.columns(0, j + 1).column_iter().enumerate() {
+                problem.hessian[(i, j)] = other.dot(&self.product);
+            }
+            problem.gradient[j] = direction.dot(&self.slope);
+        }
+        problem.row_matrix.copy_from(freedom.basis());
+        for (joint, velocity) in velocity.iter().enumerate() {
+            // what rounding took out of the limits is taken back
+            problem.row_lower[joint] = (limits.0[joint] - velocity).min(0.0);
+            problem.row_upper[joint] = (limits.1[joint] - velocity).max(0.0);
+        }
+        self.solver.update(problem)?;
+        let solution = self.solver.solve()?;
+        for (direction, z) in basis.column_iter().zip(&solution.x) {
+            for (velocity, share) in velocity.iter_mut().zip(&direction) {
+                *velocity += z * share;
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.solver.reset();
+    }
+}

@@ -1,0 +1,204 @@
+//! Levels of strict priority, against projections and against a solver that holds what was decided by equalities.
+
+use motorium_control::{
+    DifferentialIk, RobotState,
+    limits::Limit,
+    solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure},
+    tasks::{CartesianTask, PostureSettings, PostureTask, Rows, Task},
+};
+use motorium_robots::{Kinematics, Model, load};
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
+
+use crate::robot::Random;
+
+/// A task without a meaning: any rows, any right-hand side.
+struct Numbers {
+    a: DMatrix<f64>,
+    b: DVector<f64>,
+}
+
+impl Task for Numbers {
+    fn rows(&self) -> usize {
+        self.a.nrows()
+    }
+
+    fn update(&mut self, _: &RobotState<'_>) {}
+
+    fn add_to(&self, problem: &mut Problem) {
+        problem.hessian += self.a.transpose() * &self.a;
+        problem.gradient -= self.a.transpose() * &self.b;
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        for row in self.a.row_iter() {
+            rows.push().iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
+        }
+    }
+}
+
+/// The same bounds for every joint.
+struct Bounds(f64);
+
+impl Limit for Bounds {
+    fn intersect(&self, _: &RobotState<'_>, _: f64, problem: &mut Problem) {
+        problem.lower.fill(-self.0);
+        problem.upper.fill(self.0);
+    }
+}
+
+fn panda() -> (Model, DVector<f64>) {
+    let panda = load("panda", std::path::Path::new(".")).unwrap();
+    let home = panda.profile.unwrap().home(&panda.model).unwrap();
+    (panda.model, home)
+}
+
+fn numbers(rows: usize, columns: usize, random: &mut Random) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, columns, |_, _| random.within(1.0))
+}
+
+/// A hand that is off its target, and its Jacobian and desired velocity.
+fn hand(model: &Model, state: &RobotState<'_>, off: Vector3<f64>) -> CartesianTask {
+    let mut hand = CartesianTask::new(model, model.frame("panda_hand_tcp").unwrap());
+    let mut settings = *hand.settings();
+    settings.damping = 0.0;
+    hand.set_settings(settings);
+    let pose = state.kinematics.pose(model, hand.frame());
+    hand.set_target(Isometry3::from_parts((pose.translation.vector + off).into(), pose.rotation));
+    hand
+}
+
+#[test]
+fn a_posture_below_a_hand_moves_in_the_null_space_of_the_hand() {
+    let (model, home) = panda();
+    let mut random = Random(7);
+    for _ in 0..50 {
+        let q = home.map(|q| q + random.within(0.2));
+        let mut kinematics = Kinematics::new(&model);
+        kinematics.update(&model, q.as_slice());
+        let state = RobotState { model: &model, kinematics: &kinematics, q: q.as_slice() };
+        let mut hand = hand(&model, &state, Vector3::new(0.05, -0.02, 0.01));
+        let mut posture =
+            PostureTask::new(&model, home.as_slice()).with(PostureSettings { gain: 2.0, weight: 1.0 });
+        let mut ik = DifferentialIk::new(&model).levels(&[hand.rows(), posture.rows()]);
+        ik.begin();
+        ik.add_task(&state, 0, &mut hand);
+        ik.add_task(&state, 1, &mut posture);
+        let velocity = DVector::from_column_slice(ik.solve().unwrap());
+        let jacobian = DMatrix::from_fn(6, model.nv(), |i, j| hand.jacobian()[(i, j)]);
+        let inverse = jacobian.clone().pseudo_inverse(1e-9).unwrap();
+        let open = DMatrix::identity(model.nv(), model.nv()) - &inverse * &jacobian;
+        let expected = &inverse * hand.desired() + open * (&home - &q) * 2.0;
+        assert!((&velocity - &expected).amax() < 1e-4, "{velocity} {expected}");
+    }
+}
+
+#[test]
+fn a_level_changes_nothing_of_what_is_decided_above_it() {
+    let (model, home) = panda();
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, home.as_slice());
+    let state = RobotState { model: &model, kinematics: &kinematics, q: home.as_slice() };
+    let mut above = hand(&model, &state, Vector3::new(0.05, 0.0, 0.0));
+    let mut against = hand(&model, &state, Vector3::new(-0.05, 0.1, 0.0));
+    let mut posture = PostureTask::new(&model, &vec![0.0; model.nv()]);
+    let solve = |levels: &[usize], tasks: &mut [&mut dyn Task]| {
+        let mut ik = DifferentialIk::new(&model).levels(levels);
+        ik.begin();
+        for (level, task) in tasks.iter_mut().enumerate() {
+            ik.add_task(&state, level, *task);
+        }
+        DVector::from_column_slice(ik.solve().unwrap())
+    };
+    let alone = solve(&[6], &mut [&mut above]);
+    let all = solve(&[6, 6, model.nv()], &mut [&mut above, &mut against, &mut posture]);
+    assert!((above.jacobian() * (&all - &alone)).amax() < 1e-9);
+    assert!((&all - &alone).amax() > 1e-2, "the posture moves the elbow");
+    let posture_only = solve(&[6, model.nv()], &mut [&mut above, &mut posture]);
+    assert!((&all - &posture_only).amax() < 1e-6, "a level that finds nothing open changes nothing");
+}
+
+#[test]
+fn levels_within_limits_are_those_of_a_solver_that_holds_the_decided_by_equalities() {
+    let (model, home) = panda();
+    let n = model.nv();
+    let kinematics = Kinematics::new(&model);
+    let state = RobotState { model: &model, kinematics: &kinematics, q: home.as_slice() };
+    let mut random = Random(3);
+    let mut active = 0;
+    for case in 0..300 {
+        let rows = [[2, 3, n], [1, n, n], [3, 2, 2]][case % 3];
+        let mut tasks = rows.map(|rows| Numbers {
+            a: numbers(rows, n, &mut random),
+            b: DVector::from_column_slice(numbers(rows, 1, &mut random).as_slice()) * 2.0,
+        });
+        if case % 4 == 0 {
+            // a task that repeats a part of the one above it
+            let row = tasks[0].a.row(0).into_owned();
+            tasks[1].a.set_row(0, &row);
+        }
+        let bound = [0.3, 1.0, 100.0][case / 3 % 3];
+        let mut ik = DifferentialIk::new(&model).levels(&rows);
+        ik.begin();
+        for (level, task) in tasks.iter_mut().enumerate() {
+            ik.add_task(&state, level, task);
+        }
+        ik.add_limit(&state, &Bounds(bound), 1e-3);
+        let found = DVector::from_column_slice(ik.solve().unwrap());
+        assert!(found.amax() <= bound);
+        active += found.iter().filter(|v| v.abs() == bound).count();
+
+        // level by level: the cost above stays what it was
+        let mut held: Option<(DMatrix<f64>, DVector<f64>)> = None;
+        for task in &tasks {
+            let (matrix, value) = held.take().unwrap_or((DMatrix::zeros(0, n), DVector::zeros(0)));
+            let structure = Structure::new(n).equalities(value.len()).bounds(Sides::Both);
+            let mut problem = Problem::new(&structure);
+            problem.hessian.fill_diagonal(1e-7);
+            task.add_to(&mut problem);
+            problem.equality_matrix.copy_from(&matrix);
+            problem.equality_value.copy_from(&value);
+            problem.lower.fill(-bound);
+            problem.upper.fill(bound);
+            let mut solver = ClarabelSolver::new(structure, ClarabelSettings::default());
+            solver.update(&problem).unwrap();
+            let Ok(solution) = solver.solve() else { break };
+            let seen = &task.a * &solution.x;
+            let error = (&seen - &task.a * &found).amax();
+            assert!(error < 2e-4, "case {case}: {seen} {found} {error}");
+            // what depends on other rows is left out: equalities must be independent
+            let mut matrix = matrix;
+            let mut value = value.as_slice().to_vec();
+            for (row, seen) in task.a.row_iter().zip(&seen) {
+                let mut longer = matrix.clone().insert_row(matrix.nrows(), 0.0);
+                longer.row_mut(matrix.nrows()).copy_from(&row);
+                if longer.nrows() <= n && longer.singular_values().min() > 1e-6 {
+                    matrix = longer;
+                    value.push(*seen);
+                }
+            }
+            held = Some((matrix, DVector::from_vec(value)));
+        }
+    }
+    assert!(active > 300, "{active} active limits");
+}
+
+#[test]
+fn levels_allocate_nothing() {
+    let (model, home) = panda();
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, home.as_slice());
+    let state = RobotState { model: &model, kinematics: &kinematics, q: home.as_slice() };
+    let mut hand = hand(&model, &state, Vector3::new(0.5, 0.0, 0.0));
+    let mut posture = PostureTask::new(&model, &vec![0.0; model.nv()]);
+    let mut ik = DifferentialIk::new(&model).levels(&[hand.rows(), posture.rows()]);
+    let allocations = motorium::testing::allocations(|| {
+        for _ in 0..3 {
+            ik.begin();
+            ik.add_task(&state, 0, &mut hand);
+            ik.add_task(&state, 1, &mut posture);
+            ik.add_limit(&state, &Bounds(0.1), 1e-3);
+            ik.solve().unwrap();
+        }
+    });
+    assert_eq!(allocations, 0);
+}
