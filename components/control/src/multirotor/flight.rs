@@ -184,7 +184,7 @@ mod tests {
     fn it_comes_to_its_goal_and_turns_as_asked() {
         let mut body = Body::at(0.0, 0.0, 0.0, UnitQuaternion::identity());
         let mut control = FlightControl::new(flight(), settings());
-        let worst = body.fly(&mut control, still(0.4, -0.3, 1.0, 2.0), 12.0);
+        let worst = body.fly(&mut control, still(0.4, -0.3, 1.0, 2.0), 24.0);
         assert!(worst < 2e-3, "{worst} m");
         let (_, _, yaw) = body.pose.rotation.euler_angles();
         assert!((yaw - 2.0).abs() < 1e-4, "{yaw}");

@@ -130,6 +130,7 @@ mod tests {
             }
             assert!(fullest.iter().all(|share| *share < 1.0 + 1e-6), "{shape:?} {fullest:?}");
             assert!(fullest.iter().any(|share| *share > 0.98), "{shape:?} {fullest:?}");
+            motion.sample(motion.duration(), &mut q, &mut v);
             assert_eq!(v, [0.0; 3]);
             assert!(q.iter().zip(&to).all(|(q, to)| (q - to).abs() < 1e-12));
         }
