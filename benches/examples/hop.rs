@@ -1,10 +1,9 @@
 //! The library without the command: floors, hops and chains in turns, `cargo run --release --example hop --
 //! hop.polling.across.512 floor.cache-line chain.4`.
 
-use std::path::Path;
 use std::process::ExitCode;
 
-use motorium::declare::ConfigError;
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::program::{Program, run_worker};
 use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_benches::Role;
@@ -13,7 +12,7 @@ use motorium_benches::latency::{Bench, Case, catalogue, targets};
 use motorium_benches::relay::Relay;
 use motorium_benches::timer::Places;
 
-fn no_robots(_: &str, _: &Path) -> Result<Vec<String>, ConfigError> {
+fn no_robots(_: &RobotReference) -> Result<Vec<String>, ConfigError> {
     Err(ConfigError::new("this program knows no robots"))
 }
 

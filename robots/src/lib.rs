@@ -72,7 +72,7 @@ pub use geometry::{
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
-pub use load::{BaseMode, LoadError, LoadOptions, Loaded, load, load_with};
+pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, load, load_with};
 pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
@@ -82,6 +82,7 @@ pub use per_joint::{PerJoint, PerJointError};
 pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
+    draft_profile,
 };
 pub use source::{RobotSource, RobotSourceError};
 pub use srdf::{Srdf, SrdfError};

@@ -55,6 +55,20 @@ pub struct LoadOptions {
     pub mimic: MimicMode,
     /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
+    /// Source of the profile.
+    pub profile: ProfileChoice,
+}
+
+/// Source of a robot's profile.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum ProfileChoice {
+    /// That of the catalogue, or the `.toml` of the same name beside the file, if there is one.
+    #[default]
+    Own,
+    /// A file.
+    File(PathBuf),
+    /// None.
+    Without,
 }
 
 /// A robot that cannot be loaded.
@@ -143,24 +157,48 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     options.packages.prefixes.extend(environment.prefixes);
 
     if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
-        let profile = Some(entry.profile.clone());
+        let profile = match &options.profile {
+            ProfileChoice::Own => Some((entry.profile.clone(), PathBuf::from(format!("{reference}.toml")))),
+            chosen => profile_of(chosen, Path::new(""))?,
+        };
         let options = based(options, profile.as_ref());
         let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
         let (postures, exclusions) = (Vec::new(), Srdf::default());
-        return Ok(Loaded { model, warnings, profile, postures, exclusions, entry: Some(entry), path: None });
+        let loaded =
+            Loaded { model, warnings, profile: None, postures, exclusions, entry: Some(entry), path: None };
+        return profiled(loaded, profile, &options);
     }
     let path = file(reference, base)?;
-    let profile = profile_beside(&path)?;
+    let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
     let (model, warnings, exclusions) = parse(&read(&path)?, &path, &options)?;
-    // Mimic joints made independent are joints no profile knows.
-    if let (Some(profile), MimicMode::Follow) = (&profile, options.mimic) {
-        profile
-            .check(&model)
-            .map_err(|source| LoadError::Profile { path: path.with_extension("toml"), source })?;
-    }
     let postures = Posture::beside(&path, &model);
-    Ok(Loaded { model, warnings, profile, postures, exclusions, entry: None, path: Some(path) })
+    let loaded =
+        Loaded { model, warnings, profile: None, postures, exclusions, entry: None, path: Some(path) };
+    profiled(loaded, profile, &options)
+}
+
+/// The robot with its profile, and with the limits of that.
+fn profiled(
+    loaded: Loaded,
+    profile: Option<(Profile, PathBuf)>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    let Some((profile, path)) = profile else { return Ok(loaded) };
+    // Mimic joints made independent are joints no profile knows.
+    let model = match options.mimic {
+        MimicMode::Follow => {
+            let fault = |source| LoadError::Profile { path: path.clone(), source };
+            profile.check(&loaded.model).map_err(fault)?;
+            let limits = profile.velocity_limit(&loaded.model).map_err(fault)?;
+            match limits.iter().any(|limit| limit.is_finite()) {
+                true => loaded.model.with_velocity_limits(limits.as_slice()),
+                false => loaded.model,
+            }
+        }
+        MimicMode::Independent => loaded.model,
+    };
+    Ok(Loaded { model, profile: Some(profile), ..loaded })
 }
 
 /// A file's text in its format: MJCF when the root element says so.
@@ -198,8 +236,8 @@ fn is_mjcf(text: &str) -> bool {
 }
 
 /// The options with the base the profile wants, unless they want one themselves.
-fn based(options: LoadOptions, profile: Option<&Profile>) -> LoadOptions {
-    match (options.base, profile.map(|profile| profile.base)) {
+fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOptions {
+    match (options.base, profile.map(|(profile, _)| profile.base)) {
         (BaseMode::AsFile, Some(BaseKind::Floating)) => LoadOptions { base: BaseMode::Floating, ..options },
         _ => options,
     }
@@ -265,14 +303,19 @@ fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
     Err(LoadError::NoUrdf(folder.to_owned()))
 }
 
-/// The profile of the same name beside a robot's file, if there is one.
-fn profile_beside(urdf: &Path) -> Result<Option<Profile>, LoadError> {
-    let path = urdf.with_extension("toml");
-    if !path.is_file() {
-        return Ok(None);
+/// The profile that is chosen and its file: by default `beside`, if it is there.
+fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, PathBuf)>, LoadError> {
+    let path = match choice {
+        ProfileChoice::Own if beside.is_file() => beside,
+        ProfileChoice::Own | ProfileChoice::Without => return Ok(None),
+        ProfileChoice::File(path) => path,
+    };
+    let profile = Profile::parse(&read(path)?);
+    let path = path.to_path_buf();
+    match profile {
+        Ok(profile) => Ok(Some((profile, path))),
+        Err(source) => Err(LoadError::Profile { path, source }),
     }
-    let profile = Profile::parse(&read(&path)?);
-    profile.map(Some).map_err(|source| LoadError::Profile { path, source })
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! A robot by the name and text that a graph file has for it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::{BasePose, LoadError, LoadOptions, Loaded, load_with};
+use crate::{BasePose, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
 
 /// A robot as a graph file refers to it.
 ///
@@ -10,7 +10,7 @@ use crate::{BasePose, LoadError, LoadOptions, Loaded, load_with};
 /// # use std::path::Path;
 /// use motorium_robots::RobotSource;
 ///
-/// let arm = RobotSource { name: "arm", text: "panda", base: Path::new("."), pose: None };
+/// let arm = RobotSource { name: "arm", text: "panda", base: Path::new("."), ..RobotSource::default() };
 /// assert_eq!(arm.load().unwrap().model.nv(), 8);
 ///
 /// let wrong = RobotSource { text: "pnada", ..arm };
@@ -26,6 +26,16 @@ pub struct RobotSource<'a> {
     pub base: &'a Path,
     /// Pose of its base in the world, where the graph says.
     pub pose: Option<BasePose>,
+    /// Its profile, where the graph names one; else its own.
+    pub profile: Option<&'a Path>,
+    /// Folders searched for its packages before all others.
+    pub packages: &'a [PathBuf],
+}
+
+impl Default for RobotSource<'_> {
+    fn default() -> Self {
+        Self { name: "", text: "", base: Path::new(""), pose: None, profile: None, packages: &[] }
+    }
 }
 
 /// A robot of a graph that cannot be loaded.
@@ -54,7 +64,12 @@ impl RobotSource<'_> {
     ///
     /// As [`load`](Self::load).
     pub fn load_with(&self, options: &LoadOptions) -> Result<Loaded, RobotSourceError> {
-        let mut loaded = load_with(self.text, self.base, options)
+        let mut options = options.clone();
+        options.packages.folders.splice(0..0, self.packages.iter().cloned());
+        if let Some(profile) = self.profile {
+            options.profile = ProfileChoice::File(profile.to_path_buf());
+        }
+        let mut loaded = load_with(self.text, self.base, &options)
             .map_err(|source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) })?;
         if let Some(pose) = self.pose {
             loaded.model = loaded.model.placed(&pose.isometry());

@@ -66,9 +66,10 @@ fn the_tip_of_every_robot_of_the_catalogue_is_moved_by_the_longest_chain_of_join
 
 #[test]
 fn a_robot_of_a_graph_that_cannot_be_loaded_is_named_with_the_cause() {
-    let error = RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere"), pose: None }
-        .load()
-        .unwrap_err();
+    let error =
+        RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere"), ..RobotSource::default() }
+            .load()
+            .unwrap_err();
     assert!(matches!(*error.source, LoadError::NotFound { .. }));
     assert!(
         error.to_string().starts_with("robot `left`: robot \"pnada\" is neither in the catalogue"),

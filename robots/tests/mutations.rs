@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use motorium_robots::{
-    BaseMode, Dynamics, Kinematics, LoadOptions, MimicMode, Model, PackagePath, Position, parse_mjcf,
-    parse_urdf_with,
+    BaseMode, Dynamics, Kinematics, LoadOptions, MimicMode, Model, Position, parse_mjcf, parse_urdf_with,
 };
 use nalgebra::DMatrix;
 use proptest::prelude::*;
@@ -114,7 +113,7 @@ fn inside(text: &str, at: Position) -> bool {
 }
 
 fn read(text: &str, base: BaseMode, mimic: MimicMode) -> Result<(), TestCaseError> {
-    let options = LoadOptions { base, mimic, packages: PackagePath::default() };
+    let options = LoadOptions { base, mimic, ..LoadOptions::default() };
     match parse_mjcf(text, Some(Path::new("robot.xml")), &options) {
         Ok(robot) => walk(&robot.model),
         Err(error) => prop_assert!(inside(text, error.at), "{error}\n{text}"),

@@ -132,7 +132,9 @@ fn echoes_samples(run: &str) {
     assert!(value.get("reserved").is_none());
 
     let every = printed(&["topic", "echo", "panda/joint_command", "--run", run, "--every", "--count", "5"]);
-    assert_eq!(every.lines().filter(|line| line.trim_start().starts_with("kp")).count(), 5, "{every}");
+    let of = |joint: &str| every.lines().filter(|line| line.trim_start().starts_with(joint)).count();
+    assert_eq!((of("panda_joint4 "), of("panda_finger_joint1 ")), (5, 5), "a line for each joint: {every}");
+    assert!(every.contains("kp") && every.lines().all(|line| line.chars().count() <= 80), "{every}");
 
     let wrong = complaint(&["topic", "echo", "panda/joint_sate", "--run", run]);
     assert!(wrong.contains("did you mean `panda/joint_state`?"), "{wrong}");

@@ -3,6 +3,7 @@
 
 mod access;
 mod bridge;
+mod by_hand;
 mod commands;
 mod corruption;
 mod events;
@@ -17,6 +18,7 @@ mod moves;
 mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
+mod programs;
 mod runs;
 mod sessions;
 mod siblings;

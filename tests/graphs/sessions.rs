@@ -352,7 +352,7 @@ fn failing(how: &str, more: &str) -> Session<'static> {
         "name = \"failing\"\nclock = \"lockstep\"\n[component.counter]\nkind = \"test.failing\"\nrate = \"1 kHz\"\n\
          publish = {{ count = \"count\" }}\nconfig = {{ how = \"{how}\" }}\n{more}"
     );
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Failing>()]);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Failing>()]);
     let checked = graph::check("failing.toml".as_ref(), text, &[], &registry, &Machine::detect());
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     Session::launch(plan, &registry, &Options::inline()).expect("it starts")

@@ -305,8 +305,11 @@ fn the_end_of_the_run_is_told(run: Serving, name: &str) {
     let lockstep = Serving::start(graph(&format!("{name}-b"), &["--clock", "lockstep"]));
     lockstep.comes_to_life();
     // Two of ours are two at least, whatever else runs on this machine.
-    let text = complaint(&["top", "--once"]);
+    let text = complaint(&["param", "set", "no.such", "1"]);
     assert!(text.contains("several graphs are running") && text.contains(&format!("graph {name}")), "{text}");
+    let newest = motorium(&["top", "--once", "--interval", "100ms"]).output().expect("the program starts");
+    let told = String::from_utf8_lossy(&newest.stderr);
+    assert!(newest.status.success() && told.contains("the newest of several runs: "), "{told}");
     let twin = format!("{name}-b");
     let top = json(&["top", &twin, "--once", "--json", "--interval", "300ms"]);
     assert_eq!(top["clock"], "lockstep");

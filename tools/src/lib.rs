@@ -11,6 +11,7 @@ mod overheads;
 mod printer;
 mod registry;
 mod report;
+mod robots;
 mod runs;
 mod screen;
 mod style;

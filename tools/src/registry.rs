@@ -1,9 +1,8 @@
 //! The component kinds that this program hosts, and the robots it knows.
 
-use std::path::Path;
-
-use motorium::declare::ConfigError;
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::worker::{Kind, Registry, RobotSource, Sibling};
+use motorium_robots::LoadError;
 
 /// The programs that host kinds which this one does not, because of what they depend on.
 const SIBLINGS: &[Sibling] = &[
@@ -29,11 +28,22 @@ fn kinds() -> Vec<Kind> {
     kinds.extend(motorium_control::kinds());
     kinds.extend(motorium_policies::kinds());
     kinds.extend(motorium_bridges::kinds());
+    kinds.extend(motorium_can::kinds());
     kinds.extend(motorium_interfaces::kinds());
     kinds
 }
 
-fn check_robot(urdf: &str, base: &Path) -> Result<Vec<String>, ConfigError> {
-    let loaded = motorium_robots::load(urdf, base).map_err(|error| ConfigError::new(error.to_string()))?;
+fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
+    let loaded = crate::robots::load(robot).map_err(|error| match *error.source {
+        LoadError::Profile { .. } if robot.profile.is_some() => {
+            ConfigError::key("profile", error.source.to_string())
+                .advise("`motorium robot profile FILE` writes one that fits")
+        }
+        LoadError::Read { path, source } if robot.profile.as_ref() == Some(&path) => {
+            ConfigError::key("profile", format!("cannot read {}: {source}", path.display()))
+                .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first one")
+        }
+        cause => ConfigError::new(cause.to_string()),
+    })?;
     Ok(loaded.warnings.iter().map(ToString::to_string).collect())
 }

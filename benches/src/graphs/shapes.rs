@@ -73,14 +73,14 @@ pub fn panda(seconds: u32) -> String {
 mod tests {
     use std::path::Path;
 
-    use motorium::declare::ConfigError;
+    use motorium::declare::{ConfigError, RobotReference};
     use motorium::graph::{self, Machine};
     use motorium::worker::{Kind, Registry, RobotSource};
 
     use super::*;
     use crate::relay::Relay;
 
-    fn no_robots(_: &str, _: &Path) -> Result<Vec<String>, ConfigError> {
+    fn no_robots(_: &RobotReference) -> Result<Vec<String>, ConfigError> {
         Err(ConfigError::new("none here"))
     }
 

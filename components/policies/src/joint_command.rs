@@ -5,7 +5,7 @@ use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState};
 use motorium::transport::{Input, Output, Parameter};
 use motorium::units::TimeSpan;
-use motorium_robots::{Dynamics, Gains, Model};
+use motorium_robots::{Dynamics, Gains, Model, PerJoint};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -16,10 +16,10 @@ use motorium_primitives::dmp::{Jet, Quintic};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointCommandConfig {
-    /// Stiffness of every joint, N m/rad or N/m. Without it, that of the robot's profile.
-    pub kp: Option<Vec<f64>>,
-    /// Damping of every joint, N m s/rad or N s/m. Without it, that of the robot's profile.
-    pub kd: Option<Vec<f64>>,
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Without it, that of the robot's profile.
+    pub kp: Option<PerJoint>,
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Without it, that of the robot's profile.
+    pub kd: Option<PerJoint>,
     /// Time of the transition from the robot's present position to the movement, such as "1 s". Default 1 s.
     pub ease: TimeSpan,
     /// True to add the torque that holds the joints against gravity. A floating base is assumed to be upright and at
@@ -78,26 +78,27 @@ impl CommandedJoints {
                 Some(gains.transpose().map_err(|error| ConfigError::new(error.to_string()))?.ok_or_else(
                     || {
                         ConfigError::new(format!("robot `{}` has no profile with gains", robot.name)).advise(
-                            "give `joint_command.kp` and `joint_command.kd`, one number for each joint",
+                            "give `joint_command.kp` and `joint_command.kd`, one number for all joints or one for each",
                         )
                     },
                 )?)
             }
         };
-        let arrange = |given: &Option<Vec<f64>>, key: &str, usual: Option<&DVector<f64>>| match (given, usual)
+        let arrange = |given: &Option<PerJoint>, key: &str, usual: Option<&DVector<f64>>| match (given, usual)
         {
-            (Some(values), _) if values.len() != model.joint_count() => {
-                let message =
-                    format!("{} numbers, expected {}: one for each joint", values.len(), model.joint_count());
-                Err(ConfigError::key(key, message))
+            (Some(given), _) => {
+                let values = given.resolve(model.joint_count()).map_err(|error| {
+                    let names = model.joint_names().join(", ");
+                    ConfigError::key(key, error.to_string()).advise(format!("in this order: {names}"))
+                })?;
+                match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+                    Some(value) => Err(ConfigError::key(
+                        key,
+                        format!("a gain of {value}, expected a finite number of at least 0"),
+                    )),
+                    None => Ok(DVector::from_vec(values)),
+                }
             }
-            (Some(values), _) => match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-                Some(value) => Err(ConfigError::key(
-                    key,
-                    format!("a gain of {value}, expected a finite number of at least 0"),
-                )),
-                None => Ok(DVector::from_column_slice(values)),
-            },
             (None, Some(usual)) => Ok(usual.clone()),
             (None, None) => Ok(DVector::zeros(model.joint_count())),
         };

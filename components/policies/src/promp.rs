@@ -18,8 +18,17 @@ use motorium_primitives::reach::Repeat;
 /// Configuration of `policy.promp`.
 ///
 /// ```toml
-/// primitives = ["wave.json", "point.json"]
-/// via        = [{ at = 0.5, position = [0.1, 0.2, 0.3], deviation = 0.01 }]
+/// joints = ["panda_joint1"]
+/// via    = [{ at = 0.5, position = [0.2], deviation = 0.01 }]
+///
+/// # a table, or a file such as "wave.json"
+/// [[primitives]]
+/// basis      = { kind = "gaussian", count = 3, overlap = 0.5 }
+/// dimensions = 1
+/// duration   = 2.0
+/// noise      = 1e-6
+/// mean       = [0.0, 0.3, 0.0]
+/// covariance = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

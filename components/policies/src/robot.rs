@@ -10,6 +10,8 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
         text: &robot.urdf,
         base: &robot.base,
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
     }
     .load()
     .map_err(|error| ConfigError::new(error.to_string()))

@@ -118,9 +118,16 @@ impl Component for JointEncoder {
 }
 
 fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
-    let loaded = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose: None }
-        .load()
-        .map_err(|error| ConfigError::new(error.to_string()))?;
+    let loaded = RobotSource {
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose: None,
+    }
+    .load()
+    .map_err(|error| ConfigError::new(error.to_string()))?;
     // a joint state holds no pose of a floating base, but the rotors that fly it
     let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());
     let joints = loaded.model.joint_count() + rotors;

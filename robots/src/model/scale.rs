@@ -86,4 +86,31 @@ impl Model {
         frames.iter_mut().for_each(|frame| frame.placement = pose(&frame.placement));
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
+
+    /// The robot with lower limits of velocity where `limits` \[rad/s or m/s\], one for each independent joint, are below
+    /// its own.
+    ///
+    /// ```
+    /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;
+    /// let slow = arm.with_velocity_limits(&[0.5, f64::INFINITY, 0.5]);
+    /// assert_eq!(slow.velocity_limit()[0], 0.5);
+    /// assert_eq!(slow.velocity_limit()[1], arm.velocity_limit()[1]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// `limits` has another length than the robot has joints.
+    #[must_use]
+    pub fn with_velocity_limits(&self, limits: &[f64]) -> Self {
+        assert_eq!(limits.len(), self.joint_count(), "length of the limits");
+        let mut bodies = self.bodies.clone();
+        for body in &mut bodies {
+            if let super::Coordinate::Independent(index) = body.joint.coordinate {
+                let own = &mut body.joint.limits.velocity;
+                *own = own.min(limits[index]);
+            }
+        }
+        Self::new(self.name.clone(), self.base.clone(), bodies, self.frames.clone())
+    }
 }

@@ -13,9 +13,11 @@ impl Profile {
             self.check_length("gains.kp", &gains.kp)?;
             self.check_length("gains.kd", &gains.kd)?;
         }
-        for (key, limits) in
-            [("acceleration", &self.limits.acceleration), ("effort_rate", &self.limits.effort_rate)]
-        {
+        for (key, limits) in [
+            ("velocity", &self.limits.velocity),
+            ("acceleration", &self.limits.acceleration),
+            ("effort_rate", &self.limits.effort_rate),
+        ] {
             let Some(limits) = limits else { continue };
             self.check_length(&format!("limits.{key}"), limits)?;
             for (joint, limit) in self.joints.iter().zip(limits) {

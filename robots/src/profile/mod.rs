@@ -1,7 +1,9 @@
 //! The profile of a robot: poses, end effectors, feet and gains, which a URDF does not have. One TOML file beside it.
 
 mod check;
+mod draft;
 mod error;
+mod home;
 mod parts;
 
 use std::collections::BTreeMap;
@@ -9,6 +11,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use serde::Deserialize;
 
+pub use draft::draft_profile;
 pub use error::ProfileError;
 pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
@@ -61,6 +64,8 @@ pub struct Profile {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LimitArrays {
+    /// Largest speed of each joint \[rad/s or m/s\], below that of its file; `inf` for that of the file.
+    velocity: Option<Vec<f64>>,
     /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
     acceleration: Option<Vec<f64>>,
     /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for none.
@@ -157,6 +162,16 @@ impl Profile {
     /// [`ProfileError::MissingJoint`] when the model has other joints.
     pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.acceleration)
+    }
+
+    /// The velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite where none is given. A robot that
+    /// is loaded with its profile keeps the smaller one of these and those of its file.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    pub fn velocity_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
+        self.arrange_limits(model, &self.limits.velocity)
     }
 
     /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's joints; infinite

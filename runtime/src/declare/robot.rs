@@ -28,4 +28,10 @@ pub struct RobotReference {
     /// Pose of its base in the world; `None` where the graph file does not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<BasePose>,
+    /// The file of its profile; `None` where the graph file names none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<PathBuf>,
+    /// Folders in which the packages of its files are searched first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub package_path: Vec<PathBuf>,
 }

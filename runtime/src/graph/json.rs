@@ -65,19 +65,30 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
     })
 }
 
-/// The place of a key in a `config` table, dotted: `tasks.0.gain` or `tasks[0].gain`; as deep as it can be followed.
-pub(super) fn find(config: &Value<'_>, path: &str) -> Option<Span> {
+/// The places of a key in a `config` table.
+pub(super) struct Found {
+    /// Of the key itself; of an element of an array, that element.
+    pub key: Span,
+    /// Of its value.
+    pub value: Span,
+}
+
+/// The places of a key in a `config` table, dotted: `tasks.0.gain` or `tasks[0].gain`; as deep as it can be followed.
+pub(super) fn find(config: &Value<'_>, path: &str) -> Option<Found> {
     let mut place = None;
     let mut value = config;
     for step in path.split(['.', '[', ']']).filter(|step| !step.is_empty()) {
         let next = match value.get_ref() {
-            DeValue::Table(table) => table.get(step),
-            DeValue::Array(array) => step.parse().ok().and_then(|index: usize| array.get(index)),
+            DeValue::Table(table) => table.get_key_value(step).map(|(key, value)| (key.span(), value)),
+            DeValue::Array(array) => {
+                let element = step.parse().ok().and_then(|index: usize| array.get(index));
+                element.map(|element| (element.span(), element))
+            }
             _ => None,
         };
-        let Some(next) = next else { break };
+        let Some((key, next)) = next else { break };
         value = next;
-        place = Some(value.span());
+        place = Some(Found { key, value: value.span() });
     }
     place
 }

@@ -20,6 +20,7 @@ mod merge;
 mod model;
 mod overrides;
 mod parse;
+pub mod programs;
 mod read;
 mod render;
 mod resolve;
@@ -100,7 +101,22 @@ pub fn load_with(
     registry: &Registry,
     machine: &Machine,
 ) -> Result<Checked, GraphError> {
-    let mut layers = Layers::of_graph(path, read(path)?);
+    check_with(path, read(path)?, overlays, overrides, registry, machine)
+}
+
+/// As [`load_with`], for a text that stands for the content of the file at `path`.
+///
+/// # Errors
+/// All mistakes that were found, each with its place and with advice.
+pub fn check_with(
+    path: &Path,
+    text: String,
+    overlays: &[PathBuf],
+    overrides: &[Override],
+    registry: &Registry,
+    machine: &Machine,
+) -> Result<Checked, GraphError> {
+    let mut layers = Layers::of_graph(path, text);
     for overlay in overlays {
         layers.add(overlay, read(overlay)?);
         let ((files, bytes), (most, longest)) = (layers.size(), Layers::LIMITS);

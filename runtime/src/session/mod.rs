@@ -71,7 +71,7 @@ use topics::Ports;
 /// #         Ok(())
 /// #     }
 /// # }
-/// # let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Counter>()]);
+/// # let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Counter>()]);
 /// # let text = r#"
 /// #     name = "count"
 /// #     clock = "lockstep"

@@ -123,7 +123,7 @@ impl Graph {
     }
 
     fn registry(&self) -> Registry {
-        Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, self.kinds.iter().copied())
+        Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, self.kinds.iter().copied())
     }
 
     /// Runs the graph for a time with its unit, such as `"2 s"`: simulated time in lockstep.

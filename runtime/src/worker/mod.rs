@@ -4,6 +4,7 @@
 //! lockstep.
 
 mod account;
+mod config_place;
 mod failure;
 mod grid;
 mod hosted;

@@ -1,7 +1,5 @@
 //! Component types known by name.
 
-use std::path::Path;
-
 use super::hosted::{Host, Hosted};
 use super::{Failure, Outcome, Worker};
 use crate::component::Component;
@@ -108,8 +106,9 @@ fn declare<C: Component>(
                 ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) }
             })?
         }
-        ConfigSource::Json(value) => serde_json::from_value(value)
-            .map_err(|error| ConfigProblem { span: None, error: ConfigError::new(error.to_string()) })?,
+        ConfigSource::Json(value) => {
+            super::config_place::read(value).map_err(|error| ConfigProblem { span: None, error })?
+        }
     };
     let declared = C::declare(&config, &mut declare);
     if !declare.robots_fit() {
@@ -121,9 +120,9 @@ fn declare<C: Component>(
     Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
 }
 
-/// A check that the model of a robot exists and can be loaded. Arguments: `urdf` as the graph file has it, and the
-/// folder of that file. Returns warnings; an error says why the model cannot be used, with advice.
-pub type RobotCheck = fn(&str, &Path) -> Result<Vec<String>, ConfigError>;
+/// A check that the model of a robot exists and can be loaded, with its profile. Returns warnings; an error says why it
+/// cannot be used, with advice, and names the key at fault where that is not `urdf`.
+pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
 /// The robots that a program can load; the runtime itself has none.
 #[derive(Debug, Clone, Copy)]
@@ -177,6 +176,11 @@ impl Registry {
     pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
         let (family, _) = kind.split_once('.')?;
         self.siblings.iter().find(|sibling| sibling.family == family)
+    }
+
+    /// The other programs that may host further kinds.
+    pub fn siblings(&self) -> &'static [Sibling] {
+        self.siblings
     }
 
     /// All kinds, sorted by name.

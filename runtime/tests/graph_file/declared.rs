@@ -64,7 +64,7 @@ impl Component for Surveyor {
 }
 
 fn check_at(path: &Path, text: &str) -> Checked {
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
     let checked = graph::check(path, text.to_string(), &[], &registry, &machine());
     checked.unwrap_or_else(|error| panic!("{}", error.render(false)))
 }
@@ -121,7 +121,7 @@ fn a_component_without_a_known_period_is_asked_all_the_same() {
         subscribe = { in = "b" }
         publish = { out = "a" }
     "#;
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Surveyor>()]);
     let error =
         graph::check(Path::new("graph.toml"), text.to_string(), &[], &registry, &machine()).unwrap_err();
     let text = error.render(false);

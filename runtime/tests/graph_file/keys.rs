@@ -22,6 +22,8 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Realtime.lost_steps", &["realtime.lost_steps=0.2"]),
     ("Realtime.on_denied", &["realtime.on_denied=warn"]),
     ("Robot.urdf", &["robot.panda.urdf=ur5"]),
+    ("Robot.profile", &["robot.panda.profile=mine.toml"]),
+    ("Robot.package_path", &["robot.panda.package_path=[\"packages\"]"]),
     ("Robot.base", &["robot.panda.base={ position = [1.0, 0.0, 0.0] }"]),
     ("Base.position", &["robot.panda.base.position=[0.0, 0.0, 0.5]"]),
     ("Base.rpy", &["robot.panda.base.rpy=[0.0, 0.0, 1.5]"]),

@@ -1,10 +1,8 @@
 //! Stand-ins for built-in kinds, for graph files that are only checked: the runtime itself has no kinds. Their ports
 //! and configurations are chosen for these tests; those of the real kinds stand in `components/`.
 
-use std::path::Path;
-
 use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState, Phase, PoseTarget, Wrench};
 use motorium::worker::{Kind, Registry, RobotSource};
 use schemars::JsonSchema;
@@ -29,7 +27,8 @@ pub(crate) fn registry() -> Registry {
     )
 }
 
-fn check(urdf: &str, folder: &Path) -> Result<Vec<String>, ConfigError> {
+fn check(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
+    let (urdf, folder) = (robot.urdf.as_str(), &robot.base);
     if matches!(urdf, "panda" | "ur5") {
         return Ok(Vec::new());
     }

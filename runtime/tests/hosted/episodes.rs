@@ -140,7 +140,7 @@ const GRAPH: &str = r#"
 
 fn feeding(options: &Options) -> Session<'static> {
     let kinds = [Kind::of::<Feed>(), Kind::of::<Eat>()];
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, kinds);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds);
     let checked = graph::check("feeding.toml".as_ref(), GRAPH.into(), &[], &registry, &Machine::detect());
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     Session::launch(plan, &registry, options).expect("it starts")
@@ -200,7 +200,7 @@ fn single_rounds_lead_to_where_a_stretch_of_time_leads() {
 #[test]
 fn an_observer_of_a_session_sees_its_start_and_its_end() {
     let kinds = [Kind::of::<Feed>(), Kind::of::<Eat>()];
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, kinds);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds);
     let checked = graph::check("feeding.toml".as_ref(), GRAPH.into(), &[], &registry, &Machine::detect());
     let plan = checked.expect("a good graph").plan;
     let mut seen = Vec::new();

@@ -68,7 +68,7 @@ const GRAPH: &str = r#"
 "#;
 
 fn registry() -> Registry {
-    Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, [Kind::of::<Knobs>()])
+    Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Knobs>()])
 }
 
 fn check(text: &str) -> Result<motorium::plan::Plan, String> {

@@ -1,24 +1,32 @@
 //! Loading a graph file for a command, with its errors printed.
 
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::ValueHint;
 use motorium::graph::{self, Checked, Machine, Override};
 use motorium::worker::Registry;
 
+use super::examples;
 use crate::exit;
 use crate::out::{errln, outln};
 
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
+/// The same among the examples.
+const DEFAULT_EXAMPLE: &str = "panda-reach";
 
 /// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
     /// The graph file; graphs/panda-reach.toml if not given
-    #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true)]
+    #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true, value_hint = ValueHint::FilePath)]
     pub(crate) graph: PathBuf,
+    /// A graph that comes with motorium: draw-letter, panda-reach, quadruped-trot or two-arms
+    #[arg(long, value_name = "NAME", conflicts_with = "graph", value_parser = examples::names(),
+          hide_possible_values = true)]
+    pub(crate) example: Option<String>,
     /// Lay a file over the graph, before `--set`: tables merge, values replace; may be repeated
     #[arg(long = "with", value_name = "OVERLAY.toml")]
     pub(crate) with: Vec<PathBuf>,
@@ -29,16 +37,37 @@ pub(crate) struct GraphArgs {
 
 impl Default for GraphArgs {
     fn default() -> Self {
-        Self { graph: PathBuf::from(DEFAULT_GRAPH), with: Vec::new(), set: Vec::new() }
+        Self { graph: PathBuf::from(DEFAULT_GRAPH), example: None, with: Vec::new(), set: Vec::new() }
     }
 }
 
 impl GraphArgs {
+    /// The name and the text of the example to load in place of a file: the one that is named, or the default graph where
+    /// the current folder does not have it.
+    fn embedded(&self) -> Option<(&str, &'static str)> {
+        if let Some(name) = &self.example {
+            return Some((name, examples::text(name)?));
+        }
+        let missing = self.graph == Path::new(DEFAULT_GRAPH) && !self.graph.exists();
+        missing.then_some(DEFAULT_EXAMPLE).and_then(|name| {
+            errln!("{DEFAULT_GRAPH} is not here: the example `{name}` of this program takes its place");
+            Some((name, examples::text(name)?))
+        })
+    }
+
     /// Loads and checks the graph. Its errors go to standard error, or as JSON to standard output; `Err` is then the
     /// exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
-        match graph::load_with(&self.graph, &self.with, &self.set, registry, &Machine::detect()) {
+        let machine = Machine::detect();
+        let loaded = match self.embedded() {
+            Some((name, text)) => {
+                let file = PathBuf::from(format!("{name}.toml"));
+                graph::check_with(&file, text.to_string(), &self.with, &self.set, registry, &machine)
+            }
+            None => graph::load_with(&self.graph, &self.with, &self.set, registry, &machine),
+        };
+        match loaded {
             Ok(checked) => {
                 if !json {
                     for warning in &checked.warnings {

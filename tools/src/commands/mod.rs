@@ -7,6 +7,9 @@ mod completions;
 mod doctor;
 mod draw;
 mod events;
+mod examples;
+mod kill;
+mod kinds;
 mod library;
 mod loading;
 mod new;
@@ -41,6 +44,7 @@ pub(crate) struct Cli {
 enum Command {
     Run(run::Run),
     Check(check::Check),
+    Kinds(kinds::Kinds),
     Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Top(top::Top),
@@ -50,6 +54,7 @@ enum Command {
     Stop(stop::Stop),
     Resume(stop::Resume),
     Step(step::Step),
+    Kill(kill::Kill),
     Bench(bench::Bench),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
@@ -68,6 +73,7 @@ impl Cli {
             None => run::Run::default().run(),
             Some(Command::Run(command)) => command.run(),
             Some(Command::Check(command)) => command.run(),
+            Some(Command::Kinds(command)) => command.run(),
             Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Top(command)) => command.run(),
@@ -77,6 +83,7 @@ impl Cli {
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),
             Some(Command::Step(command)) => command.run(),
+            Some(Command::Kill(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),

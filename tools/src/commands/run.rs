@@ -25,20 +25,23 @@ use crate::{exit, overheads, registry, report, runs, style};
 pub(crate) struct Run {
     #[command(flatten)]
     graph: GraphArgs,
+    /// Name of the run in place of that of its graph: look-ups find it by it
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
     /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<String>,
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Where the components run: in `processes`, in `threads`, or `inline`, all in one thread
+    /// Where the components run: in `processes`, `threads`, or `inline`, in one thread; `--core N` is theirs in lockstep
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
     /// The same as `--hosting threads`
     #[arg(long, conflicts_with = "hosting", hide = true)]
     in_process: bool,
     /// In lockstep: the core of everything in the run; as the graph says if not given
-    #[arg(long)]
+    #[arg(long, hide = true)]
     core: Option<usize>,
     /// Divide the run into so many episodes, each begun by a reset of all components
     #[arg(long, value_name = "N")]
@@ -52,11 +55,11 @@ pub(crate) struct Run {
     /// Hold simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Expect a figure of the report, such as `controller.goals_missed == 0`; may be repeated
+    /// Expect a figure, such as `controller.goals_missed == 0`; may be repeated; `--no-expect`: nothing
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
     /// Expect nothing, whatever the graph expects
-    #[arg(long, conflicts_with = "expect")]
+    #[arg(long, conflicts_with = "expect", hide = true)]
     no_expect: bool,
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
@@ -64,7 +67,7 @@ pub(crate) struct Run {
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
-    /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
+    /// Serve Prometheus metrics: a port of this machine (`9464`) or an address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR")]
     metrics: Option<Address>,
 }
@@ -93,6 +96,9 @@ impl Run {
         let mut set = |path: &str, value: String| {
             self.graph.set.push(Override { path: path.to_string(), value });
         };
+        if let Some(name) = &self.name {
+            set("name", format!("{name:?}"));
+        }
         if let Some(duration) = &self.duration {
             set("duration", format!("{duration:?}"));
         }

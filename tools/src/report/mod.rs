@@ -42,6 +42,37 @@ fn percentiles(p: &Percentiles) -> String {
     parts.join(" / ")
 }
 
+fn short_percentiles(p: &Percentiles) -> String {
+    [p.p50, p.p99, p.max].map(microseconds).join(" / ")
+}
+
+/// A counter and its words for one and for several.
+fn counted(count: u64, one: &str, several: &str) -> Option<String> {
+    (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
+}
+
+/// What is zero in a run as it should be, of each component where it is not.
+fn counters(report: &Report, text: &mut String) {
+    for c in &report.components {
+        let words = [
+            counted(c.misses.skipped, "step skipped", "steps skipped"),
+            counted(u64::from(c.restarts), "restart", "restarts"),
+            counted(c.allocations.unwrap_or(0), "allocation", "allocations"),
+            counted(
+                c.allocations_apart.unwrap_or(0),
+                "allocation that is known of",
+                "allocations that are known of",
+            ),
+            counted(c.page_faults, "page fault", "page faults"),
+            c.allocations.is_none().then(|| "allocations not counted".to_string()),
+        ];
+        let words: Vec<String> = words.into_iter().flatten().collect();
+        if !words.is_empty() {
+            let _ = writeln!(text, "{}: {}", c.name, words.join(", "));
+        }
+    }
+}
+
 /// The closing summary of a run.
 pub(crate) fn summary(report: &Report) -> String {
     let mut text = String::new();
@@ -68,56 +99,24 @@ pub(crate) fn summary(report: &Report) -> String {
         text.push('\n');
     }
     let realtime = report.clock == ClockKind::Realtime;
-    let mut components = if realtime {
-        table([
-            "component",
-            "steps",
-            "Hz",
-            "late us p50/p99/p99.9/max",
-            "step us p50/p99/p99.9/max",
-            "missed",
-            "skipped",
-            "restarts",
-            "allocs",
-            "faults",
-        ])
-    } else {
-        table(["component", "steps", "step us p50/p99/p99.9/max", "restarts", "allocs", "faults"])
+    let mut components = match realtime {
+        true => table(["component", "steps", "Hz", "late us p50/p99/max", "step us p50/p99/max", "missed"]),
+        false => table(["component", "steps", "step us p50/p99/max"]),
     };
     for c in &report.components {
-        let allocations = match (c.allocations, c.allocations_apart) {
-            (None, _) => "?".to_string(),
-            (Some(own), Some(apart)) if apart > 0 => format!("{own} (+{apart})"),
-            (Some(own), _) => own.to_string(),
-        };
-        let missed = c.misses.missed();
-        let row = if realtime {
-            vec![
-                c.name.clone(),
-                c.steps.to_string(),
-                format!("{:.1}", c.rate_hz),
-                percentiles(&c.lateness_ns),
-                percentiles(&c.execution_ns),
-                missed.to_string(),
-                c.misses.skipped.to_string(),
-                c.restarts.to_string(),
-                allocations,
-                c.page_faults.to_string(),
-            ]
-        } else {
-            vec![
-                c.name.clone(),
-                c.steps.to_string(),
-                percentiles(&c.execution_ns),
-                c.restarts.to_string(),
-                allocations,
-                c.page_faults.to_string(),
-            ]
-        };
+        let mut row = vec![c.name.clone(), c.steps.to_string()];
+        if realtime {
+            row.extend([format!("{:.1}", c.rate_hz), short_percentiles(&c.lateness_ns)]);
+        }
+        row.push(short_percentiles(&c.execution_ns));
+        if realtime {
+            row.push(c.misses.missed().to_string());
+        }
         components.add_row(row);
     }
     right_from(&mut components, 1);
     let _ = writeln!(text, "{}", components.trim_fmt());
+    counters(report, &mut text);
     missed_steps(report, &mut text);
     for c in &report.components {
         if let Some(words) = c.gate.as_ref().and_then(gate::words) {

@@ -45,9 +45,27 @@ pub(super) fn lines(result: &Value) -> String {
 fn collect(path: &str, value: &Value, figures: &mut Vec<String>) {
     match value {
         Value::Object(values) => {
-            for (name, value) in values {
+            let joints = names_of_joints(values);
+            for (name, value) in values.iter().filter(|(name, _)| joints.is_none() || *name != JOINTS) {
                 let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-                collect(&path, value, figures);
+                match (&joints, value) {
+                    (Some(joints), Value::Array(numbers))
+                        if numbers.len() == joints.len() && numbers.iter().all(Value::is_number) =>
+                    {
+                        // one figure for each joint: the lines break between them
+                        figures.extend(joints.iter().zip(numbers).enumerate().map(
+                            |(index, (joint, number))| {
+                                let number = scalar(number);
+                                if index == 0 {
+                                    format!("{path}: {joint} {number}")
+                                } else {
+                                    format!("{joint} {number}")
+                                }
+                            },
+                        ));
+                    }
+                    _ => collect(&path, value, figures),
+                }
             }
         }
         Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
@@ -67,6 +85,15 @@ fn collect(path: &str, value: &Value, figures: &mut Vec<String>) {
         Value::Number(number) if number.as_u64() == Some(0) => {}
         value => figures.push(figure(path, value)),
     }
+}
+
+/// The key of the names to which lists of as many numbers belong.
+const JOINTS: &str = "joints";
+
+/// The names of joints that a result gives for its lists.
+fn names_of_joints(values: &serde_json::Map<String, Value>) -> Option<Vec<&str>> {
+    let names: Vec<&str> = values.get(JOINTS)?.as_array()?.iter().filter_map(Value::as_str).collect();
+    (names.len() == values[JOINTS].as_array()?.len()).then_some(names)
 }
 
 fn figure(path: &str, value: &Value) -> String {
@@ -122,6 +149,15 @@ mod tests {
         ] {
             assert_eq!(decimal(number), text);
         }
+    }
+
+    #[test]
+    fn lists_with_a_number_for_each_joint_name_the_joints() {
+        let result =
+            json!({ "joints": ["hip", "knee"], "joint_position": [0.5, 0.0], "base": [1.0, 2.0, 3.0] });
+        assert_eq!(lines(&result), "base [1, 2, 3], joint_position: hip 0.5, knee 0");
+        let result = json!({ "joints": [0.5, 0.25] });
+        assert_eq!(lines(&result), "joints [0.5, 0.25]", "numbers are no names");
     }
 
     #[test]

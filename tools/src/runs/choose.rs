@@ -31,6 +31,14 @@ fn listed(candidates: &[Candidate]) -> String {
     candidates.iter().map(|candidate| format!("\n  {}  (graph {})", candidate.id, candidate.graph)).collect()
 }
 
+/// As [`choose`], of runs that are sorted, the newest first: the first living one unless another is named.
+pub(super) fn choose_newest(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
+    match (wanted, candidates.iter().position(|candidate| candidate.alive)) {
+        (None, Some(newest)) => Ok(newest),
+        _ => choose(wanted, candidates),
+    }
+}
+
 /// The index of the run that is meant, among all runs there are, dead ones included.
 pub(super) fn choose(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
     let living = |test: &dyn Fn(&Candidate) -> bool| -> Vec<usize> {
@@ -104,6 +112,14 @@ mod tests {
             text.contains("--run ID") && text.contains("reach-0a1b2c3d") && text.contains("walk-12345678")
         );
         assert!(!text.contains("reach-0a99ffff"), "a dead run is no choice: {text}");
+    }
+
+    #[test]
+    fn to_look_at_the_newest_living_run_is_meant_unless_another_is_named() {
+        let runs = [run("c-3", "c", false), run("b-2", "b", true), run("a-1", "a", true)];
+        assert_eq!(choose_newest(None, &runs), Ok(1));
+        assert_eq!(choose_newest(Some("a"), &runs), Ok(2));
+        assert_eq!(choose_newest(None, &runs[..1]), Err(ChooseError::NoneRuns));
     }
 
     #[test]

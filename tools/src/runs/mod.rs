@@ -9,13 +9,14 @@ use motorium::region::{Command, Region};
 use motorium::run_folder::RunFolder;
 use std::sync::atomic::Ordering::Relaxed;
 
+use crate::out::errln;
 use choose::Candidate;
 pub(crate) use events::event_line;
 
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
-    /// Run to show: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    /// The run: its id, the beginning of it, or the name of its graph; the only one if not given, and to look at, the newest
     #[arg(long = "run", value_name = "ID")]
     run: Option<String>,
 }
@@ -26,7 +27,12 @@ impl RunArg {
         Self { run: run.map(str::to_string) }
     }
 
-    /// Opens the run that is meant.
+    /// Opens the run to look at: of several the newest, unless one is named.
+    pub(crate) fn look(&self) -> anyhow::Result<LivingRun> {
+        opened(newest(self.run.as_deref())?)
+    }
+
+    /// Opens the run that is meant, to change something in it: of several one must be named.
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
         opened(pick(self.run.as_deref())?)
     }
@@ -35,7 +41,7 @@ impl RunArg {
     pub(crate) fn open_even_if_over(&self) -> anyhow::Result<LivingRun> {
         match self.run.as_deref().and_then(RunFolder::find) {
             Some(folder) => opened(folder),
-            None => self.open(),
+            None => self.look(),
         }
     }
 }
@@ -50,9 +56,26 @@ fn opened(folder: RunFolder) -> anyhow::Result<LivingRun> {
     Ok(LivingRun { folder, plan, region })
 }
 
+/// The run to look at: the one that `run` names, or the newest of this user that is alive. Which of several it is, is told.
+pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
+    let (mut folders, candidates) = all();
+    let chosen = choose::choose_newest(run, &candidates)?;
+    if run.is_none() && candidates.iter().filter(|candidate| candidate.alive).count() > 1 {
+        errln!("the newest of several runs: {} (`--run ID` for another)", candidates[chosen].id);
+    }
+    Ok(folders.swap_remove(chosen))
+}
+
 /// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id, or the
 /// name of its graph.
-pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
+fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
+    let (mut folders, candidates) = all();
+    let chosen = choose::choose(run, &candidates)?;
+    Ok(folders.swap_remove(chosen))
+}
+
+/// All runs of this user, the newest first.
+fn all() -> (Vec<RunFolder>, Vec<Candidate>) {
     let (mut folders, mut candidates) = (Vec::new(), Vec::new());
     for folder in RunFolder::list() {
         // A run whose plan cannot be read is being made or removed at this moment.
@@ -61,8 +84,7 @@ pub(crate) fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
         candidates.push(Candidate { id: folder.id().to_string(), graph: plan.name, alive });
         folders.push(folder);
     }
-    let chosen = choose::choose(run, &candidates)?;
-    Ok(folders.swap_remove(chosen))
+    (folders, candidates)
 }
 
 /// The runs of this user that are alive at this moment and not about to end: their ids and plans.

@@ -56,7 +56,7 @@ fn a_short_run_leaves_every_sample_in_its_file_its_picture_and_the_filled_table(
     let (json, svg) = (folder.path().join("bench.json"), folder.path().join("bench.svg"));
     let names = ["floor.clock", "floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"];
     let mut arguments = vec!["--samples", "2000", "--json", "--output", json.to_str().expect("a plain path")];
-    arguments.extend(["--svg", svg.to_str().expect("a plain path"), "--quick", "--only"]);
+    arguments.extend(["--plot", svg.to_str().expect("a plain path"), "--quick", "--only"]);
     arguments.extend(names);
     let output = bench(&arguments);
     let table = text(&output.stdout);

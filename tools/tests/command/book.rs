@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use motorium::declare::ConfigError;
+use motorium::declare::{ConfigError, RobotReference};
 use motorium::launcher::Options;
 use motorium::session;
 use motorium::worker::{Kind, Registry, RobotSource};
@@ -159,8 +159,8 @@ fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_
 
 #[test]
 fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
-    let check = |urdf: &str, base: &Path| {
-        motorium_robots::load(urdf, base)
+    let check = |robot: &RobotReference| {
+        motorium_robots::load(&robot.urdf, &robot.base)
             .map(|_| Vec::new())
             .map_err(|error| ConfigError::new(error.to_string()))
     };

@@ -6,10 +6,12 @@ mod check;
 mod commands;
 mod crates;
 mod expect;
+mod kinds;
 mod primitive;
 mod program;
 mod qp;
 mod robot;
+mod robot_profile;
 mod schemas;
 
 /// The program under test.

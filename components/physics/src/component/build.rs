@@ -56,7 +56,14 @@ pub(super) fn build<E: PhysicsEngine>(
 fn load(config: &PhysicsConfig, robot: &RobotReference) -> Result<(RobotSetup, Loaded), ConfigError> {
     let options = LoadOptions { base: config.base_mode(), ..LoadOptions::default() };
     let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy });
-    let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose };
+    let source = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose,
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+    };
     let loaded = source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))?;
     let setup = RobotSetup::of(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;
     let model = &loaded.model;

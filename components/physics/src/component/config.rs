@@ -3,22 +3,27 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
-use motorium_robots::{BaseMode, BasePose, Loaded, Model, Posture};
+use motorium_robots::{BaseMode, BasePose, Loaded, Model, PerJoint, Posture};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::{BuildError, Options, World};
 
-/// Configuration of a simulated robot.
+/// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
+///
+/// ```toml
+/// solver = { contact_iterations = 4 }
+/// world  = { ground = { friction = 0.8 } }
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
     /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or,
     /// for a robot without a profile, all joints at zero (at the middle of their range where zero is outside).
     pub pose: Option<String>,
-    /// Joint positions to start at, in the order of the robot's joints (rad or m). Instead of `pose`.
-    pub position: Option<Vec<f64>>,
+    /// Joint positions to start at, rad or m: one number for all joints, or one for each in their order. Instead of `pose`.
+    pub position: Option<PerJoint>,
     /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile and file
     /// say. `physics.rapier` simulates fixed bases only.
     pub floating: Option<bool>,
@@ -30,6 +35,9 @@ pub struct PhysicsConfig {
     pub world: World,
     /// Settings of the engine.
     pub solver: Options,
+    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as
+    /// they come; that component's actuator checks them. Default false.
+    pub plant: bool,
 }
 
 /// Start of one of several robots.
@@ -38,8 +46,8 @@ pub struct PhysicsConfig {
 pub struct RobotStart {
     /// Named pose to start in.
     pub pose: Option<String>,
-    /// Joint positions to start at (rad or m). Instead of `pose`.
-    pub position: Option<Vec<f64>>,
+    /// Joint positions to start at, rad or m: one number for all joints, or one for each. Instead of `pose`.
+    pub position: Option<PerJoint>,
 }
 
 /// Start pose of a floating base.
@@ -128,13 +136,10 @@ impl PhysicsConfig {
                 Err(ConfigError::new("both `pose` and `position` say where the robot starts")
                     .advise("keep one of them"))
             }
-            (None, Some(position), _) if position.len() != model.joint_count() => {
+            (None, Some(position), _) => position.resolve(model.joint_count()).map_err(|error| {
                 let names = model.joint_names().join(", ");
-                let message =
-                    format!("{} positions, expected {}: {names}", position.len(), model.joint_count());
-                Err(ConfigError::key("position", message))
-            }
-            (None, Some(position), _) => Ok(position.clone()),
+                ConfigError::key("position", error.to_string()).advise(format!("in this order: {names}"))
+            }),
             (Some(pose), None, None) => match posture(robot, pose) {
                 Some(posture) => Ok(posture.joints.as_slice().to_vec()),
                 None => {

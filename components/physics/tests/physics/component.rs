@@ -1,9 +1,9 @@
 //! `physics.articulated` and `physics.rapier` in a graph: in lockstep, hosted in this process.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Options, Report};
 use motorium::region::{Refusal, Refused};
@@ -115,8 +115,8 @@ impl Component for Watcher {
 }
 
 pub(crate) fn registry() -> Registry {
-    let check = |urdf: &str, base: &Path| {
-        motorium_robots::load(urdf, base)
+    let check = |robot: &RobotReference| {
+        motorium_robots::load(&robot.urdf, &robot.base)
             .map(|_| Vec::new())
             .map_err(|error| ConfigError::new(error.to_string()))
     };
@@ -229,7 +229,7 @@ fn a_command_with_a_negative_gain_is_not_applied() {
 fn mistakes_in_the_configuration_are_found_before_anything_runs() {
     for (config, expected) in [
         (r#"pose = "hom""#, "no pose is named"),
-        ("position = [0.0, 1.0]", "2 positions, expected 8"),
+        ("position = [0.0, 1.0]", "2 numbers, expected 8: one per joint"),
         (r#"pose = "home", position = [0.0]"#, "both `pose` and `position`"),
         ("world = { gravty = [0.0, 0.0, 0.0] }", "gravty"),
         ("solver = { substeps = 0 }", "`substeps` is 0"),

@@ -13,8 +13,14 @@ use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator,
 /// gait = "walk"
 /// frequency = 1.5
 /// legs = [
-///     { joints = [{ joint = "left_hip", amplitude = 0.4 }, { joint = "left_knee", amplitude = 0.3, phase = 1.57 }] },
-///     { joints = [{ joint = "right_hip", amplitude = 0.4 }, { joint = "right_knee", amplitude = 0.3, phase = 1.57 }] },
+///     { joints = [
+///         { joint = "left_hip_pitch", amplitude = 0.4 },
+///         { joint = "left_knee", amplitude = 0.3, phase = 1.57 },
+///     ] },
+///     { joints = [
+///         { joint = "right_hip_pitch", amplitude = 0.4 },
+///         { joint = "right_knee", amplitude = 0.3, phase = 1.57 },
+///     ] },
 /// ]
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]

@@ -272,7 +272,7 @@ fn a_hand_is_led_by_pose_targets() {
         name: "panda".into(),
         urdf: "panda".into(),
         base: std::env::current_dir().unwrap(),
-        pose: None,
+        ..RobotReference::default()
     };
     let config = serde_json::json!({ "library": "letters", "movements": ["a"], "end_effector": { "origin": [0.4, 0.0, 0.4] } });
     let declared = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap();

@@ -167,7 +167,7 @@ fn weights_that_arrive_change_the_next_movement_to_their_goal_and_bad_ones_chang
 
 /// A session that publishes the weights itself.
 fn session(config: &str) -> Session<'static> {
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, kinds());
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
     let checked = graph::check(Path::new("weights.toml"), graph(config), &[], &registry, &Machine::detect());
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     Session::launch(plan, &registry, &Options::inline().standing_in_for("learner")).unwrap()

@@ -19,7 +19,7 @@ pub(crate) struct Nothing {}
 
 /// Checks and runs a graph of these kinds; its files are relative to `path`.
 pub(crate) fn run(path: &Path, graph: String, kinds: impl IntoIterator<Item = Kind>) -> Report {
-    let registry = Registry::new(RobotSource { check: |_, _| Ok(Vec::new()) }, kinds);
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds);
     let machine = motorium::graph::Machine::detect();
     let checked = motorium::graph::check(path, graph, &[], &registry, &machine)
         .unwrap_or_else(|error| panic!("{error}"));
@@ -42,7 +42,7 @@ pub(crate) fn refusal<C: Component>(
         name: "arm".into(),
         urdf: urdf.into(),
         base: base.into(),
-        pose: None,
+        ..RobotReference::default()
     });
     Kind::of::<C>().declare(ConfigSource::Json(config), robot).unwrap_err().error
 }

@@ -140,7 +140,14 @@ impl Component for JointMerge {
 
 /// Names of the robot's joints, in their order.
 fn names(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
-    let source = RobotSource { name: &robot.name, text: &robot.urdf, base: &robot.base, pose: None };
+    let source = RobotSource {
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose: None,
+    };
     let loaded = source.load().map_err(|error| ConfigError::new(error.to_string()))?;
     let names = loaded.model.joint_names().to_vec();
     if names.is_empty() || names.len() > MAX_JOINTS {

@@ -97,7 +97,7 @@ fn declare(config: serde_json::Value, robot: bool) -> Result<Vec<String>, (Optio
         name: "rod".into(),
         urdf: "pendulum".into(),
         base: ".".into(),
-        pose: None,
+        ..RobotReference::default()
     });
     Kind::of::<JointEncoder>()
         .declare(ConfigSource::Json(config), robot)

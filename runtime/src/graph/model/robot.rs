@@ -14,6 +14,11 @@ pub(in crate::graph) struct RobotTable {
     /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
     #[schemars(required)]
     pub urdf: Option<At<String>>,
+    /// Its profile, a TOML file (relative to the graph file). If left out: that of the catalogue, or the `.toml` of the same
+    /// name beside its file.
+    pub profile: Option<At<String>>,
+    /// Folders in which `package://` files of its model are searched first (relative to the graph file). Default none.
+    pub package_path: Option<At<Vec<At<String>>>>,
     /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
     pub base: Option<At<BaseTable>>,
     /// Known keys that misspelt ones probably mean.
@@ -24,7 +29,7 @@ pub(in crate::graph) struct RobotTable {
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = take_fields!(keys, urdf, base; meant: Vec::new());
+        let mut table = take_fields!(keys, urdf, profile, package_path, base; meant: Vec::new());
         table.meant = keys.finish(&format!("robot `{key}`"));
         Some(table)
     }

@@ -10,6 +10,9 @@ use crate::nearest::nearest;
 use crate::plan::Program;
 use crate::worker::ConfigProblem;
 
+/// The beginning of serde's message about a key that does not exist.
+const UNKNOWN_KEY: &str = "unknown field `";
+
 /// Reports what a component finds doubtful in its configuration.
 pub(super) fn warning(draft: &Draft<'_, '_>, warning: &DeclareWarning, report: &mut Report) {
     let DeclareWarning { key, message, advice } = warning;
@@ -35,7 +38,10 @@ fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
 /// Reports a configuration that a component refused.
 pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut Report) {
     let ConfigError { key, message, advice } = &problem.error;
-    let by_key = key.as_deref().and_then(|key| place_of(key, draft));
+    let by_key = key.as_deref().and_then(|key| match message.starts_with(UNKNOWN_KEY) {
+        true => good(&draft.table.config).and_then(|config| find(&config.0, key)).map(|found| found.key),
+        false => place_of(key, draft),
+    });
     let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
     let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
     let subject = match key.as_deref() {
@@ -43,10 +49,13 @@ pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &m
         key => subject(draft, key),
     };
     let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
-        Some(Program::Exec { .. } | Program::Sibling { .. }) => {
-            "see the configuration of this program".to_string()
+        Some(Program::Exec { path }) => {
+            format!("`motorium kinds --exec {}` describes every key of `config`", path.display())
         }
-        _ => "the JSON Schema of graph files describes every key of `config`: `motorium schema`".to_string(),
+        Some(Program::Sibling { kind, .. } | Program::Builtin { kind }) => {
+            format!("`motorium kinds {kind}` describes every key of `config`")
+        }
+        None => "`motorium kinds KIND` describes every key of `config`".to_string(),
     });
     report
         .error(format!("{subject}: {message}"))
@@ -57,7 +66,7 @@ pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &m
 /// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
 fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
     let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
-    inside.or_else(|| match key {
+    inside.map(|found| found.value).or_else(|| match key {
         "robot" => draft.table.robot.as_ref().map(|robot| robot.span.clone()),
         "robots" => draft.table.robots.as_ref().map(|robots| robots.span.clone()),
         _ => None,
@@ -66,8 +75,7 @@ fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
 
 /// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".
 fn near_field(message: &str) -> Option<String> {
-    let rest =
-        message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;
+    let rest = message.strip_prefix(UNKNOWN_KEY).or_else(|| message.strip_prefix("unknown variant `"))?;
     let (written, known) = rest.split_once('`')?;
     let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
     nearest(written, known).map(|near| format!("did you mean `{near}`?"))

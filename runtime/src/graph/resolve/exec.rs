@@ -31,19 +31,45 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A program that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum ExecProblem {
+pub enum ExecProblem {
+    /// No file has this path.
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
+    /// The path names something else than a program.
     #[error("`{}` is not a program that may be executed", .0.display())]
     NotExecutable(PathBuf),
+    /// The system does not start it.
     #[error("program `{}` cannot be started: {reason}", path.display())]
-    Start { path: PathBuf, reason: String },
+    Start {
+        /// The program.
+        path: PathBuf,
+        /// Cause.
+        reason: String,
+    },
+    /// It does not answer in time.
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
+    /// Its answer is not that of a component.
     #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
-    NoComponent { path: PathBuf, request: &'static str, reason: String, stderr: String },
+    NoComponent {
+        /// The program.
+        path: PathBuf,
+        /// The request.
+        request: &'static str,
+        /// Cause.
+        reason: String,
+        /// The last line of its standard error.
+        stderr: String,
+    },
+    /// It was built with another version.
     #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
-    Version { path: PathBuf, found: String },
+    Version {
+        /// The program.
+        path: PathBuf,
+        /// Its version.
+        found: String,
+    },
+    /// Its shared memory has another layout.
     #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
@@ -52,33 +78,42 @@ impl ExecProblem {
     /// Reports it, of a program of the user.
     pub(super) fn report(&self, draft: &Draft<'_, '_>, span: &Span, report: &mut Report) {
         let diagnostic = report.error(format!("component `{}`: {self}", draft.name)).at(span, "this program");
+        if let Self::NoComponent { stderr, .. } = self
+            && !stderr.is_empty()
+        {
+            diagnostic.note(format!("it said: {stderr}"));
+        }
+        diagnostic.advise(self.advice());
+    }
+
+    /// Advice, of a program of the user.
+    pub fn advice(&self) -> String {
         match self {
-            Self::Missing(_) => diagnostic
-                .advise("build it first: `cargo build --release`; the path is relative to the graph file"),
-            Self::NotExecutable(path) if path.is_dir() => diagnostic
-                .advise("this is a folder; name the program itself, such as `target/release/my-component`"),
-            Self::NotExecutable(path) => diagnostic.advise(format!("try `chmod +x {}`", path.display())),
-            Self::Start { .. } => {
-                diagnostic.advise("was it built for this machine? try `cargo build --release`")
+            Self::Missing(_) => {
+                "build it first: `cargo build --release`; the path is relative to the graph file"
             }
-            Self::Silent(_) => diagnostic.advise(
-                "`motorium::main!(...)` answers at once; does the program do other things before it?",
-            ),
-            Self::NoComponent { stderr, .. } => {
-                if !stderr.is_empty() {
-                    diagnostic.note(format!("it said: {stderr}"));
-                }
-                diagnostic.advise("its main function must be `motorium::main!(MyComponent);`")
+            Self::NotExecutable(path) if path.is_dir() => {
+                "this is a folder; name the program itself, such as `target/release/my-component`"
             }
+            Self::NotExecutable(path) => return format!("try `chmod +x {}`", path.display()),
+            Self::Start { .. } => "was it built for this machine? try `cargo build --release`",
+            Self::Silent(_) => {
+                "`motorium::main!(...)` answers at once; does the program do other things before it?"
+            }
+            Self::NoComponent { .. } => "its main function must be `motorium::main!(MyComponent);`",
             Self::Version { .. } | Self::Memory(_) => {
-                diagnostic.advise("build it again with the same version: `cargo build --release`")
+                "build it again with the same version: `cargo build --release`"
             }
-        };
+        }
+        .to_string()
     }
 }
 
-/// The program a component names: a path relative to the folder of the graph file.
-pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
+/// The program that a path names, relative to a folder: that of the graph file.
+///
+/// # Errors
+/// There is no such program.
+pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     let path = folder.join(exec);
     let Ok(found) = path.canonicalize() else { return Err(ExecProblem::Missing(path)) };
     match found.metadata() {
@@ -87,8 +122,11 @@ pub(super) fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     }
 }
 
-/// Asks the program for its declaration with this configuration.
-pub(super) fn describe(
+/// Asks a program for the declaration of its component with this configuration. It may refuse it.
+///
+/// # Errors
+/// The program does not answer as one of this version does.
+pub fn describe(
     path: &Path,
     request: &DescribeRequest,
 ) -> Result<Result<Declaration, ConfigError>, ExecProblem> {
@@ -107,8 +145,11 @@ pub(super) fn describe(
     }
 }
 
-/// Asks the program for the kinds that it hosts.
-pub(super) fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
+/// Asks a program for the kinds that it hosts: the one of `motorium::main!`, or several.
+///
+/// # Errors
+/// The program does not answer as one of this version does.
+pub fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
     let reply: KindsAnswer = answer(path, KINDS, String::new())?;
     if reply.memory != layout_digest() {
         return Err(ExecProblem::Memory(path.to_path_buf()));

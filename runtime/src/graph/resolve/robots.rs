@@ -34,26 +34,36 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
         let reference = urdf.and_then(|urdf| {
             let model = urdf.get()?;
             let folder = context.sources.folder(&urdf.span);
-            let checked = (context.registry.robots().check)(model, folder);
+            let table = at.get()?;
+            let profile = table.profile.as_ref().and_then(|at| Some((at.get()?, &at.span)));
+            let packages = good(&table.package_path).into_iter().flatten();
+            let reference = RobotReference {
+                name: name.clone(),
+                urdf: model.clone(),
+                base: folder.to_path_buf(),
+                pose: good(&table.base).map(BaseTable::pose),
+                profile: profile.map(|(profile, span)| context.sources.folder(span).join(profile)),
+                package_path: packages
+                    .filter_map(|at| Some(context.sources.folder(&at.span).join(at.get()?)))
+                    .collect(),
+            };
+            let checked = (context.registry.robots().check)(&reference);
             for doubt in checked.iter().flatten() {
                 report.warning(format!("robot `{name}`: {doubt}")).at(&urdf.span, "this model");
             }
             if let Err(error) = checked {
-                let diagnostic = report
-                    .error(format!("robot `{name}`: {}", error.message))
-                    .at(&urdf.span, "this model cannot be used");
+                let (place, label) = match (error.key.as_deref(), profile) {
+                    (Some("profile"), Some((_, span))) => (span, "this profile cannot be used"),
+                    _ => (&urdf.span, "this model cannot be used"),
+                };
+                let diagnostic = report.error(format!("robot `{name}`: {}", error.message)).at(place, label);
                 diagnostic.advise(error.advice.unwrap_or_else(|| {
                     "`urdf` is a name of the catalogue, a folder, or a URDF file beside the graph file"
                         .to_string()
                 }));
                 return None;
             }
-            named.then(|| RobotReference {
-                name: name.clone(),
-                urdf: model.clone(),
-                base: folder.to_path_buf(),
-                pose: at.get().and_then(|table| good(&table.base)).map(BaseTable::pose),
-            })
+            named.then_some(reference)
         });
         robots.push(Robot { name: name.clone(), place: at.key.clone(), reference });
     }

@@ -95,19 +95,27 @@ impl<'c> Context<'c> {
 
 /// Finds a program beside this one, else on `PATH`, and asks it for its kinds.
 fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
-    let own = std::env::current_exe().unwrap_or_default();
-    let beside = own.parent().map(Path::to_path_buf).unwrap_or_default();
-    let on_path = std::env::var_os("PATH").unwrap_or_default();
-    let folders = std::iter::once(beside.clone()).chain(std::env::split_paths(&on_path));
-    let is_program = |path: &PathBuf| {
-        path.metadata().is_ok_and(|facts| facts.is_file() && facts.permissions().mode() & 0o111 != 0)
-    };
-    let path = folders.map(|folder| folder.join(sibling.program)).find(is_program);
-    let Some(path) = path else { return Err(Homeless::Missing { sibling, beside }) };
+    let beside = own_folder();
+    let Some(path) = locate(&sibling) else { return Err(Homeless::Missing { sibling, beside }) };
     match exec::kinds(&path) {
         Ok(kinds) => Ok(Rc::new(Program { path, kinds })),
         Err(problem) => Err(Homeless::Unusable { sibling, problem: Rc::new(problem) }),
     }
+}
+
+/// The path of a program beside this one, else on `PATH`; `None` where it is not installed.
+pub fn locate(sibling: &Sibling) -> Option<PathBuf> {
+    let on_path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(own_folder()).chain(std::env::split_paths(&on_path));
+    let is_program = |path: &PathBuf| {
+        path.metadata().is_ok_and(|facts| facts.is_file() && facts.permissions().mode() & 0o111 != 0)
+    };
+    folders.map(|folder| folder.join(sibling.program)).find(is_program)
+}
+
+fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().unwrap_or_default();
+    own.parent().map(Path::to_path_buf).unwrap_or_default()
 }
 
 impl Homeless {

@@ -26,7 +26,7 @@ const FIFO: u8 = 80;
 /// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them, and
 /// reports which targets are met. No sample is dropped: the maximum is the longest of all.
 ///
-/// Example: motorium bench latency --json --output bench.json --svg bench.svg
+/// Example: motorium bench latency --json --output bench.json --plot bench.svg
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latency {
     /// Print the raw histograms, the machine and the table of targets as JSON; the tables then go to standard error
@@ -36,8 +36,8 @@ pub(crate) struct Latency {
     #[arg(long, short, value_name = "FILE", requires = "json")]
     output: Option<PathBuf>,
     /// Draw latency against percentile into this file
-    #[arg(long, value_name = "FILE")]
-    svg: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
     /// Measure only these: names as in the table, or their beginnings up to a dot, such as `hop.blocking`
     #[arg(long, value_name = "NAME", num_args = 1..)]
     only: Vec<String>,
@@ -58,7 +58,7 @@ pub(crate) struct Latency {
     #[arg(long)]
     peers: bool,
     /// Fail (exit code 6) when hops or releases exceed their bounds, as ratios to the floors of this run
-    #[arg(long, conflicts_with_all = ["only", "peers", "json", "output", "svg", "samples", "seconds", "load", "quick"])]
+    #[arg(long, conflicts_with_all = ["only", "peers", "json", "output", "plot", "samples", "seconds", "load", "quick"])]
     ratchet: bool,
 }
 
@@ -101,7 +101,7 @@ impl Latency {
             };
             file.as_ref().map(open).transpose()
         };
-        let (output, svg) = (open(&self.output)?, open(&self.svg)?);
+        let (output, svg) = (open(&self.output)?, open(&self.plot)?);
         let text = Text { errors: self.json && output.is_none() };
         let machine = Machine::detect();
         text.line(format_args!("{} {machine}", style::strong("machine:")));

@@ -24,7 +24,7 @@ struct Table {
 }
 
 /// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an argument
-/// the only run.
+/// the newest run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
@@ -37,7 +37,7 @@ pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
         })?;
         return Ok(Source { plan: None, measured: Table::of_report(report) });
     }
-    let run = RunArg::named(what).open()?;
+    let run = RunArg::named(what).look()?;
     run.stand_aside();
     let status = Status::read(&run.plan, &run.region);
     Ok(Source { plan: Some(run.plan), measured: Table::of_status(status) })

@@ -14,7 +14,7 @@ use crate::out::outln;
 
 /// Take parts of a body out of a library of the whole, without the recordings.
 ///
-/// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --folder parts
+/// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --output parts
 #[derive(Debug, clap::Args)]
 pub(super) struct Split {
     /// The library
@@ -23,8 +23,8 @@ pub(super) struct Split {
     #[arg(required = true)]
     parts: Vec<String>,
     /// The folder to write to: NAME.library for each part
-    #[arg(long, default_value = ".")]
-    folder: PathBuf,
+    #[arg(long, short, value_name = "DIR", default_value = ".")]
+    output: PathBuf,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -35,10 +35,10 @@ impl Split {
         let library = file::read(&self.file)?;
         let parts: Vec<_> =
             self.parts.iter().map(|part| library.layout().part(part)).collect::<Result<_, _>>()?;
-        std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
+        std::fs::create_dir_all(&self.output).with_context(|| self.output.display().to_string())?;
         let mut all = Vec::new();
         for part in parts {
-            let path = self.folder.join(format!("{}.library", part.name));
+            let path = self.output.join(format!("{}.library", part.name));
             let split = library.split(&part);
             super::write(&split, &path)?;
             if self.json {

@@ -158,7 +158,7 @@ fn find<'a>(rows: &'a [Row], path: &str, graph: &str) -> anyhow::Result<&'a Row>
 
 impl List {
     fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         let (_, rows) = parameters(&run)?;
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&rows)?);
@@ -173,7 +173,7 @@ impl List {
 
 impl Get {
     fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         let (_, rows) = parameters(&run)?;
         let row = find(&rows, &self.path, &run.plan.name)?;
         if self.json {

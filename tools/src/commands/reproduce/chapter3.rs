@@ -14,15 +14,15 @@ use crate::out::outln;
 ///
 /// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data.
 ///
-/// Example: motorium reproduce chapter3 --data recordings/ --out out/
+/// Example: motorium reproduce chapter3 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]
 pub(super) struct Chapter3 {
     /// The folder with uci-char-trajectories/train.jsonl and cmu-mocap/*.csv
     #[arg(long)]
     data: PathBuf,
     /// The folder to write to
-    #[arg(long, default_value = "out")]
-    out: PathBuf,
+    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    output: PathBuf,
     /// Samples of each letter
     #[arg(long, default_value_t = 200)]
     samples: usize,
@@ -48,8 +48,10 @@ impl Chapter3 {
         let file = self.data.join("uci-char-trajectories/train.jsonl");
         let all = Recordings::read([&file], &Selection { rate: Some(200.0), ..Selection::default() })?;
         let spring = SampledSpring::new(self.samples, DAMPING)?;
-        let mut writer =
-            FigureWriter::new(self.out.clone(), 24 + self.epochs as u64 * self.networks + 5 * self.splits)?;
+        let mut writer = FigureWriter::new(
+            self.output.clone(),
+            24 + self.epochs as u64 * self.networks + 5 * self.splits,
+        )?;
         let (seen, held) = all.hold_out(5);
         anyhow::ensure!(
             !held.trajectories.is_empty(),
@@ -73,7 +75,7 @@ impl Chapter3 {
             let word = if claim.holds { "holds" } else { "does not hold" };
             outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
         }
-        outln!("{} files in {}", writer.files.len(), self.out.display());
+        outln!("{} files in {}", writer.files.len(), self.output.display());
         Ok(ExitCode::SUCCESS)
     }
 }

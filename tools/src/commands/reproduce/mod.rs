@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 /// Recompute published figures, and report which of their claims hold.
 ///
-/// Example: motorium reproduce chapter3 --out out/
+/// Example: motorium reproduce chapter3 --output out/
 #[derive(Debug, clap::Args)]
 pub(crate) struct Reproduce {
     #[command(subcommand)]

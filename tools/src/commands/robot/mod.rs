@@ -7,6 +7,7 @@ mod eval;
 mod facts;
 mod install;
 mod list;
+mod profile;
 mod show;
 mod source;
 mod urdf_text;
@@ -31,6 +32,7 @@ enum Command {
     Draw(draw::Draw),
     Bench(bench::Bench),
     Eval(eval::Eval),
+    Profile(profile::Profile),
     Install(install::Install),
 }
 
@@ -43,6 +45,7 @@ impl Robot {
             Command::Draw(command) => command.run(),
             Command::Bench(command) => command.run(),
             Command::Eval(command) => command.run(),
+            Command::Profile(command) => command.run(),
             Command::Install(command) => command.run(),
         }
     }

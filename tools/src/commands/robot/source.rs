@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use motorium_robots::{
-    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, load_with,
+    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, ProfileChoice, load_with,
 };
 
 use crate::out::errln;
@@ -30,13 +30,18 @@ pub(super) struct RobotArgs {
 impl RobotArgs {
     /// Loads the robot relative to the current folder.
     pub(super) fn load(&self, mimic: MimicMode) -> Result<Loaded, LoadError> {
+        self.load_with(mimic, ProfileChoice::Own)
+    }
+
+    /// The same with another profile, or without one.
+    pub(super) fn load_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, LoadError> {
         let base = match (self.floating_base, self.fixed_base) {
             (true, _) => BaseMode::Floating,
             (_, true) => BaseMode::Fixed,
             _ => BaseMode::AsFile,
         };
         let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
-        load_with(&self.robot, Path::new(""), &LoadOptions { base, mimic, packages })
+        load_with(&self.robot, Path::new(""), &LoadOptions { base, mimic, packages, profile })
     }
 
     /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.

@@ -21,7 +21,7 @@ use motorium::units::TimeSpan;
 
 use crate::metrics::{Address, Sample, Server};
 use crate::out::{errln, out, outln};
-use crate::runs::{LivingRun, pick};
+use crate::runs::{LivingRun, newest};
 use data::Span;
 pub(super) use data::Top as Data;
 use order::Order;
@@ -34,7 +34,7 @@ use view::View;
 /// Example: motorium top --once --json
 #[derive(Debug, clap::Args)]
 pub(crate) struct Top {
-    /// Run to show: its id, the beginning of it, or the name of its graph. Not needed when only one runs
+    /// Run to show: its id, the beginning of it, or the name of its graph; the newest if not given
     #[arg(value_name = "RUN")]
     name: Option<String>,
     /// The same, as in other commands
@@ -111,7 +111,7 @@ impl Top {
 }
 
 fn open(run: Option<&str>) -> anyhow::Result<LivingRun> {
-    let folder = pick(run)?;
+    let folder = newest(run)?;
     let (plan, region) = (folder.plan()?, folder.region()?);
     Ok(LivingRun { folder, plan, region })
 }

@@ -59,6 +59,9 @@ pub(super) struct Line<'a> {
     pub(super) age_ns: u64,
     pub(super) publisher: Option<&'a str>,
     pub(super) restart_count: u32,
+    /// Names of the joints, where the arrays of the value have an entry for each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) joints: Option<&'a [String]>,
     /// Index of the episode.
     pub(super) episode: u64,
     pub(super) value: &'a Decoded<'a>,
@@ -66,11 +69,12 @@ pub(super) struct Line<'a> {
 
 impl Echo {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         if self.topic == log::TOPIC && run.plan.topics.iter().all(|topic| topic.name != log::TOPIC) {
             return self.log(&run);
         }
-        let (_, topic) = find(&run.plan, &self.topic)?;
+        let (index, topic) = find(&run.plan, &self.topic)?;
+        let joints = crate::robots::joints_of_topic(&run.plan, index).unwrap_or_default();
         let decoder = Decoder::new(&topic.layout)?;
         let mut watch = Watch::open(&run, topic)?;
         let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));
@@ -86,7 +90,7 @@ impl Echo {
             if self.every {
                 for sample in &samples {
                     shown += 1;
-                    if !self.print(&run, &decoder, sample)? || self.count == Some(shown) {
+                    if !self.print(&run, &decoder, &joints, sample)? || self.count == Some(shown) {
                         return Ok(false);
                     }
                 }
@@ -97,7 +101,7 @@ impl Echo {
             let Some(sample) = newest.take_if(|_| now >= due) else { return Ok(true) };
             due = (due + interval).max(now);
             shown += 1;
-            Ok(self.print(&run, &decoder, &sample)? && self.count != Some(shown))
+            Ok(self.print(&run, &decoder, &joints, &sample)? && self.count != Some(shown))
         };
         let end = watch.follow(poll, None, take)?;
         if self.every && pace.lost() > 0 {
@@ -110,7 +114,13 @@ impl Echo {
     }
 
     /// Prints a sample; false once the reader has closed the pipe.
-    fn print(&self, run: &LivingRun, decoder: &Decoder, sample: &Sample) -> anyhow::Result<bool> {
+    fn print(
+        &self,
+        run: &LivingRun,
+        decoder: &Decoder,
+        joints: &[String],
+        sample: &Sample,
+    ) -> anyhow::Result<bool> {
         let value = match decoder.decode(&sample.bytes) {
             Ok(value) => value,
             Err(error) => {
@@ -132,6 +142,7 @@ impl Echo {
                 .get(stamp.publisher as usize)
                 .map(|component| component.name.as_str()),
             restart_count: stamp.restart_count,
+            joints: Some(joints).filter(|joints| are_of_joints(&value, joints.len())),
             episode: stamp.episode,
             value: &value,
         };
@@ -176,7 +187,17 @@ impl Echo {
     }
 }
 
-/// A sample as readable lines: the stamp, then a field a line.
+/// Whether a value has arrays with an entry for each of so many joints.
+fn are_of_joints(value: &Decoded<'_>, joints: usize) -> bool {
+    joints > 0 && value.0.iter().any(|(_, value)| is_of_joints(value, joints))
+}
+
+fn is_of_joints(value: &FieldValue, joints: usize) -> bool {
+    matches!(value, FieldValue::Many(numbers) if numbers.len() == joints)
+}
+
+/// A sample as readable lines: the stamp, then a field a line; arrays with an entry for each joint as a table, a joint a
+/// line.
 fn lines(line: &Line<'_>) -> String {
     let chain = line.publish_time_ns.saturating_sub(line.source_time_ns);
     let mut text = format!(
@@ -184,8 +205,11 @@ fn lines(line: &Line<'_>) -> String {
         style::strong(format!("#{} at {:.6} s", line.sequence, line.time_s)),
         style::dim(format!("age {}, {} after its source", readable(line.age_ns), readable(chain)))
     );
-    let width = line.value.0.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
-    for (name, value) in &line.value.0 {
+    let joints = line.joints.unwrap_or_default();
+    let tabled = |value: &FieldValue| !joints.is_empty() && is_of_joints(value, joints.len());
+    let plain = || line.value.0.iter().filter(|(_, value)| !tabled(value));
+    let width = plain().map(|(name, _)| name.len()).max().unwrap_or(0);
+    for (name, value) in plain() {
         let _ = write!(text, "  {name:width$} ");
         if let FieldValue::Text(words) = value {
             let _ = write!(text, " {words:?}");
@@ -195,5 +219,65 @@ fn lines(line: &Line<'_>) -> String {
         }
         text.push('\n');
     }
+    let columns: Vec<_> = line.value.0.iter().filter(|(_, value)| tabled(value)).collect();
+    if columns.is_empty() {
+        return text;
+    }
+    let width = joints.iter().map(String::len).max().unwrap_or(0);
+    let _ = write!(text, "  {:width$}", "joint");
+    for (name, _) in &columns {
+        let _ = write!(text, " {name:>11}");
+    }
+    text.push('\n');
+    for (index, joint) in joints.iter().enumerate() {
+        let _ = write!(text, "  {joint:width$}");
+        for (_, value) in &columns {
+            let _ = write!(text, " {:>11}", value.numbers()[index].to_string());
+        }
+        text.push('\n');
+    }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium::state::Number;
+
+    use super::*;
+
+    #[test]
+    fn arrays_of_joints_are_a_table_with_a_joint_a_line() {
+        let many = |numbers: &[f64]| FieldValue::Many(numbers.iter().map(|x| Number::Double(*x)).collect());
+        let value = Decoded(vec![
+            ("count", FieldValue::One(Number::Natural(2))),
+            ("position", many(&[0.5, -1.0])),
+            ("velocity", many(&[0.0, 2.0])),
+        ]);
+        let joints = ["hip".to_string(), "knee".to_string()];
+        let line = Line {
+            topic: "leg/state",
+            sequence: 7,
+            time_s: 1.5,
+            publish_time_ns: 2000,
+            source_time_ns: 1000,
+            age_ns: 0,
+            publisher: None,
+            restart_count: 0,
+            episode: 0,
+            joints: Some(&joints),
+            value: &value,
+        };
+        let text = lines(&line);
+        let table: Vec<&str> = text.lines().skip(1).collect();
+        assert_eq!(
+            table,
+            [
+                "  count            2",
+                "  joint    position    velocity",
+                "  hip     0.500000    0.000000",
+                "  knee   -1.000000    2.000000",
+            ]
+        );
+        assert!(!are_of_joints(&value, 3) && !are_of_joints(&value, 0));
+    }
 }

@@ -49,7 +49,7 @@ struct Measured<'a> {
 
 impl Hz {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         let (_, topic) = find(&run.plan, &self.topic)?;
         let mut watch = Watch::open(&run, topic)?;
         let poll = poll_for(run.plan.components[topic.writer].period_ns());

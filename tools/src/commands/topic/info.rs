@@ -45,7 +45,7 @@ struct Detail {
 
 impl Info {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         let (index, topic) = find(&run.plan, &self.topic)?;
         let row = rows(&run, Duration::from_nanos(self.time.ns)).swap_remove(index);
         let triggers = names(&run.plan, &topic.triggers);

@@ -68,7 +68,7 @@ impl Count {
 
 impl List {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let run = self.run.open()?;
+        let run = self.run.look()?;
         let (before, time) = (run.region.events().count(), Duration::from_nanos(self.time.ns));
         let mut rows = rows(&run, time);
         if rows.iter().all(|row| row.name != log::TOPIC) {

@@ -54,6 +54,7 @@ pub(super) fn line<'a>(
         age_ns: now_ns.saturating_sub(time_ns),
         publisher: component.map(|component| component.name.as_str()),
         restart_count: 0,
+        joints: None,
         episode: 0,
         value,
     }

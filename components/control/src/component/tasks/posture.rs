@@ -1,6 +1,7 @@
 //! The posture task of `control.qp`.
 
 use motorium::prelude::*;
+use motorium_robots::PerJoint;
 use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -20,8 +21,8 @@ pub struct PostureConfig {
     pub level: u32,
     /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no profile.
     pub pose: Option<String>,
-    /// The posture itself, rad or m, one number per joint. This or `pose`.
-    pub positions: Option<Vec<f64>>,
+    /// The posture itself, rad or m: one number for all joints, or one for each. This or `pose`.
+    pub positions: Option<PerJoint>,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
     pub gain: f64,
     /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
@@ -52,7 +53,13 @@ impl PostureConfig {
                     .advise("give `positions`, or put a profile beside the URDF"));
             }
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
-            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
+            (None, Some(positions), _) => {
+                let positions = match positions {
+                    PerJoint::All(position) => vec![*position; model.nv()],
+                    PerJoint::Each(positions) => positions.clone(),
+                };
+                (per_joint(&place.key("positions"), &positions, model)?, false)
+            }
             (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
             (None, None, None) => (DVector::zeros(model.nv()), true),
         };

@@ -1,0 +1,137 @@
+//! A posture to start from: inside the limits, with a tool that can move in all directions.
+
+use nalgebra::DVector;
+
+use super::draft::configuration;
+use crate::{CollisionModel, CollisionOptions, Collisions, FrameId, JointKind, Kinematics, Model, TaskRows};
+
+/// The part of a joint's range that is left free at either end.
+const MARGIN: f64 = 0.1;
+/// Deflections that are tried, rad.
+const TRIED: [f64; 4] = [
+    core::f64::consts::FRAC_PI_4,
+    -core::f64::consts::FRAC_PI_4,
+    core::f64::consts::FRAC_PI_2,
+    -core::f64::consts::FRAC_PI_2,
+];
+/// A posture this much better than another is worth one more joint that is bent.
+const WORTH: f64 = 1.2;
+/// The most joints that are bent.
+const MOST_BENT: usize = 4;
+
+/// A home posture: all joints at zero, or at the middle of their range where zero is near its end or outside. The joints of
+/// an arm are bent as far as it takes to leave singular postures behind.
+pub(super) fn draft_home(model: &Model) -> DVector<f64> {
+    let mut home = DVector::from_fn(model.joint_count(), |index, _| neutral(model, index));
+    let Some(tip) = model.tip().filter(|_| !model.base().floating) else { return home };
+    let (joints, _) = tip_joints(model, tip);
+    let turning: Vec<usize> = joints
+        .iter()
+        .filter_map(|name| model.joint_index(name))
+        .filter(|&index| model.joint(index).kind != JointKind::Prismatic)
+        .collect();
+    let rows = match joints.len() {
+        0..3 => return home,
+        3..6 => TaskRows::POSITION,
+        _ => TaskRows::POSE,
+    };
+    let mut check = Check::new(model, tip, rows);
+    let mut best = check.measure(model, &home);
+    for _ in 0..MOST_BENT {
+        let mut better: Option<(f64, usize, f64)> = None;
+        for &index in &turning {
+            for angle in TRIED {
+                let position = neutral(model, index) + angle;
+                if !inside(model, index, position) || home[index] != neutral(model, index) {
+                    continue;
+                }
+                let mut tried = home.clone();
+                tried[index] = position;
+                let measure = check.measure(model, &tried);
+                let least = better.map_or(WORTH * best + 1e-9, |(measure, ..)| 1.001 * measure);
+                if measure > least {
+                    better = Some((measure, index, position));
+                }
+            }
+        }
+        let Some((measure, index, position)) = better else { break };
+        (best, home[index]) = (measure, position);
+    }
+    home
+}
+
+/// Joints that move the tip, from the base on, and those beyond it: of its fingers.
+pub(super) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
+    let body = model.frames()[tip.index()].body;
+    let parents = |mut body: Option<usize>| {
+        let mut chain = Vec::new();
+        while let Some(index) = body {
+            chain.push(index);
+            body = model.bodies()[index].parent;
+        }
+        chain
+    };
+    let chain = parents(body);
+    let of = |test: &dyn Fn(usize) -> bool| -> Vec<String> {
+        let joints = 0..model.joint_count();
+        joints
+            .filter(|&index| test(model.joint_body(index)))
+            .map(|index| model.joint_names()[index].clone())
+            .collect()
+    };
+    let moves = of(&|joint| chain.contains(&joint));
+    let beyond =
+        of(&|joint| !chain.contains(&joint) && body.is_some_and(|body| parents(Some(joint)).contains(&body)));
+    (moves, beyond)
+}
+
+/// Zero, or the middle of the range where zero is near its end or outside.
+fn neutral(model: &Model, index: usize) -> f64 {
+    let (lower, upper) = (model.lower()[index], model.upper()[index]);
+    match (lower.is_finite(), upper.is_finite()) {
+        (true, true) if inside(model, index, 0.0) => 0.0,
+        (true, true) => (0.5 * (lower + upper) * 1e3).round() / 1e3,
+        (true, false) => lower.max(0.0),
+        (false, true) => upper.min(0.0),
+        (false, false) => 0.0,
+    }
+}
+
+/// Whether a position is inside the range, and not near its end.
+fn inside(model: &Model, index: usize, position: f64) -> bool {
+    let (lower, upper) = (model.lower()[index], model.upper()[index]);
+    let margin = if (upper - lower).is_finite() { MARGIN * (upper - lower) } else { 0.0 };
+    position >= lower + margin && position <= upper - margin
+}
+
+/// The measure of a posture.
+struct Check {
+    tip: FrameId,
+    rows: TaskRows,
+    kinematics: Kinematics,
+    /// `None` where the shapes of the robot cannot be used.
+    collisions: Option<(CollisionModel, Collisions)>,
+}
+
+impl Check {
+    fn new(model: &Model, tip: FrameId, rows: TaskRows) -> Self {
+        let collisions = CollisionModel::new(model, &CollisionOptions::default()).ok().map(|model| {
+            let state = Collisions::new(&model);
+            (model, state)
+        });
+        Self { tip, rows, kinematics: Kinematics::new(model), collisions }
+    }
+
+    /// Manipulability of the tip; none where the robot touches itself, or reaches below its base.
+    fn measure(&mut self, model: &Model, joints: &DVector<f64>) -> f64 {
+        self.kinematics.update(model, &configuration(model, joints.as_slice()));
+        if let Some((model, state)) = &mut self.collisions {
+            state.update(model, &self.kinematics);
+            if state.colliding(model, 0.01).is_some() {
+                return 0.0;
+            }
+        }
+        let measure = self.kinematics.manipulability(model, self.tip, self.rows);
+        if self.kinematics.pose(model, self.tip).translation.z < 0.0 { 0.1 * measure } else { measure }
+    }
+}

@@ -1,0 +1,76 @@
+//! Runs that a person has named, looks at, and does damage to.
+
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::program::{complaint, json, printed, run as command};
+use crate::support::{Run, machine, signal, workspace};
+
+#[test]
+fn a_component_that_is_killed_by_hand_comes_back_and_the_run_is_found_by_its_name() {
+    let _machine = machine();
+    let graph = workspace().join("graphs/panda-reach.toml");
+    let run = Run::start(
+        &graph,
+        &["--for", "60 s", "--name", "killed-by-hand", "--force", "--set", "policy.restart.when=failure"],
+    );
+    assert!(run.folder.id().starts_with("killed-by-hand-"), "{}", run.folder.id());
+
+    let told = complaint(&["kill", "killed-by-hand", "polisy"]);
+    assert!(told.contains("did you mean `policy`?"), "{told}");
+    let killed = json(&["kill", "killed-by-hand", "policy", "--json"]);
+    let first = killed["pid"].as_u64().expect("a process");
+    let deadline = Instant::now() + Duration::from_secs(20);
+    let restarts = || {
+        let top = json(&["top", "killed-by-hand", "--once", "--json", "--interval", "100ms"]);
+        let policy = top["components"].as_array().expect("components").iter().find(|c| c["name"] == "policy");
+        policy.expect("it is one of them")["restarts"].as_u64()
+    };
+    while restarts() != Some(1) {
+        assert!(Instant::now() < deadline, "it does not come back");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    let told = printed(&["kill", "killed-by-hand", "policy", "--signal", "continue"]);
+    assert!(told.contains("continued") && !told.contains(&format!("process {first} ")), "{told}");
+
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    let report = ended.report();
+    let policy = report.components.iter().find(|component| component.name == "policy").expect("there");
+    assert_eq!(policy.restarts, 1, "{}", ended.stderr);
+}
+
+#[test]
+fn a_component_that_is_a_thread_of_the_launcher_is_not_killed() {
+    let _machine = machine();
+    let graph = workspace().join("graphs/panda-reach.toml");
+    let arguments = ["--for", "60 s", "--name", "hosted-by-hand", "--hosting", "threads", "--force"];
+    let run = Run::start(&graph, &arguments);
+    let told = complaint(&["kill", "hosted-by-hand", "policy"]);
+    assert!(told.contains("is a thread of the launcher"), "{told}");
+    signal(run.launcher(), Signal::INT);
+    run.finish();
+}
+
+#[test]
+fn a_graph_that_comes_with_the_program_runs_from_any_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, graph) in
+        [(&["--example", "two-arms", "--name", "mine"][..], "mine"), (&[], "panda-reach")]
+    {
+        let fixed =
+            ["run", "--clock", "lockstep", "--hosting", "inline", "--for", "500 ms", "--json", "--no-expect"];
+        let output = crate::program::motorium(&[&fixed[..], arguments].concat())
+            .current_dir(folder.path())
+            .output()
+            .expect("the program starts");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{errors}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+        assert_eq!(report["graph"], graph);
+        assert_eq!(errors.contains("takes its place"), arguments.is_empty(), "{errors}");
+    }
+    assert_eq!(command(&["run", "--example", "no-such"]).status.code(), Some(2));
+}

@@ -1,0 +1,69 @@
+//! Programs of the user: what `motorium kinds --exec` knows of them, and where their mistakes are shown.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::MOTORIUM;
+
+const NEW: &str = env!("CARGO_BIN_EXE_new-component");
+
+fn motorium(arguments: &[&str]) -> (bool, String, String) {
+    let output = Command::new(MOTORIUM).args(arguments).output().expect("motorium starts");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.success(), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn the_component_of_motorium_new_is_described_with_an_example_that_checks() {
+    let (success, sheet, errors) = motorium(&["kinds", "--exec", NEW, "--json"]);
+    assert!(success, "{errors}");
+    let sheet: Value = serde_json::from_str(&sheet).expect("JSON");
+    assert!(sheet["refused"].is_null(), "{sheet}");
+    let keys: Vec<&str> =
+        sheet["config"].as_array().unwrap().iter().filter_map(|key| key["key"].as_str()).collect();
+    assert_eq!(keys, ["amplitude", "joint", "kd", "kp"]);
+    assert_eq!(sheet["parameters"][0]["name"], "frequency");
+    assert_eq!(sheet["parameters"][0]["unit"], "Hz");
+    assert_eq!(sheet["ports"][0]["type"], "motorium.JointState");
+    let (success, text, errors) = motorium(&["kinds", "--exec", NEW]);
+    assert!(success && text.contains(&format!("exec      = {NEW:?}")), "{text}{errors}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let graph = folder.path().join("graph.toml");
+    let example = sheet["example"].as_str().unwrap().replace("subscribe", "# subscribe");
+    std::fs::write(&graph, format!("name = \"example\"\n\n{example}")).unwrap();
+    let (_, _, errors) = motorium(&["check", graph.to_str().unwrap()]);
+    let found: Vec<&str> = errors.lines().filter(|line| line.starts_with("error")).collect();
+    assert_eq!(found.len(), 1, "only the wire that was taken away is missing: {errors}");
+    assert!(found[0].contains("`state`"), "{errors}");
+}
+
+#[test]
+fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = folder.path().join("graph.toml");
+    let check = |config: &str| {
+        let text = format!(
+            "name = \"mine\"\n\n[component.mine]\nexec = {NEW:?}\nrate = \"100 Hz\"\nschedule = \"normal\"\n\
+             \n[component.mine.config]\n{config}\n"
+        );
+        std::fs::write(&graph, text).unwrap();
+        motorium(&["check", graph.to_str().unwrap()]).2
+    };
+    let told = check("kp = [1.0]\nkd = [1.0]\namplitude = 0.1\namplitud = 0.2");
+    assert!(told.contains("graph.toml:12:1"), "{told}");
+    assert!(told.contains("`mine.config.amplitud`: unknown field `amplitud`"), "{told}");
+    assert!(told.contains("^^^^^^^^ refused by") && told.contains("did you mean `amplitude`?"), "{told}");
+    let told = check("amplitude = 0.1\nkd = [1.0]\nkp = [1.0, \"stiff\"]");
+    assert!(told.contains("graph.toml:11:12") && told.contains("`mine.config.kp[1]`"), "{told}");
+    let told = check("kp = [1.0]\nkd = [1.0]");
+    assert!(told.contains("missing field `amplitude`") && told.contains("motorium kinds --exec"), "{told}");
+}
+
+#[test]
+fn a_program_that_is_no_component_is_said_to_be_none() {
+    let (success, _, errors) = motorium(&["kinds", "--exec", "/bin/true"]);
+    assert!(!success && errors.contains("does not answer `motorium-kinds` as a component does"), "{errors}");
+    assert!(errors.contains("motorium::main!"), "{errors}");
+}

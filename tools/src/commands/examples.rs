@@ -1,0 +1,29 @@
+//! The graphs that come with the command: they run from any folder, without a checkout.
+
+use clap::builder::PossibleValuesParser;
+
+/// A graph of the `graphs` folder, as it was when the command was built.
+struct ExampleGraph {
+    /// Its name, for `motorium run --example`.
+    name: &'static str,
+    text: &'static str,
+}
+
+macro_rules! examples {
+    ($($name:literal),+ $(,)?) => {
+        &[$(ExampleGraph { name: $name, text: include_str!(concat!("../../../graphs/", $name, ".toml")) }),+]
+    };
+}
+
+/// Those that need nothing beside them: no other file, no other program.
+const EXAMPLES: &[ExampleGraph] = examples!["draw-letter", "panda-reach", "quadruped-trot", "two-arms"];
+
+/// The text of an example.
+pub(super) fn text(name: &str) -> Option<&'static str> {
+    EXAMPLES.iter().find(|example| example.name == name).map(|example| example.text)
+}
+
+/// Their names, as values of an option.
+pub(super) fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(EXAMPLES.iter().map(|example| example.name))
+}

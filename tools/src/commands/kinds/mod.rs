@@ -1,0 +1,80 @@
+//! `motorium kinds`: the kinds of components, and all that is known of one, from its own declaration.
+
+mod example;
+mod keys;
+mod print;
+mod sheet;
+mod source;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium::nearest::suggest;
+
+use crate::out::{out, outln};
+use crate::registry;
+use sheet::Sheet;
+use source::KindSource;
+
+/// List the kinds of components, or describe one: ports, parameters, configuration, an example.
+///
+/// Everything is taken from the kind's own declaration and the JSON Schema of its configuration. Ports and parameters may
+/// depend on both robot and configuration: they are those of the example.
+///
+/// Example: motorium kinds control.qp
+#[derive(Debug, clap::Args)]
+pub(crate) struct Kinds {
+    /// The kind to describe, such as `policy.dmp`; all are listed if not given
+    kind: Option<String>,
+    /// Ask this program in place of the built-in kinds: a component of one's own
+    #[arg(long, value_name = "PROGRAM")]
+    exec: Option<PathBuf>,
+    /// The robot for which the kind declares its ports; one of the catalogue that it takes if not given
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Kinds {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let known = registry::registry();
+        let kinds = match &self.exec {
+            Some(program) => source::of_program(program)?,
+            None => source::installed(&known),
+        };
+        let chosen = match (&self.kind, kinds.as_slice()) {
+            (Some(name), kinds) => Some(find(name, kinds)?),
+            (None, [only]) if self.exec.is_some() => Some(only),
+            (None, _) => None,
+        };
+        let Some(kind) = chosen else {
+            self.list(&kinds)?;
+            return Ok(ExitCode::SUCCESS);
+        };
+        let sheet = Sheet::of(kind, self.robot.as_deref());
+        match self.json {
+            true => outln!("{}", serde_json::to_string_pretty(&sheet)?),
+            false => out!("{}", print::sheet(&sheet)),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn list(&self, kinds: &[KindSource<'_>]) -> anyhow::Result<()> {
+        if self.json {
+            let lines: Vec<_> = kinds.iter().map(KindSource::line).collect();
+            outln!("{}", serde_json::to_string_pretty(&lines)?);
+        } else {
+            out!("{}", print::list(kinds));
+        }
+        Ok(())
+    }
+}
+
+fn find<'k, 'a>(name: &str, kinds: &'k [KindSource<'a>]) -> anyhow::Result<&'k KindSource<'a>> {
+    kinds.iter().find(|kind| kind.name() == name).ok_or_else(|| {
+        let advice = suggest(name, kinds.iter().map(KindSource::name), "there are");
+        anyhow::anyhow!("no kind is called `{name}`; {advice}")
+    })
+}

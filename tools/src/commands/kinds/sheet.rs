@@ -1,0 +1,125 @@
+//! All that is known of a kind.
+
+use std::path::PathBuf;
+
+use motorium::declare::{
+    Declaration, Direction, ParameterDeclaration, PortDeclaration, RobotReference, TopicPattern,
+};
+use serde::Serialize;
+
+use super::example::{self, ExampleConfig};
+use super::keys::{self, Key};
+use super::source::KindSource;
+
+/// All that is known of a kind, from its own declaration and the schema of its configuration.
+#[derive(Debug, Serialize)]
+pub(super) struct Sheet {
+    pub(super) kind: String,
+    pub(super) summary: String,
+    /// The other program that hosts it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) program: Option<PathBuf>,
+    /// Page of the book.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) page: Option<String>,
+    /// The robot with which it declared ports and parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) robot: Option<String>,
+    /// Why it declares nothing with the configuration of the example.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) refused: Option<String>,
+    /// It applies commands to a robot.
+    pub(super) actuator: bool,
+    /// It can be reset for a new episode.
+    pub(super) resets: bool,
+    pub(super) ports: Vec<Port>,
+    pub(super) parameters: Vec<ParameterDeclaration>,
+    pub(super) config: Vec<Key>,
+    /// A fragment of a graph.
+    pub(super) example: String,
+}
+
+/// A port.
+#[derive(Debug, Serialize)]
+pub(super) struct Port {
+    pub(super) name: String,
+    pub(super) direction: Direction,
+    #[serde(rename = "type")]
+    pub(super) message: String,
+    pub(super) pattern: TopicPattern,
+    pub(super) required: bool,
+    pub(super) description: String,
+}
+
+impl Sheet {
+    /// Asks a kind, with this robot, or with one of the catalogue that it takes.
+    pub(super) fn of(kind: &KindSource<'_>, robot: Option<&str>) -> Self {
+        let (schema, definitions) = kind.schema();
+        let config = example::config(&schema, &definitions);
+        let (robot, declared) = declare(kind, &config, robot);
+        let (declaration, refused) = match declared {
+            Ok(declaration) => (declaration, None),
+            Err(error) => (Declaration::default(), Some(error)),
+        };
+        Self {
+            kind: kind.name().to_string(),
+            summary: kind.summary().to_string(),
+            program: kind.program().map(PathBuf::from),
+            page: kind.page(),
+            refused,
+            actuator: declaration.actuator,
+            resets: declaration.resets,
+            example: example::fragment(kind, &declaration, robot.as_deref(), &config),
+            robot,
+            ports: declaration.ports.iter().map(Port::of).collect(),
+            parameters: declaration.parameters,
+            config: keys::of(&schema, &definitions),
+        }
+    }
+}
+
+impl Port {
+    fn of(port: &PortDeclaration) -> Self {
+        Self {
+            name: port.name.clone(),
+            direction: port.direction,
+            message: port.layout.type_name.clone(),
+            pattern: port.pattern,
+            required: port.required,
+            description: port.doc.clone(),
+        }
+    }
+}
+
+/// The declaration of a kind, and the robot with which it makes one.
+fn declare(
+    kind: &KindSource<'_>,
+    config: &ExampleConfig,
+    robot: Option<&str>,
+) -> (Option<String>, Result<Declaration, String>) {
+    let ask = |robot: Option<&str>| kind.declare(config.value.clone(), robot.map(reference));
+    if let Some(robot) = robot {
+        return (Some(robot.to_string()), ask(Some(robot)));
+    }
+    let alone = match ask(None) {
+        Ok(declaration) => return (None, Ok(declaration)),
+        refused => refused,
+    };
+    let others = motorium_robots::catalogue().iter().map(|entry| entry.name);
+    let mut refused = None;
+    for robot in std::iter::once(FIRST).chain(others.filter(|name| *name != FIRST)) {
+        match ask(Some(robot)) {
+            Ok(declaration) => return (Some(robot.to_string()), Ok(declaration)),
+            Err(error) => refused = refused.or(Some(error)),
+        }
+    }
+    (None, refused.map_or(alone, Err))
+}
+
+/// The robot of most examples, tried first.
+const FIRST: &str = "panda";
+
+fn reference(robot: &str) -> RobotReference {
+    let base = std::env::current_dir().unwrap_or_default();
+    RobotReference { name: robot.to_string(), urdf: robot.to_string(), base, ..RobotReference::default() }
+}

@@ -1,0 +1,152 @@
+//! `motorium robot profile`: from a robot's file alone to a robot that holds its pose.
+
+use std::path::{Path, PathBuf};
+
+use crate::program::{complaint, json, printed, run};
+use serde_json::Value;
+
+/// A folder with a robot's file, without the profile that the tests' robots come with.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(robot: &str) -> Self {
+        let folder = Self(tempfile::tempdir().expect("a folder"));
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(robot);
+        std::fs::copy(&file, folder.path("my-robot.urdf")).unwrap_or_else(|error| panic!("{robot}: {error}"));
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn text(&self, name: &str) -> String {
+        self.path(name).to_str().expect("a path of text").to_string()
+    }
+
+    /// Writes the first profile.
+    fn profile(&self) {
+        let told = printed(&[
+            "robot",
+            "profile",
+            &self.text("my-robot.urdf"),
+            "--output",
+            &self.text("lab/first.toml"),
+        ]);
+        assert!(told.contains("profile = ") && told.contains("first.toml"), "{told}");
+    }
+
+    /// A graph that holds the home pose by the controller, with the file and the profile in folders of their own.
+    fn graph(&self) -> String {
+        let graph = r#"
+            name = "hold"
+            clock = "lockstep"
+            duration = "2 s"
+
+            [robot.mine]
+            urdf = "../my-robot.urdf"
+            profile = "../lab/first.toml"
+
+            [component.physics]
+            kind = "physics.articulated"
+            robot = "mine"
+            rate = "1 kHz"
+            subscribe = { joint_command = "command" }
+            publish = { joint_state = "true_state" }
+
+            [component.encoder]
+            kind = "sensor.joint_encoder"
+            robot = "mine"
+            trigger = "true_state"
+            subscribe = { joint_state = "true_state" }
+            publish = { measured = "state" }
+
+            [component.controller]
+            kind = "control.qp"
+            robot = "mine"
+            trigger = "state"
+            subscribe = { joint_state = "state" }
+            publish = { joint_command = "command" }
+            config = { tasks = [{ posture = {} }] }
+        "#;
+        std::fs::create_dir_all(self.path("graphs")).expect("a folder");
+        std::fs::write(self.path("graphs/hold.toml"), graph).expect("written");
+        self.text("graphs/hold.toml")
+    }
+}
+
+#[test]
+fn a_robot_of_which_only_the_file_is_known_holds_the_pose_of_its_first_profile() {
+    for robot in [
+        "robots/catalogue/iiwa14/iiwa14.urdf",
+        "robots/catalogue/ur5e/ur5e.urdf",
+        "robots/catalogue/panda/panda.urdf",
+        "robots/tests/fixtures/branching.urdf",
+    ] {
+        let folder = Folder::new(robot);
+        std::fs::create_dir(folder.path("lab")).expect("a folder");
+        folder.profile();
+        let graph = folder.graph();
+        let output = run(&["run", &graph, "--hosting", "inline", "--json"]);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{robot}: {errors}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let physics = &report["results"]["physics"];
+        // A posture task holds the home pose that the profile names.
+        let shown = json(&["robot", "show", &folder.text("my-robot.urdf"), "--json"]);
+        assert!(shown["profile"].is_null(), "the profile is found by the graph alone");
+        let profile = std::fs::read_to_string(folder.path("lab/first.toml")).expect("readable");
+        let home = motorium_robots::Profile::parse(&profile).expect("a profile").poses["home"].clone();
+        let held = physics["joint_position"].as_array().expect("positions");
+        assert_eq!(held.len(), home.len(), "{robot}");
+        for (joint, (held, home)) in held.iter().zip(&home).enumerate() {
+            let held = held.as_f64().expect("a number");
+            assert!(
+                (held - home).abs() < 0.02,
+                "{robot}: joint {joint} is at {held}, home is {home}\n{profile}"
+            );
+        }
+        assert!(physics["steps_at_a_joint_limit"].as_u64() == Some(0), "{robot}: {physics}");
+    }
+}
+
+#[test]
+fn a_first_profile_names_the_tip_and_stays_away_from_the_stretched_arm() {
+    let text = printed(&["robot", "profile", "ur5e"]);
+    assert!(text.contains("frame  = \"tool0\""), "{text}");
+    let profile = motorium_robots::Profile::parse(&text).expect("a profile");
+    let home = &profile.poses["home"];
+    assert!(home[2].abs() > 0.5, "the elbow is bent: {home:?}");
+    let arm = motorium_robots::load("ur5e", Path::new(".")).expect("there").model;
+    profile.check(&arm).expect("it fits");
+    let (gains, limits) =
+        (profile.gains(&arm).expect("gains"), profile.acceleration_limit(&arm).expect("limits"));
+    assert!(gains.kp.iter().chain(gains.kd.iter()).chain(limits.iter()).all(|number| *number > 0.0));
+    assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
+}
+
+#[test]
+fn an_edited_profile_is_not_overwritten() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("mine.toml");
+    let file = file.to_str().expect("a path of text");
+    printed(&["robot", "profile", "iiwa14", "--output", file]);
+    std::fs::write(file, "edited").expect("written");
+    let told = complaint(&["robot", "profile", "iiwa14", "--output", file]);
+    assert!(told.contains("is not overwritten"), "{told}");
+    assert_eq!(std::fs::read_to_string(file).expect("readable"), "edited");
+}
+
+#[test]
+fn a_profile_that_is_missing_or_of_another_robot_is_shown_where_the_graph_names_it() {
+    let folder = Folder::new("robots/catalogue/iiwa14/iiwa14.urdf");
+    std::fs::create_dir(folder.path("lab")).expect("a folder");
+    let graph = folder.graph();
+    let told = complaint(&["check", &graph]);
+    assert!(told.contains("hold.toml:8:23") && told.contains("this profile cannot be used"), "{told}");
+    assert!(told.contains("motorium robot profile FILE"), "{told}");
+    let other = printed(&["robot", "profile", "ur5e"]);
+    std::fs::write(folder.path("lab/first.toml"), other).expect("written");
+    let told = complaint(&["check", &graph]);
+    assert!(told.contains("shoulder_pan_joint") && told.contains("hold.toml:8:23"), "{told}");
+}
