@@ -144,10 +144,10 @@ impl Default for MotionLimitsConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointDriveConfig {
-    /// Stiffness, N m/rad or N/m: one number for each joint. Default: that of the robot's profile.
-    pub kp: Option<Vec<f64>>,
-    /// Damping, N m s/rad or N s/m: one number for each joint. Default: that of the robot's profile.
-    pub kd: Option<Vec<f64>>,
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    pub kp: Option<PerJoint>,
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    pub kd: Option<PerJoint>,
     /// Effort that holds the joints against gravity. A floating base is assumed to be upright and at rest. Default true.
     pub gravity_compensation: bool,
 }

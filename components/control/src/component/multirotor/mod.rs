@@ -77,6 +77,8 @@ impl Parts {
             text: &robot.urdf,
             base: &robot.base,
             pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+            profile: robot.profile.as_deref(),
+            packages: &robot.package_path,
         };
         let Loaded { model, profile, .. } = source.load().map_err(|error| refused(error.to_string()))?;
         let rotors = profile.map(|profile| profile.rotors).unwrap_or_default();

@@ -40,6 +40,8 @@ impl WheelSetup {
             text: &robot.urdf,
             base: &robot.base,
             pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+            profile: robot.profile.as_deref(),
+            packages: &robot.package_path,
         };
         let Loaded { model, profile, .. } =
             source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
