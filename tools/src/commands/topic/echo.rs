@@ -23,6 +23,7 @@ use crate::style;
 #[derive(Debug, clap::Args)]
 pub(super) struct Echo {
     /// The topic
+    #[arg(add = crate::complete::topics())]
     topic: String,
     #[command(flatten)]
     run: RunArg,
