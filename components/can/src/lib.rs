@@ -1,13 +1,30 @@
 //! Drives on CAN buses.
 //!
 //! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, and a simulated one
-//! with arbitration, error states and faults. All that is a plain library, usable without the runtime.
+//! with arbitration and error states. A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
+//! them, [`SimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
+//!
+//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph; they alone know the
+//! runtime.
 
+pub mod adapter;
 pub mod bus;
+mod component;
 pub mod drives;
 mod frame;
+mod simulated_drive;
+mod table;
 
+pub use adapter::Adapter;
 pub use bus::bits::{Bits, Rates};
+pub use bus::budget::{Budget, Shape};
+pub use bus::simulated::SimulatedBus;
+pub use bus::{Bus, Received};
+pub use component::{
+    CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
+};
 pub use drives::range::Range;
 pub use drives::{cia402, damiao, mit, odrive};
 pub use frame::{DecodeError, Form, Frame, Id};
+pub use simulated_drive::SimulatedDrive;
+pub use table::{BusEntry, DriveEntry, Protocol, RangeEntry, Table, TableError, Transmission};

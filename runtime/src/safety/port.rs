@@ -144,6 +144,12 @@ impl CommandGate {
         self.gate.joints()
     }
 
+    /// Number of `motorium resume` that it has seen. An actuator with a latch of its own, such as one whose drive reported a
+    /// fault, releases it when this number changes.
+    pub fn resumes(&self) -> u32 {
+        self.resumes
+    }
+
     /// Goes back to the state in which it was made, for a new episode. The account of the run goes on.
     pub fn reset(&mut self) {
         self.gate.reset();

@@ -1,3 +1,38 @@
 //! Buses: the bits of frames, the budget of a cycle, the interface of a bus, the simulated one.
 
 pub mod bits;
+pub mod budget;
+pub mod simulated;
+
+use crate::frame::Frame;
+
+/// A frame that was received, and when.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Received {
+    /// The frame.
+    pub frame: Frame,
+    /// Time at which its last bit was received, ns.
+    pub time_ns: u64,
+}
+
+/// A bus as a participant uses it: whole batches, never waiting, without allocation.
+///
+/// ```
+/// use motorium_can::{Bus, Frame, Id, Rates, Received, SimulatedBus};
+///
+/// let mut bus = SimulatedBus::new(Rates { nominal: 1_000_000, fast: 1_000_000 }, 2, 16);
+/// let hello = Frame::classic(Id::Standard(0x141), &[1, 2]);
+/// assert_eq!(bus.port(0, 0).send(&[hello]), 1);
+/// let mut inbox = [Received::default(); 4];
+/// assert_eq!(bus.port(1, 50_000).receive(&mut inbox), 0, "its bits are still on the way");
+/// assert_eq!(bus.port(1, 100_000).receive(&mut inbox), 1);
+/// assert_eq!(inbox[0].frame, hello);
+/// ```
+pub trait Bus {
+    /// Hands frames over in this order; how many were taken. The others are not sent: nothing waits for a later time, when
+    /// newer commands are there.
+    fn send(&mut self, frames: &[Frame]) -> usize;
+
+    /// Takes frames that were received, in their order; how many.
+    fn receive(&mut self, frames: &mut [Received]) -> usize;
+}

@@ -35,6 +35,9 @@ pub struct PhysicsConfig {
     pub world: World,
     /// Settings of the engine.
     pub solver: Options,
+    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as
+    /// they come; that component's actuator checks them. Default false.
+    pub plant: bool,
 }
 
 /// Start of one of several robots.

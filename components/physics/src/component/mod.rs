@@ -59,7 +59,8 @@ struct Actuated {
     drives: Range<usize>,
     command: Input<state::JointCommand>,
     state: Output<JointState>,
-    gate: CommandGate,
+    /// `None` where the commands are those of simulated drives, which are checked elsewhere.
+    gate: Option<CommandGate>,
     /// Steps in the safe state.
     safe: u64,
     /// Steps on the way back from it.
@@ -90,7 +91,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     type Config = PhysicsConfig;
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.actuator();
+        if !config.plant {
+            declare.actuator();
+        }
         // Everything that could be refused later is refused now.
         let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
         for warning in simulation.warnings() {
@@ -126,7 +129,12 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let limits =
             robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
         let limits: Result<Vec<_>, ConfigError> = limits.collect();
-        let gates = setup.command_gates(limits.map_err(ConfigureError::Config)?)?;
+        let limits = limits.map_err(ConfigureError::Config)?;
+        let gates: Vec<_> = if config.plant {
+            limits.iter().map(|_| None).collect()
+        } else {
+            setup.command_gates(limits)?.into_iter().map(Some).collect()
+        };
         let mut actuated = Vec::new();
         for (robot, gate) in robots.into_iter().zip(gates) {
             actuated.push(Actuated {
@@ -190,7 +198,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let reset = self.simulation.reset(&self.start_q, &self.start_v);
         reset.map_err(|error| StepError::failed(error.to_string()))?;
         self.robots.iter_mut().for_each(|robot| {
-            robot.gate.reset();
+            if let Some(gate) = &mut robot.gate {
+                gate.reset();
+            }
             (robot.safe, robot.resuming) = (0, 0);
         });
         (self.last_ns, self.totals) = (None, Totals::NONE);
@@ -246,6 +256,10 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
     fn apply_commands(&mut self, settling: bool) {
         let Self { simulation, dynamics, gravity, robots, .. } = self;
         for robot in robots {
+            let Some(gate) = &mut robot.gate else {
+                apply_as_given(&mut robot.command, &mut simulation.commands_mut()[robot.drives.clone()]);
+                continue;
+            };
             let (drives, model) = (robot.drives.clone(), simulation.model());
             let (q, g) = (simulation.configuration(), simulation.gravity());
             let mut of_drives = |effort: &mut [f64]| {
@@ -261,11 +275,11 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
                 velocity: &simulation.velocities()[drives.clone()],
                 gravity: &mut of_drives,
             };
-            let verdict = robot.gate.check(&mut robot.command, measured);
+            let verdict = gate.check(&mut robot.command, measured);
             robot.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
             robot.resuming += u64::from(verdict == Verdict::Resuming);
             let commands = &mut simulation.commands_mut()[drives];
-            for (command, setpoint) in commands.iter_mut().zip(robot.gate.setpoints()) {
+            for (command, setpoint) in commands.iter_mut().zip(gate.setpoints()) {
                 let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } =
                     *setpoint;
                 *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
@@ -280,6 +294,24 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
         self.last_ns = Some(tick.time_ns);
         // Rounded: triggered components see the publish times of others, which jitter.
         ((elapsed + period / 2) / period).clamp(1, 1 + CATCH_UP)
+    }
+}
+
+/// Applies the newest command of simulated drives as it is; one for another number of drives is no command.
+fn apply_as_given(input: &mut Input<state::JointCommand>, commands: &mut [JointCommand]) {
+    let Some(newest) = input.latest().filter(|newest| newest.count() == commands.len()) else { return };
+    for (i, command) in commands.iter_mut().enumerate() {
+        let given = JointCommand {
+            position: newest.position()[i],
+            velocity: newest.velocity()[i],
+            effort: newest.effort()[i],
+            kp: newest.kp()[i],
+            kd: newest.kd()[i],
+            ..JointCommand::default()
+        };
+        if given.is_valid() {
+            *command = given;
+        }
     }
 }
 

@@ -6,8 +6,13 @@
 //!
 //! Numbers are spread over [`Ranges`] that stand in the drive: a wrong range scales them silently.
 
+mod state;
+
 use super::range::Range;
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
+
+pub use state::{Fault, State};
+use state::{cubemars_code, cubemars_state, damiao_code, damiao_state};
 
 /// The ranges of the fields, in the units of the drive's output shaft.
 ///
@@ -103,56 +108,6 @@ impl Reply {
     /// Bytes of the answer.
     pub fn length(self) -> usize {
         if self == Self::MiniCheetah { 6 } else { 8 }
-    }
-}
-
-/// The state that a drive reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
-    /// It does not tell.
-    Unknown,
-    /// It lets go.
-    Disabled,
-    /// It follows commands.
-    Enabled,
-    /// It let go because of a fault.
-    Fault(Fault),
-}
-
-/// The fault of a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
-    /// The supply voltage is too high.
-    OverVoltage,
-    /// The supply voltage is too low.
-    UnderVoltage,
-    /// The current is too high.
-    OverCurrent,
-    /// The transistors are too hot.
-    HotTransistors,
-    /// The motor is too hot.
-    HotMotor,
-    /// No command came for the time of its watchdog.
-    CommunicationLost,
-    /// The motor could not give the torque for too long.
-    Overload,
-    /// The encoder failed.
-    Encoder,
-}
-
-impl Fault {
-    /// The fault in a few words.
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::OverVoltage => "supply voltage too high",
-            Self::UnderVoltage => "supply voltage too low",
-            Self::OverCurrent => "current too high",
-            Self::HotTransistors => "transistors too hot",
-            Self::HotMotor => "motor too hot",
-            Self::CommunicationLost => "no command for the time of its watchdog",
-            Self::Overload => "overload",
-            Self::Encoder => "encoder failed",
-        }
     }
 }
 
@@ -367,62 +322,5 @@ impl Drive {
             }
         }
         Ok(feedback)
-    }
-}
-
-fn cubemars_state(code: u8) -> Result<State, DecodeError> {
-    Ok(match code {
-        0 => State::Unknown,
-        1 => State::Fault(Fault::HotMotor),
-        2 => State::Fault(Fault::OverCurrent),
-        3 => State::Fault(Fault::OverVoltage),
-        4 => State::Fault(Fault::UnderVoltage),
-        5 => State::Fault(Fault::Encoder),
-        6 => State::Fault(Fault::HotTransistors),
-        7 => State::Fault(Fault::Overload),
-        code => return Err(DecodeError::Field { field: "the error", found: code.into() }),
-    })
-}
-
-fn cubemars_code(state: State) -> u8 {
-    match state {
-        State::Fault(Fault::HotMotor) => 1,
-        State::Fault(Fault::OverCurrent) => 2,
-        State::Fault(Fault::OverVoltage) => 3,
-        State::Fault(Fault::UnderVoltage) => 4,
-        State::Fault(Fault::Encoder) => 5,
-        State::Fault(Fault::HotTransistors) => 6,
-        State::Fault(Fault::Overload) => 7,
-        // it has no code for the others
-        _ => 0,
-    }
-}
-
-fn damiao_state(code: u8) -> Result<State, DecodeError> {
-    Ok(match code {
-        0x0 => State::Disabled,
-        0x1 => State::Enabled,
-        0x8 => State::Fault(Fault::OverVoltage),
-        0x9 => State::Fault(Fault::UnderVoltage),
-        0xa => State::Fault(Fault::OverCurrent),
-        0xb => State::Fault(Fault::HotTransistors),
-        0xc => State::Fault(Fault::HotMotor),
-        0xd => State::Fault(Fault::CommunicationLost),
-        0xe => State::Fault(Fault::Overload),
-        code => return Err(DecodeError::Field { field: "the state", found: code.into() }),
-    })
-}
-
-fn damiao_code(state: State) -> u8 {
-    match state {
-        State::Unknown | State::Disabled => 0x0,
-        State::Enabled => 0x1,
-        State::Fault(Fault::OverVoltage) => 0x8,
-        State::Fault(Fault::UnderVoltage) => 0x9,
-        State::Fault(Fault::OverCurrent) => 0xa,
-        State::Fault(Fault::HotTransistors) => 0xb,
-        State::Fault(Fault::HotMotor) => 0xc,
-        State::Fault(Fault::CommunicationLost) => 0xd,
-        State::Fault(Fault::Overload | Fault::Encoder) => 0xe,
     }
 }

@@ -4,7 +4,11 @@
 //! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041. Setpoints go
 //! out once per synchronisation, and take effect with it.
 
+mod service;
+
 use crate::frame::{DecodeError, Frame, Id, exactly};
+
+pub use service::{Object, Service, Value};
 
 /// A node of the network, 1 to 127.
 ///
@@ -46,76 +50,6 @@ pub enum NetworkState {
     Operational = 0x05,
     /// Service data, no process data.
     PreOperational = 0x7f,
-}
-
-/// An entry of the object dictionary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Object {
-    /// Its index.
-    pub index: u16,
-    /// Its subindex.
-    pub subindex: u8,
-}
-
-impl Object {
-    /// The heartbeats that the node waits for: node in bits 16 to 22, time in ms in bits 0 to 15.
-    pub const HEARTBEAT_CONSUMER: Self = Self { index: 0x1016, subindex: 1 };
-    /// The time between its own heartbeats, ms.
-    pub const HEARTBEAT_PRODUCER: Self = Self { index: 0x1017, subindex: 0 };
-    /// The command of the state machine.
-    pub const CONTROLWORD: Self = Self { index: 0x6040, subindex: 0 };
-    /// The state of the state machine.
-    pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
-    /// The mode of operation.
-    pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
-    /// The time between two setpoints: units.
-    pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
-    /// The time between two setpoints: power of ten of the unit in seconds.
-    pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
-}
-
-/// A service of up to four bytes, in one frame each way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Service {
-    /// Reads an object.
-    Read(Object),
-    /// Writes an object of 1, 2 or 4 bytes.
-    Write(Object, Value),
-}
-
-/// The value of an object, the least significant byte first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Value {
-    bytes: [u8; 4],
-    length: u8,
-}
-
-impl Value {
-    /// A value of one byte.
-    pub fn byte(value: u8) -> Self {
-        Self { bytes: [value, 0, 0, 0], length: 1 }
-    }
-
-    /// A value of two bytes.
-    pub fn word(value: u16) -> Self {
-        let [a, b] = value.to_le_bytes();
-        Self { bytes: [a, b, 0, 0], length: 2 }
-    }
-
-    /// A value of four bytes.
-    pub fn long(value: u32) -> Self {
-        Self { bytes: value.to_le_bytes(), length: 4 }
-    }
-
-    /// The number, without a sign.
-    pub fn number(self) -> u32 {
-        u32::from_le_bytes(self.bytes)
-    }
-
-    /// Bytes of the value, 1 to 4.
-    pub fn length(self) -> usize {
-        self.length.into()
-    }
 }
 
 /// A cyclic mode: the drive follows the setpoint of each synchronisation.
@@ -302,72 +236,6 @@ impl Node {
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
     }
 
-    /// The frame of a service.
-    ///
-    /// ```
-    /// use motorium_can::cia402::{Mode, Node, Object, Service, Value};
-    ///
-    /// let node = Node::new(2).ok_or("1 to 127")?;
-    /// let write = Service::Write(Object::MODE, Value::byte(Mode::Position as u8));
-    /// assert_eq!(format!("{:?}", node.service(&write)), "0x602#2F60600008000000");
-    /// # Ok::<(), &str>(())
-    /// ```
-    pub fn service(self, service: &Service) -> Frame {
-        let (command, object, bytes) = match *service {
-            Service::Read(object) => (0x40, object, [0; 4]),
-            Service::Write(object, value) => (0x23 | (4 - value.length) << 2, object, value.bytes),
-        };
-        let ([low, high], [a, b, c, d]) = (object.index.to_le_bytes(), bytes);
-        Frame::classic(self.id(0x600), &[command, low, high, object.subindex, a, b, c, d])
-    }
-
-    /// The node's side: the service that a frame asks for.
-    ///
-    /// # Errors
-    /// It is no service of this node, not expedited, or reserved bits are set.
-    pub fn service_request(self, frame: &Frame) -> Result<Service, DecodeError> {
-        let data: &[u8; 8] = exactly(frame, self.id(0x600))?;
-        let object = object(data);
-        match data[0] {
-            0x40 if data[4..] == [0; 4] => Ok(Service::Read(object)),
-            command if command & 0xf3 == 0x23 => Ok(Service::Write(object, value(data)?)),
-            found => Err(DecodeError::Field { field: "the service", found: found.into() }),
-        }
-    }
-
-    /// The node's side: the frame that answers a service with this value (of a reading), or with a code that refuses it.
-    pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
-        let (of, answer) = match (*service, answer) {
-            (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),
-            (Service::Read(of), Ok(value)) => (of, (0x43 | (4 - value.length) << 2, value.bytes)),
-            (Service::Write(of, _), Ok(_)) => (of, (0x60, [0; 4])),
-        };
-        let ([low, high], (command, [a, b, c, d])) = (of.index.to_le_bytes(), answer);
-        Frame::classic(self.id(0x580), &[command, low, high, of.subindex, a, b, c, d])
-    }
-
-    /// The answer to a service: of a reading the value.
-    ///
-    /// # Errors
-    /// It is no answer of this node, about another object, not expedited, or the node refused.
-    pub fn service_result(self, service: &Service, frame: &Frame) -> Result<Option<Value>, DecodeError> {
-        let data: &[u8; 8] = exactly(frame, self.id(0x580))?;
-        let (Service::Read(asked) | Service::Write(asked, _)) = *service;
-        let found = object(data);
-        let number = |object: Object| u32::from(object.index) << 8 | u32::from(object.subindex);
-        if found != asked {
-            return Err(DecodeError::Answer { found: number(found), expected: number(asked) });
-        }
-        match (data[0], service) {
-            (0x80, _) => {
-                Err(DecodeError::Refused { code: u32::from_le_bytes([data[4], data[5], data[6], data[7]]) })
-            }
-            (0x60, Service::Write(..)) if data[4..] == [0; 4] => Ok(None),
-            (command, Service::Read(_)) if command & 0xf3 == 0x43 => value(data).map(Some),
-            (found, _) => Err(DecodeError::Field { field: "the service", found: found.into() }),
-        }
-    }
-
     /// The frame of the setpoints of one cycle: 6 bytes, in the torque mode 4.
     pub fn setpoint(self, mode: Mode, setpoint: &Setpoint) -> Frame {
         let ([c0, c1], [a, b, c, d]) = (setpoint.controlword.to_le_bytes(), setpoint.target.to_le_bytes());
@@ -423,18 +291,4 @@ impl Node {
         DriveState::of(statusword)?;
         Ok(Process::Position { statusword, position: i32::from_le_bytes([a, b, c, d]) })
     }
-}
-
-fn object(data: &[u8; 8]) -> Object {
-    Object { index: u16::from_le_bytes([data[1], data[2]]), subindex: data[3] }
-}
-
-/// The value of an expedited transfer; the bytes that it does not use must be zero.
-fn value(data: &[u8; 8]) -> Result<Value, DecodeError> {
-    let length = 4 - (data[0] >> 2 & 0x3);
-    let bytes = [data[4], data[5], data[6], data[7]];
-    if bytes[usize::from(length)..].iter().any(|byte| *byte != 0) {
-        return Err(DecodeError::Field { field: "an unused byte", found: u32::from_le_bytes(bytes) });
-    }
-    Ok(Value { bytes, length })
 }

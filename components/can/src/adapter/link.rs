@@ -1,0 +1,258 @@
+//! One drive as the adapter sees it.
+
+use super::{OnTrip, Phase, Setpoint};
+use crate::bus::bits::{Bits, Rates};
+use crate::damiao::{Register, Request, Value};
+use crate::frame::{DecodeError, Frame};
+use crate::mit::{self, Drive, Instruction, Reply, State};
+use crate::table::{Protocol, Table, Transmission};
+
+/// A setting of a drive that is not that of the table.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum WrongSetting {
+    /// The watchdog, ns; `None` for off.
+    #[error("its watchdog is {}, the table says {} ms", ms(*.found), *.expected as f64 / 1e6)]
+    Watchdog {
+        /// That of the drive.
+        found: Option<u64>,
+        /// That of the table.
+        expected: u64,
+    },
+    /// The end of a range.
+    #[error("its {register:?} is {found}, the table says {expected}")]
+    Range {
+        /// The register.
+        register: Register,
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
+}
+
+fn ms(watchdog: Option<u64>) -> String {
+    watchdog.map_or_else(|| "off".to_string(), |ns| format!("{} ms", ns as f64 / 1e6))
+}
+
+/// Counts of one drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames that were not answered before the next one was sent.
+    pub missing: u64,
+    /// Answers to an earlier frame than the last.
+    pub late: u64,
+    /// Answers beyond the first to one frame.
+    pub duplicate: u64,
+    /// Frames of it that could not be decoded.
+    pub refused: u64,
+    /// Commands of which a field lay beyond its range.
+    pub clamped: u64,
+    /// Times that it was lost.
+    pub lost: u64,
+    /// The cycle in which it was lost last, from 1.
+    pub lost_in: Option<u64>,
+    /// Times that it reported a fault.
+    pub faults: u64,
+}
+
+/// One drive as the adapter sees it.
+#[derive(Clone, Debug)]
+pub struct Link {
+    pub(super) codec: Drive,
+    pub(super) gear: Transmission,
+    pub(super) bus: usize,
+    pub(super) asks: bool,
+    pub(super) watchdog_ns: u64,
+    pub(super) phase: Phase,
+    /// Damping of its joint when the adapter has tripped.
+    pub(super) damping: f64,
+    pub(super) setpoint: Setpoint,
+    pub(super) asked: bool,
+    pub(super) answered: bool,
+    pub(super) fresh: bool,
+    pub(super) sent_ns: u64,
+    /// Shortest time from sending to the end of an answer, ns.
+    pub(super) soonest_ns: u64,
+    pub(super) received_ns: Option<u64>,
+    pub(super) position: f64,
+    pub(super) velocity: f64,
+    pub(super) effort: f64,
+    pub(super) temperature: Option<f64>,
+    pub(super) fault: Option<mit::Fault>,
+    pub(super) silent: u32,
+    pub(super) counts: Counts,
+}
+
+impl Link {
+    /// The link to a drive of a table, with the damping of its joint when the adapter has tripped.
+    pub(super) fn new(table: &Table, index: usize, damping: f64) -> Self {
+        let (codec, entry) = (table.drive(index), &table.drives[index]);
+        let bus = table.bus_of(entry).unwrap_or(0);
+        let mut link = Self {
+            gear: table.transmission(index),
+            bus,
+            asks: entry.protocol == Protocol::Damiao,
+            watchdog_ns: entry.watchdog.ns,
+            phase: Phase::Disabled,
+            damping,
+            setpoint: Setpoint::default(),
+            asked: false,
+            answered: false,
+            fresh: false,
+            sent_ns: 0,
+            soonest_ns: soonest(&codec, &table.rates(bus)),
+            received_ns: None,
+            position: 0.0,
+            velocity: 0.0,
+            effort: 0.0,
+            temperature: None,
+            fault: None,
+            silent: 0,
+            counts: Counts::default(),
+            codec,
+        };
+        link.start();
+        link
+    }
+
+    /// The bus that it is on.
+    pub fn bus(&self) -> usize {
+        self.bus
+    }
+
+    /// Its phase.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Joint position (rad or m), velocity and effort of its newest answer.
+    pub fn state(&self) -> (f64, f64, f64) {
+        (self.position, self.velocity, self.effort)
+    }
+
+    /// Its temperature, degrees Celsius, if it tells.
+    pub fn temperature(&self) -> Option<f64> {
+        self.temperature
+    }
+
+    /// The fault that it reported last.
+    pub fn fault(&self) -> Option<mit::Fault> {
+        self.fault
+    }
+
+    /// Cycles without an answer.
+    pub fn silent(&self) -> u32 {
+        self.silent
+    }
+
+    /// Time of its newest state, ns.
+    pub fn received_ns(&self) -> Option<u64> {
+        self.received_ns
+    }
+
+    /// Its counts.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// The first phase: drives that tell their settings are checked.
+    pub(super) fn start(&mut self) {
+        self.phase = if self.asks { Phase::Checking(0) } else { Phase::Disabled };
+        (self.fresh, self.fault) = (false, None);
+    }
+
+    /// The frame of this cycle.
+    pub(super) fn frame(&mut self, trip: Option<OnTrip>) -> Frame {
+        let instruction = match (trip, self.phase) {
+            (Some(OnTrip::Disable), _) => Instruction::Disable,
+            // a command of nothing, which is answered
+            (Some(OnTrip::Damp), Phase::Fault) => Instruction::Command(mit::Command::default()),
+            (Some(OnTrip::Damp), Phase::Enabled) => {
+                self.command(Setpoint { kd: self.damping, ..Setpoint::default() })
+            }
+            (_, Phase::Checking(register)) => return self.request(register).frame().in_form(self.codec.form),
+            (_, Phase::Disabled | Phase::Fault) => Instruction::Disable,
+            (Some(_), Phase::Enabling) => Instruction::Disable,
+            (None, Phase::Enabling) => Instruction::Enable,
+            (None, Phase::Enabled) => self.command(self.setpoint),
+        };
+        self.codec.instruct(&instruction)
+    }
+
+    fn command(&mut self, setpoint: Setpoint) -> Instruction {
+        let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
+        let command = mit::Command {
+            position: self.gear.to_drive(setpoint.position),
+            velocity: setpoint.velocity * ratio,
+            kp: setpoint.kp / square,
+            kd: setpoint.kd / square,
+            torque: setpoint.effort / ratio,
+        };
+        let r = &self.codec.ranges;
+        let beyond = |x: f64, range: &crate::Range| x < range.min || x > range.max;
+        let holds = setpoint.kp > 0.0 && beyond(command.position, &r.position);
+        let moves = setpoint.kd > 0.0 && beyond(command.velocity, &r.velocity);
+        let gains = beyond(command.kp, &r.kp) || beyond(command.kd, &r.kd);
+        self.counts.clamped += u64::from(holds || moves || gains || beyond(command.torque, &r.torque));
+        Instruction::Command(command)
+    }
+
+    fn request(&self, register: u8) -> Request {
+        let register = Register::CHECKED[usize::from(register) % Register::CHECKED.len()];
+        Request { node: self.codec.node, register }
+    }
+
+    /// An answer about a setting.
+    pub(super) fn check(&mut self, register: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
+        let request = self.request(register);
+        let value = request.value(frame, self.codec.reply_id)?;
+        let next = register + 1;
+        let is_last = usize::from(next) == Register::CHECKED.len();
+        let ranges = &self.codec.ranges;
+        let expected = match request.register {
+            Register::PositionMax => ranges.position.max,
+            Register::VelocityMax => ranges.velocity.max,
+            Register::TorqueMax | Register::Timeout => ranges.torque.max,
+        };
+        let wrong = match value {
+            Value::Watchdog(found) => (found.unwrap_or(0) != self.watchdog_ns)
+                .then_some(WrongSetting::Watchdog { found, expected: self.watchdog_ns }),
+            Value::Range(found) => ((found - expected).abs() > 1e-5 * expected.abs())
+                .then_some(WrongSetting::Range { register: request.register, found, expected }),
+        };
+        if wrong.is_none() {
+            self.phase = if is_last { Phase::Disabled } else { Phase::Checking(next) };
+        }
+        Ok(wrong)
+    }
+
+    /// A state that it reports; whether that trips the adapter.
+    pub(super) fn follow(&mut self, state: State) -> bool {
+        match (state, self.phase) {
+            (State::Fault(fault), phase) => {
+                let is_new = phase != Phase::Fault;
+                (self.phase, self.fault) = (Phase::Fault, Some(fault));
+                self.counts.faults += u64::from(is_new);
+                is_new
+            }
+            (State::Enabled | State::Unknown, Phase::Enabling) => {
+                self.phase = Phase::Enabled;
+                false
+            }
+            // It let go by itself: its power was cut, or its watchdog acted unseen.
+            (State::Disabled, Phase::Enabled) => {
+                self.phase = Phase::Fault;
+                self.counts.faults += 1;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Shortest time from sending a command to the end of its answer, ns.
+fn soonest(codec: &Drive, rates: &Rates) -> u64 {
+    let bytes = if codec.reply == Reply::MiniCheetah { 6 } else { 8 };
+    let bits = |bytes| Bits::nominal(false, codec.form, bytes).ns(rates);
+    bits(8) + bits(bytes) - Bits { nominal: 3, fast: 0 }.ns(rates)
+}

@@ -1,0 +1,236 @@
+//! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and processes.
+//!
+//! In each cycle every drive is sent one frame and answers with one. A drive is checked first (a Damiao drive tells its ranges
+//! and its watchdog), then asked for its state while it is disabled, then enabled together with all others, then commanded. A
+//! drive that stays silent for three cycles, reports a fault or lets go trips the adapter: from then on all drives are damped
+//! or disabled until [`Adapter::resume`].
+
+mod link;
+
+use crate::bus::Received;
+use crate::frame::{DecodeError, Frame};
+use crate::mit::Reply;
+use crate::table::Table;
+pub use link::{Counts, Link, WrongSetting};
+
+/// Cycles of silence after which a drive counts as lost.
+pub const LOST_AFTER: u32 = 3;
+
+/// What the other drives do when one is lost or reports a fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OnTrip {
+    /// They brake softly: no position gain, the velocity gain of the safe states.
+    #[default]
+    Damp,
+    /// They let go.
+    Disable,
+}
+
+/// The phase of one drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Its settings are being read, this one next.
+    Checking(u8),
+    /// It is disabled; its settings are right.
+    Disabled,
+    /// It has been asked to follow commands.
+    Enabling,
+    /// It follows commands.
+    Enabled,
+    /// It let go by a fault of its own.
+    Fault,
+}
+
+/// The command of a joint, in its own units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Setpoint {
+    /// Position, rad or m.
+    pub position: f64,
+    /// Velocity, rad/s or m/s.
+    pub velocity: f64,
+    /// Feed-forward effort, N m or N.
+    pub effort: f64,
+    /// Position gain, N m/rad or N/m.
+    pub kp: f64,
+    /// Velocity gain, N m s/rad or N s/m.
+    pub kd: f64,
+}
+
+/// The adapter of the drives of one robot.
+#[derive(Clone, Debug)]
+pub struct Adapter {
+    links: Vec<Link>,
+    on_trip: OnTrip,
+    tripped: bool,
+    cycles: u64,
+    stray: u64,
+    enabled_in: Option<u64>,
+    wrong: Option<(usize, WrongSetting)>,
+}
+
+impl Adapter {
+    /// An adapter for the drives of a table, in this order, with the damping of each joint when it has tripped.
+    pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
+        let links =
+            order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
+        Self { links, on_trip, tripped: false, cycles: 0, stray: 0, enabled_in: None, wrong: None }
+    }
+
+    /// The drives, in the order of the joints.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// Cycles so far.
+    pub fn cycles(&self) -> u64 {
+        self.cycles
+    }
+
+    /// The cycle in which all drives followed commands for the first time.
+    pub fn enabled_in(&self) -> Option<u64> {
+        self.enabled_in
+    }
+
+    /// Frames of devices that are not in the table.
+    pub fn stray(&self) -> u64 {
+        self.stray
+    }
+
+    /// Whether it has tripped, and was not resumed since.
+    pub fn has_tripped(&self) -> bool {
+        self.tripped
+    }
+
+    /// The first drive with a setting that is not that of the table.
+    pub fn wrong_setting(&self) -> Option<(usize, WrongSetting)> {
+        self.wrong
+    }
+
+    /// Trips it for a reason of the caller, such as a bus that was left.
+    pub fn trip(&mut self) {
+        self.tripped = true;
+    }
+
+    /// Takes a frame that was received on a bus.
+    pub fn take(&mut self, bus: usize, received: &Received) {
+        let Received { frame, time_ns } = received;
+        let mut refused = None;
+        for (index, link) in self.links.iter_mut().enumerate() {
+            if link.bus != bus || link.codec.reply_id != frame.id {
+                continue;
+            }
+            let decoded = match link.phase {
+                Phase::Checking(register) => link.check(register, frame).map(|wrong| {
+                    if let Some(wrong) = wrong {
+                        self.wrong.get_or_insert((index, wrong));
+                    }
+                    link.answered = true;
+                    false
+                }),
+                _ => link.codec.reply(frame).map(|feedback| {
+                    let is_late = *time_ns < link.sent_ns + link.soonest_ns;
+                    if !is_late && link.answered {
+                        link.counts.duplicate += 1;
+                        return false;
+                    }
+                    link.counts.late += u64::from(is_late);
+                    link.answered |= !is_late;
+                    link.fresh = true;
+                    link.received_ns = Some(*time_ns);
+                    link.position = link.gear.to_joint(feedback.position);
+                    link.velocity = feedback.velocity / link.gear.ratio;
+                    link.effort = feedback.torque * link.gear.ratio;
+                    link.temperature = feedback.temperature;
+                    link.follow(feedback.state)
+                }),
+            };
+            match decoded {
+                Ok(trips) => {
+                    self.tripped |= trips;
+                    return;
+                }
+                Err(DecodeError::Device { .. }) => {}
+                Err(_) => refused = Some(index),
+            }
+        }
+        match refused {
+            Some(index) => self.links[index].counts.refused += 1,
+            None => self.stray += 1,
+        }
+    }
+
+    /// Ends the cycle: drives that were asked and have not answered are missing. `counts` is false where nobody can answer
+    /// any more.
+    pub fn end_cycle(&mut self, counts: bool) {
+        self.cycles += 1;
+        for link in &mut self.links {
+            let is_missing = link.asked && !link.answered && counts;
+            link.counts.missing += u64::from(is_missing);
+            link.silent = if is_missing { link.silent + 1 } else { 0 };
+            // one that was never there is waited for
+            if link.silent == LOST_AFTER && matches!(link.phase, Phase::Enabled | Phase::Enabling) {
+                link.counts.lost += 1;
+                link.counts.lost_in = Some(self.cycles);
+                self.tripped = true;
+            }
+            (link.asked, link.answered) = (false, false);
+        }
+        let ready = |link: &Link| match link.phase {
+            Phase::Disabled => link.fresh && link.silent == 0,
+            Phase::Enabling | Phase::Enabled => true,
+            Phase::Checking(_) | Phase::Fault => false,
+        };
+        if !self.tripped && self.links.iter().all(ready) {
+            for link in self.links.iter_mut().filter(|link| link.phase == Phase::Disabled) {
+                link.phase = Phase::Enabling;
+            }
+        }
+        if self.enabled_in.is_none() && self.links.iter().all(|link| link.phase == Phase::Enabled) {
+            self.enabled_in = Some(self.cycles);
+        }
+    }
+
+    /// Whether the state of every joint is known, and none is lost.
+    pub fn is_complete(&self) -> bool {
+        self.links.iter().all(|link| link.received_ns.is_some() && link.silent < LOST_AFTER)
+    }
+
+    /// Time of the oldest state among the joints, ns.
+    pub fn oldest_ns(&self) -> Option<u64> {
+        self.links.iter().map(|link| link.received_ns).min().flatten()
+    }
+
+    /// Sets the command of a joint.
+    pub fn set(&mut self, joint: usize, setpoint: Setpoint) {
+        self.links[joint].setpoint = setpoint;
+    }
+
+    /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by [`sent`](Self::sent) how many
+    /// were taken.
+    pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
+        let trip = self.tripped.then_some(self.on_trip);
+        frames.extend(self.links.iter_mut().filter(|link| link.bus == bus).map(|link| link.frame(trip)));
+    }
+
+    /// Notes that the first `count` frames of a bus were sent at `now_ns`.
+    pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
+        for link in self.links.iter_mut().filter(|link| link.bus == bus).take(count) {
+            (link.asked, link.sent_ns) = (true, now_ns);
+        }
+    }
+
+    /// Lets it go on after it has tripped: drives that are lost or let go are checked and enabled again.
+    pub fn resume(&mut self) {
+        self.tripped = false;
+        for link in &mut self.links {
+            // one that does not tell its state may have let go meanwhile
+            let is_well = link.phase == Phase::Enabled
+                && link.silent == 0
+                && link.codec.reply == Reply::Damiao
+                && self.on_trip == OnTrip::Damp;
+            if !is_well {
+                link.start();
+            }
+        }
+    }
+}

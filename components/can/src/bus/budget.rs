@@ -1,0 +1,120 @@
+//! The budget of a cycle: whether all commands and answers fit on the bus, with the arithmetic.
+
+use core::fmt;
+
+use super::bits::{Bits, Rates};
+use crate::frame::Form;
+
+/// A frame as far as its length on the wire matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Its identifier has 29 bits.
+    pub extended: bool,
+    /// Its form.
+    pub form: Form,
+    /// Bytes of its data.
+    pub bytes: usize,
+}
+
+impl Shape {
+    /// The most bits that such a frame can have.
+    pub fn worst(&self) -> Bits {
+        Bits::worst(self.extended, self.form, self.bytes)
+    }
+}
+
+/// Command and answer of each drive on one bus, once in each cycle.
+///
+/// ```
+/// use motorium_can::{Budget, Form, Rates, Shape};
+///
+/// let frame = Shape { extended: false, form: Form::Classic, bytes: 8 };
+/// let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
+/// let mut budget = Budget { rates, exchanges: vec![(frame, frame); 3], turn_round_ns: 50_000, cycle_ns: 1_000_000 };
+/// assert_eq!(budget.busy_ns(), 810_000);
+/// assert!(budget.fits() && budget.share() > Budget::COMFORTABLE);
+/// budget.exchanges.push((frame, frame));
+/// assert!(!budget.fits());
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Budget {
+    /// The rates of the bus.
+    pub rates: Rates,
+    /// Command and answer of each drive.
+    pub exchanges: Vec<(Shape, Shape)>,
+    /// Longest time from a command to the beginning of its answer, ns.
+    pub turn_round_ns: u64,
+    /// Time from one batch of commands to the next, ns.
+    pub cycle_ns: u64,
+}
+
+impl Budget {
+    /// Share of the cycle beyond which a single disturbed frame makes others miss it.
+    pub const COMFORTABLE: f64 = 0.8;
+
+    /// Time of all bits of a cycle in the worst case, ns.
+    pub fn busy_ns(&self) -> u64 {
+        self.exchanges.iter().map(|(command, answer)| self.ns(command) + self.ns(answer)).sum()
+    }
+
+    /// Time from the first bit of the commands to the last of the answers in the worst case, ns: all bits, and one
+    /// turn-round, while that of the last answer the bus is idle.
+    pub fn complete_ns(&self) -> u64 {
+        self.busy_ns() + self.turn_round_ns
+    }
+
+    /// Share of the cycle in which the bus carries bits in the worst case.
+    pub fn share(&self) -> f64 {
+        self.busy_ns() as f64 / self.cycle_ns as f64
+    }
+
+    /// Whether all answers are there before the next cycle.
+    pub fn fits(&self) -> bool {
+        self.complete_ns() <= self.cycle_ns
+    }
+
+    /// The most drives like the first one that fit into a cycle.
+    pub fn most(&self) -> u64 {
+        let Some((command, answer)) = self.exchanges.first() else { return 0 };
+        self.cycle_ns.saturating_sub(self.turn_round_ns) / (self.ns(command) + self.ns(answer))
+    }
+
+    fn ns(&self, shape: &Shape) -> u64 {
+        shape.worst().ns(&self.rates)
+    }
+}
+
+impl fmt::Display for Budget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let us = |ns: u64| ns as f64 / 1e3;
+        let mut begun = false;
+        let mut rest = &self.exchanges[..];
+        while let Some(first) = rest.first() {
+            let alike = rest.iter().take_while(|exchange| *exchange == first).count();
+            let bits = |shape: &Shape| {
+                let bits = shape.worst();
+                bits.nominal + bits.fast
+            };
+            let plus = if begun { " + " } else { "" };
+            write!(f, "{plus}{alike} x ({} + {} bits)", bits(&first.0), bits(&first.1))?;
+            (begun, rest) = (true, &rest[alike..]);
+        }
+        write!(
+            f,
+            " with the most stuffing = {:.0} us at {} kbit/s",
+            us(self.busy_ns()),
+            self.rates.nominal / 1000
+        )?;
+        if self.rates.fast != self.rates.nominal {
+            write!(f, " and {} kbit/s", self.rates.fast / 1000)?;
+        }
+        write!(
+            f,
+            ", + {:.0} us turn-round = {:.0} us of {:.0} us ({:.0} % load)",
+            us(self.turn_round_ns),
+            us(self.complete_ns()),
+            us(self.cycle_ns),
+            100.0 * self.share()
+        )
+    }
+}

@@ -1,0 +1,251 @@
+//! A bus in simulated time: exact bit times, arbitration, error counters.
+
+use std::collections::VecDeque;
+
+use super::bits::{Bits, Rates};
+use super::{Bus, Received};
+use crate::frame::Frame;
+
+/// The state of a controller on a bus, by its error counters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ErrorState {
+    /// It takes part, and marks errors of others.
+    #[default]
+    Active,
+    /// It takes part, and disturbs nobody.
+    Passive,
+    /// It has left the bus.
+    Off,
+}
+
+/// What happened on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A frame arrived at all other nodes.
+    Delivered {
+        /// The node that sent it.
+        sender: usize,
+        /// The frame.
+        frame: Frame,
+        /// Time of its last bit, ns.
+        time_ns: u64,
+    },
+    /// A frame was disturbed; it is sent again.
+    Disturbed {
+        /// The node that sent it.
+        sender: usize,
+        /// The state of that node from then on.
+        state: ErrorState,
+        /// Time of the error, ns.
+        time_ns: u64,
+    },
+}
+
+/// One controller on the bus.
+#[derive(Debug)]
+struct Node {
+    queue: VecDeque<(Frame, u64)>,
+    inbox: VecDeque<Received>,
+    /// It keeps what arrives for a port.
+    listens: bool,
+    transmit_errors: u32,
+    receive_errors: u32,
+    is_off: bool,
+    /// Time before which it does not send: a passive node gives way after an error.
+    suspended_ns: u64,
+}
+
+/// A bus in simulated time.
+///
+/// A frame begins when the bus is free; of several that wait the one with the lowest identifier wins. It takes as long as
+/// its bits, stuffing included. A sender that is disturbed counts eight transmit errors and sends again; it is passive from
+/// 128 on and leaves the bus beyond 255. Two nodes that send different frames with one identifier disturb each other. A frame
+/// that nobody receives is not acknowledged, and is sent again and again. Nothing here depends on anything but its input.
+#[derive(Debug)]
+pub struct SimulatedBus {
+    rates: Rates,
+    nodes: Vec<Node>,
+    depth: usize,
+    /// Time from which on the bus is free, ns.
+    free_ns: u64,
+    busy_ns: u64,
+    disturbed: u32,
+}
+
+/// Bits of an error: flag, echo of it, delimiter, pause.
+const ERROR_BITS: u32 = 12 + 8 + 3;
+/// Bits between two frames.
+const PAUSE_BITS: u32 = 3;
+/// Bits for which a passive node waits after sending.
+const SUSPEND_BITS: u32 = 8;
+
+impl SimulatedBus {
+    /// A bus of so many nodes, each with room for `depth` frames to be sent.
+    pub fn new(rates: Rates, nodes: usize, depth: usize) -> Self {
+        let node = |_| Node {
+            queue: VecDeque::with_capacity(depth),
+            inbox: VecDeque::with_capacity(depth),
+            listens: false,
+            transmit_errors: 0,
+            receive_errors: 0,
+            is_off: false,
+            suspended_ns: 0,
+        };
+        let nodes = (0..nodes).map(node).collect();
+        Self { rates, nodes, depth, free_ns: 0, busy_ns: 0, disturbed: 0 }
+    }
+
+    /// Hands a frame of a node over at `ready_ns`; false if its queue is full or it has left the bus.
+    pub fn enqueue(&mut self, node: usize, frame: Frame, ready_ns: u64) -> bool {
+        let sender = &mut self.nodes[node];
+        let fits = sender.queue.len() < self.depth && !sender.is_off;
+        if fits {
+            sender.queue.push_back((frame, ready_ns));
+        }
+        fits
+    }
+
+    /// The next event that is over at `until_ns`. Who answers a frame hands its answer over before it asks again.
+    pub fn next(&mut self, until_ns: u64) -> Option<Event> {
+        let waits = |node: &Node| node.queue.front().map(|(_, ready)| (*ready).max(node.suspended_ns));
+        let first_ns = self.nodes.iter().filter_map(waits).min()?;
+        let start_ns = first_ns.max(self.free_ns);
+        let ready = self.nodes.iter().enumerate();
+        let ready = ready.filter(|(_, node)| waits(node).is_some_and(|ready| ready <= start_ns));
+        let frame_of = |node: &Node| node.queue.front().map_or_else(Frame::default, |(frame, _)| *frame);
+        let (sender, frame) = ready
+            .clone()
+            .map(|(index, node)| (index, frame_of(node)))
+            .min_by_key(|(_, frame)| frame.id.arbitration())?;
+        let rival = ready.map(|(index, node)| (index, frame_of(node))).find(|(index, other)| {
+            *index != sender && other.id.arbitration() == frame.id.arbitration() && *other != frame
+        });
+        let lasts_ns = Bits::of(&frame).ns(&self.rates);
+        let alone = self.nodes.iter().enumerate().all(|(index, node)| index == sender || node.is_off);
+        if rival.is_some() || alone || self.disturbed > 0 {
+            let time_ns = start_ns + lasts_ns;
+            let over_ns = time_ns + self.bits_ns(ERROR_BITS);
+            if over_ns > until_ns {
+                return None;
+            }
+            self.disturbed = self.disturbed.saturating_sub(u32::from(rival.is_none() && !alone));
+            self.busy_ns += over_ns - start_ns;
+            self.free_ns = over_ns;
+            if let Some((rival, _)) = rival {
+                self.count_error(rival, over_ns, false);
+            }
+            self.count_error(sender, over_ns, alone);
+            let state = self.state(sender);
+            return Some(Event::Disturbed { sender, state, time_ns });
+        }
+        let time_ns = start_ns + lasts_ns - self.bits_ns(PAUSE_BITS);
+        if time_ns > until_ns {
+            return None;
+        }
+        self.busy_ns += lasts_ns;
+        self.free_ns = start_ns + lasts_ns;
+        for (index, node) in self.nodes.iter_mut().enumerate() {
+            if index == sender {
+                node.queue.pop_front();
+                node.transmit_errors = node.transmit_errors.saturating_sub(1);
+            } else if !node.is_off {
+                node.receive_errors = node.receive_errors.saturating_sub(1);
+                if node.listens && node.inbox.len() < node.inbox.capacity() {
+                    node.inbox.push_back(Received { frame, time_ns });
+                }
+            }
+        }
+        Some(Event::Delivered { sender, frame, time_ns })
+    }
+
+    fn count_error(&mut self, sender: usize, now_ns: u64, was_alone: bool) {
+        for (index, node) in self.nodes.iter_mut().enumerate() {
+            if index != sender && !node.is_off {
+                node.receive_errors = (node.receive_errors + 1).min(255);
+            }
+        }
+        let suspended_ns = now_ns + self.bits_ns(SUSPEND_BITS);
+        let is_passive = self.state(sender) == ErrorState::Passive;
+        let node = &mut self.nodes[sender];
+        // a passive node that is alone counts no further: it would leave the bus for want of others
+        if !(was_alone && is_passive) {
+            node.transmit_errors += 8;
+        }
+        if is_passive {
+            node.suspended_ns = suspended_ns;
+        }
+        if node.transmit_errors > 255 {
+            (node.is_off, node.suspended_ns) = (true, 0);
+            node.queue.clear();
+        }
+    }
+
+    fn bits_ns(&self, bits: u32) -> u64 {
+        Bits { nominal: bits, fast: 0 }.ns(&self.rates)
+    }
+
+    /// The state of a node.
+    pub fn state(&self, node: usize) -> ErrorState {
+        let node = &self.nodes[node];
+        match node.transmit_errors.max(node.receive_errors) {
+            _ if node.is_off => ErrorState::Off,
+            128.. => ErrorState::Passive,
+            _ => ErrorState::Active,
+        }
+    }
+
+    /// Disturbs the next frames on the wire.
+    pub fn disturb(&mut self, frames: u32) {
+        self.disturbed += frames;
+    }
+
+    /// Takes a node off the bus, as its error counters would.
+    pub fn switch_off(&mut self, node: usize) {
+        let node = &mut self.nodes[node];
+        (node.is_off, node.transmit_errors) = (true, 256);
+        node.queue.clear();
+    }
+
+    /// Brings a node back, its counters at zero.
+    pub fn restart(&mut self, node: usize) {
+        let node = &mut self.nodes[node];
+        (node.is_off, node.transmit_errors, node.receive_errors, node.suspended_ns) = (false, 0, 0, 0);
+    }
+
+    /// Time for which the bus carried bits, ns.
+    pub fn busy_ns(&self) -> u64 {
+        self.busy_ns
+    }
+
+    /// The bus as one node uses it at `now_ns`. From then on the node keeps what arrives.
+    pub fn port(&mut self, node: usize, now_ns: u64) -> Port<'_> {
+        self.nodes[node].listens = true;
+        Port { bus: self, node, now_ns }
+    }
+}
+
+/// The bus as one node uses it at some time.
+#[derive(Debug)]
+pub struct Port<'a> {
+    bus: &'a mut SimulatedBus,
+    node: usize,
+    now_ns: u64,
+}
+
+impl Bus for Port<'_> {
+    fn send(&mut self, frames: &[Frame]) -> usize {
+        frames.iter().take_while(|frame| self.bus.enqueue(self.node, **frame, self.now_ns)).count()
+    }
+
+    fn receive(&mut self, frames: &mut [Received]) -> usize {
+        self.bus.nodes[self.node].listens = true;
+        while self.bus.next(self.now_ns).is_some() {}
+        let inbox = &mut self.bus.nodes[self.node].inbox;
+        let mut count = 0;
+        for (place, received) in frames.iter_mut().zip(core::iter::from_fn(|| inbox.pop_front())) {
+            *place = received;
+            count += 1;
+        }
+        count
+    }
+}

@@ -1,0 +1,69 @@
+//! The result of `can.adapter`.
+
+use super::CanAdapter;
+use crate::adapter::Phase;
+
+impl CanAdapter {
+    /// Counts of the whole run, of buses and joints.
+    pub(super) fn results(&self) -> serde_json::Value {
+        let mut joints = serde_json::Map::new();
+        for (name, link) in self.names.iter().zip(self.adapter.links()) {
+            let counts = link.counts();
+            let value = serde_json::json!({
+                "phase": phase(link.phase()),
+                "missing_replies": counts.missing,
+                "late_replies": counts.late,
+                "duplicate_replies": counts.duplicate,
+                "refused_frames": counts.refused,
+                "clamped_commands": counts.clamped,
+                "lost": counts.lost,
+                "lost_in_cycle": counts.lost_in,
+                "faults": counts.faults,
+                "fault": link.fault().map(crate::mit::Fault::words),
+                "temperature_celsius": link.temperature(),
+            });
+            joints.insert(name.clone(), value);
+        }
+        let mut buses = serde_json::Map::new();
+        let cycles = self.adapter.cycles();
+        for bus in &self.buses {
+            let value = serde_json::json!({
+                "load": bus.counts.load,
+                "highest_load": bus.peak,
+                "sent": bus.counts.sent,
+                "received": bus.counts.received,
+                "unsent": bus.counts.unsent,
+                "errors": bus.counts.errors,
+                "bus_off": bus.counts.bus_off,
+            });
+            buses.insert(bus.name.clone(), value);
+        }
+        let sum = |count: fn(&crate::adapter::Counts) -> u64| -> u64 {
+            self.adapter.links().iter().map(|link| count(link.counts())).sum()
+        };
+        serde_json::json!({
+            "cycles": cycles,
+            "enabled_in_cycle": self.adapter.enabled_in(),
+            "tripped": self.adapter.has_tripped(),
+            "cycles_in_safe_state": self.safe,
+            "missing_replies": sum(|counts| counts.missing),
+            "late_replies": sum(|counts| counts.late),
+            "duplicate_replies": sum(|counts| counts.duplicate),
+            "refused_frames": sum(|counts| counts.refused),
+            "stray_frames": self.adapter.stray(),
+            "bus_load": self.buses.iter().map(|bus| bus.counts.load).fold(0.0, f64::max),
+            "buses": buses,
+            "joints": joints,
+        })
+    }
+}
+
+fn phase(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Checking(_) => "checking",
+        Phase::Disabled => "disabled",
+        Phase::Enabling => "enabling",
+        Phase::Enabled => "enabled",
+        Phase::Fault => "fault",
+    }
+}

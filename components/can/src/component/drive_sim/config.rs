@@ -1,0 +1,77 @@
+//! The configuration of `can.drive_sim`.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::component::Source;
+use crate::component::faults::FaultConfig;
+use crate::{BusEntry, DriveEntry};
+
+/// The `config` table of `can.drive_sim`.
+///
+/// ```toml
+/// bus   = [{ name = "can0", bitrate = 1_000_000 }]
+/// drive = [
+///     { joint = "hinge", bus = "can0", protocol = "damiao", node = 1, watchdog = "20 ms", ranges = { position = 12.5, velocity = 30.0, torque = 10.0 } },
+/// ]
+/// delay  = "60 us"
+/// jitter = "20 us"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DriveSimulationConfig {
+    /// The drive table: the file that the adapter reads, too. Instead of `bus` and `drive`.
+    pub drives: Option<String>,
+    /// The buses, where no file has them.
+    #[serde(default)]
+    pub bus: Vec<BusEntry>,
+    /// The drives, where no file has them.
+    #[serde(default)]
+    pub drive: Vec<DriveEntry>,
+    /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
+    #[serde(default = "delay")]
+    pub delay: TimeSpan,
+    /// Largest random addition to `delay`. Default none.
+    #[serde(default)]
+    pub jitter: TimeSpan,
+    /// Share of the answers that are lost, 0 to 1. Default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub loss: f64,
+    /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
+    #[serde(default = "yes")]
+    pub brakes: bool,
+    /// Drives that are set otherwise than the table says.
+    #[serde(default)]
+    pub set: Vec<SettingConfig>,
+    /// Faults, each at its time.
+    #[serde(default)]
+    pub faults: Vec<FaultConfig>,
+}
+
+/// Settings of a drive that are not those of the table.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SettingConfig {
+    /// The joint of the drive.
+    pub joint: String,
+    /// Its watchdog; "0 s" for off.
+    pub watchdog: Option<TimeSpan>,
+    /// The largest torque of its range, N m.
+    pub torque: Option<f64>,
+}
+
+impl DriveSimulationConfig {
+    pub(super) fn source(&self) -> Source<'_> {
+        Source { file: self.drives.as_deref(), buses: &self.bus, drives: &self.drive }
+    }
+}
+
+fn delay() -> TimeSpan {
+    TimeSpan { ns: 50_000 }
+}
+
+fn yes() -> bool {
+    true
+}

@@ -1,0 +1,109 @@
+//! Scripted faults of simulated drives and buses.
+
+use motorium::declare::ConfigError;
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::Table;
+
+/// One fault of the script.
+///
+/// ```toml
+/// faults = [
+///     { at = "2 s", lasts = "50 ms", kind = "silent", joint = "panda_joint4" },
+///     { at = "5 s", lasts = "1 s", kind = "late", delay = "1.2 ms", joint = "panda_joint2" },
+///     { at = "8 s", lasts = "10 ms", kind = "babbling", bus = "can0" },
+/// ]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FaultConfig {
+    /// Time at which it begins.
+    pub at: TimeSpan,
+    /// Time that it lasts. Default: until the end.
+    pub lasts: Option<TimeSpan>,
+    /// What happens.
+    pub kind: FaultKind,
+    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "off".
+    pub joint: Option<String>,
+    /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off".
+    pub bus: Option<String>,
+    /// Additional delay of a late answer. Default 1 ms.
+    pub delay: Option<TimeSpan>,
+}
+
+/// The kind of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// The drive answers nothing; it still hears its commands.
+    Silent,
+    /// The drive answers later.
+    Late,
+    /// The drive's answers lack their last byte.
+    WrongLength,
+    /// The drive's answers name a state or a device that there is not.
+    Corrupt,
+    /// The drive sends each answer twice.
+    Duplicate,
+    /// The drive has no power: it hears nothing, answers nothing and is disabled.
+    Off,
+    /// A node floods the bus with frames that win against all others.
+    Babbling,
+    /// Every frame on the bus is disturbed once.
+    Disturbed,
+    /// The controller of the adapter leaves the bus; it comes back at the end.
+    BusOff,
+}
+
+/// A fault with what it befalls.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fault {
+    pub(super) kind: FaultKind,
+    /// Index of the drive in the table, or of the bus.
+    pub(super) target: usize,
+    pub(super) delay_ns: u64,
+    from_ns: u64,
+    until_ns: u64,
+}
+
+impl Fault {
+    /// Reads one of the script.
+    pub(super) fn of(config: &FaultConfig, index: usize, table: &Table) -> Result<Self, ConfigError> {
+        use FaultKind::{Babbling, BusOff, Disturbed};
+        let of_bus = matches!(config.kind, Babbling | Disturbed | BusOff);
+        let refuse = |key: &str, message: String| {
+            Err(ConfigError::key(format!("faults[{index}].{key}"), message)
+                .advise("faults of drives need `joint`, those of buses `bus`, as the drive table names them"))
+        };
+        let (key, name, other) =
+            if of_bus { ("bus", &config.bus, &config.joint) } else { ("joint", &config.joint, &config.bus) };
+        if other.is_some() {
+            return refuse(if of_bus { "joint" } else { "bus" }, format!("a fault of a {key}"));
+        }
+        let Some(name) = name else { return refuse("kind", format!("the {key} is missing")) };
+        let found = if of_bus {
+            table.buses.iter().position(|bus| bus.name == *name)
+        } else {
+            table.drives.iter().position(|drive| drive.joint == *name)
+        };
+        let Some(target) = found else { return refuse(key, format!("the drive table has no `{name}`")) };
+        if config.delay.is_some() && config.kind != FaultKind::Late {
+            return refuse("delay", "only a late answer has one".to_string());
+        }
+        let from_ns = config.at.ns;
+        let until_ns = config.lasts.map_or(u64::MAX, |lasts| from_ns.saturating_add(lasts.ns));
+        let delay_ns = config.delay.map_or(1_000_000, |delay| delay.ns);
+        Ok(Self { kind: config.kind, target, delay_ns, from_ns, until_ns })
+    }
+
+    pub(super) fn is_on(&self, now_ns: u64) -> bool {
+        (self.from_ns..self.until_ns).contains(&now_ns)
+    }
+
+    /// Whether it is on for this drive or bus.
+    pub(super) fn befalls(&self, kind: FaultKind, target: usize, now_ns: u64) -> bool {
+        self.kind == kind && self.target == target && self.is_on(now_ns)
+    }
+}

@@ -1,0 +1,58 @@
+//! The limits that the command gate of the adapter applies: those of the robot, as far as its drives reach.
+
+use motorium::declare::ConfigError;
+use motorium::safety::JointLimits;
+use motorium_robots::ProfileError;
+
+use super::Equipped;
+
+/// Limits and gains of the safe states of every joint, in the order of the robot's joints.
+pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigError> {
+    let Equipped { robot, table, order } = equipped;
+    let (model, profile) = (&robot.model, robot.profile.as_ref());
+    let refused = |error: ProfileError| ConfigError::new(error.to_string());
+    let acceleration =
+        profile.map(|profile| profile.acceleration_limit(model)).transpose().map_err(refused)?;
+    let effort_rate = profile.map(|profile| profile.effort_rate_limit(model)).transpose().map_err(refused)?;
+    let gains = profile.and_then(|profile| profile.gains(model).ok());
+    let joint = |(i, name): (usize, &String)| {
+        let (ranges, ratio) = (table.drive(order[i]).ranges, table.transmission(order[i]).ratio.abs());
+        let effort = model.effort_limit()[i].abs().min(ranges.torque.max * ratio);
+        let (most_kp, most_kd) = (ranges.kp.max * ratio * ratio, ranges.kd.max * ratio * ratio);
+        let (kp, kd) = match &gains {
+            Some(gains) => (gains.kp[i], gains.kd[i]),
+            // full effort at a twentieth of a radian or metre
+            None => (20.0 * effort, 2.0 * effort),
+        };
+        let limits = JointLimits {
+            lower: model.lower()[i],
+            upper: model.upper()[i],
+            velocity: model.velocity_limit()[i].min(ranges.velocity.max / ratio),
+            acceleration: acceleration.as_ref().map_or(f64::INFINITY, |limits| limits[i]),
+            effort_rate: effort_rate.as_ref().map_or(f64::INFINITY, |limits| limits[i]),
+            kp: kp.min(most_kp),
+            kd: kd.min(most_kd),
+            ..JointLimits::new(name)
+        }
+        .with_effort(effort);
+        JointLimits { max_kp: limits.max_kp.min(most_kp), max_kd: limits.max_kd.min(most_kd), ..limits }
+    };
+    Ok(model.joint_names().iter().enumerate().map(joint).collect())
+}
+
+/// Joints of which the drive covers less than the range: name, what it covers, what the joint needs.
+pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
+    let Equipped { robot, table, order } = equipped;
+    let model = &robot.model;
+    model.joint_names().iter().enumerate().find_map(|(i, name)| {
+        let (range, gear) = (table.drive(order[i]).ranges.position, table.transmission(order[i]));
+        let ends = [range.min, range.max].map(|drive| gear.to_joint(drive));
+        let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        let (lower, upper) = (model.lower()[i], model.upper()[i]);
+        let covers = low <= lower && high >= upper;
+        // a joint without limits turns on beyond any range
+        (lower.is_finite() && upper.is_finite() && !covers).then(|| {
+            format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, the joint has {lower:.3} to {upper:.3}")
+        })
+    })
+}

@@ -1,0 +1,109 @@
+//! `can.adapter` and `can.drive_sim`: drives on buses as components of a graph.
+
+mod adapter;
+mod drive_sim;
+mod faults;
+mod limits;
+mod wire;
+
+use std::path::Path;
+
+use motorium::declare::{ConfigError, RobotReference};
+use motorium::state::MAX_JOINTS;
+use motorium::worker::Kind;
+use motorium_robots::{Loaded, RobotSource};
+
+use crate::{BusEntry, DriveEntry, Table, TableError};
+pub use adapter::{CanAdapter, CanAdapterConfig, JointHealth};
+pub use drive_sim::{DriveSimulation, DriveSimulationConfig};
+
+/// A robot and its drives.
+struct Equipped {
+    robot: Loaded,
+    table: Table,
+    /// The drive of each joint, by its index in the table.
+    order: Vec<usize>,
+}
+
+/// The drive table of a configuration: a file, or its own entries.
+struct Source<'a> {
+    file: Option<&'a str>,
+    buses: &'a [BusEntry],
+    drives: &'a [DriveEntry],
+}
+
+impl Source<'_> {
+    /// Reads the table; a file is relative to `folder`.
+    fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
+        let inline = !self.buses.is_empty() || !self.drives.is_empty();
+        let Some(file) = self.file else {
+            if !inline {
+                return Err(ConfigError::new("it has no drives")
+                    .advise("name a drive table: `drives = \"FILE\"`, or write `bus` and `drive` here"));
+            }
+            let table = Table { buses: self.buses.to_vec(), drives: self.drives.to_vec() };
+            table.check().map_err(|error| refused(&error, None))?;
+            return Ok(table);
+        };
+        if inline {
+            return Err(ConfigError::key("drives", "a drive table, and entries of another one beside it")
+                .advise("leave `drives` out, or `bus` and `drive`"));
+        }
+        let path = folder.join(file);
+        let text = std::fs::read_to_string(&path).map_err(|error| {
+            ConfigError::key("drives", format!("{}: {error}", path.display()))
+                .advise("name a drive table, relative to the graph file")
+        })?;
+        Table::parse(&text).map_err(|error| refused(&error, Some(file)))
+    }
+}
+
+/// The error of a table, of a file or of the configuration itself.
+fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
+    let refused = match (file, error.entry) {
+        (Some(file), _) => ConfigError::key("drives", format!("{file}: {error}")),
+        (None, Some((entry, index))) => ConfigError::key(format!("{entry}[{index}]"), error.to_string()),
+        (None, None) => ConfigError::new(error.to_string()),
+    };
+    refused.advise(error.advice)
+}
+
+/// Loads a robot and its drive table.
+fn load(robot: Option<&RobotReference>, folder: &Path, source: &Source<'_>) -> Result<Equipped, ConfigError> {
+    let robot = robot.ok_or_else(|| {
+        ConfigError::new("the component names no robot, and needs its joints")
+            .advise("add `robot = \"NAME\"` to the component")
+    })?;
+    let place = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose: robot.pose.map(pose),
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+    };
+    let robot = place.load().map_err(|error| ConfigError::new(error.to_string()))?;
+    let joints = robot.model.joint_count();
+    if robot.model.base().floating || joints == 0 || joints > MAX_JOINTS {
+        let message =
+            format!("a robot with {joints} joints, expected a fixed base and 1 to {MAX_JOINTS} joints");
+        return Err(ConfigError::new(message));
+    }
+    let table = source.table(folder)?;
+    let order = table.of_joints(robot.model.joint_names()).map_err(|error| refused(&error, source.file))?;
+    Ok(Equipped { robot, table, order })
+}
+
+fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
+    motorium_robots::BasePose { position: pose.position, rpy: pose.rpy }
+}
+
+/// The kinds of this crate, for a program that hosts them.
+///
+/// ```
+/// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();
+/// assert_eq!(names, ["can.adapter", "can.drive_sim"]);
+/// ```
+pub fn kinds() -> [Kind; 2] {
+    [Kind::of::<CanAdapter>(), Kind::of::<DriveSimulation>()]
+}

@@ -1,0 +1,176 @@
+//! A simulated drive: the other end of the wire, with an inner loop, a watchdog and a temperature.
+
+use crate::damiao::{Register, Request, Value};
+use crate::frame::Frame;
+use crate::mit::{self, Command, Drive, Fault, Feedback, Instruction, Reply, State};
+
+/// A drive of the MIT family as it behaves on the bus and at its shaft.
+///
+/// It answers each command with the state it was in when the command came, as the published firmware does. Its inner loop gives
+///
+/// ```text
+/// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)
+/// ```
+///
+/// with `limit` the end of its range of torques. Without a command for the time of its watchdog it lets go.
+///
+/// ```
+/// use motorium_can::mit::{Command, Drive, Instruction};
+/// use motorium_can::SimulatedDrive;
+///
+/// let codec = Drive::mini_cheetah(1);
+/// let mut drive = SimulatedDrive::new(codec, Some(20_000_000));
+/// assert!(drive.receive(&codec.instruct(&Instruction::Enable), 0).is_some());
+/// drive.receive(&codec.command(&Command { torque: 2.0, ..Command::default() }), 1_000_000);
+/// assert!((drive.step(0.0, 0.0, 2_000_000) - 2.0).abs() < 0.01);
+/// assert_eq!(drive.step(0.0, 0.0, 22_000_000), 0.0, "its watchdog let go");
+/// ```
+#[derive(Clone, Debug)]
+pub struct SimulatedDrive {
+    codec: Drive,
+    /// Time without a command after which it lets go, ns; `None` for never.
+    watchdog_ns: Option<u64>,
+    command: Command,
+    state: State,
+    commanded_ns: u64,
+    stepped_ns: u64,
+    position: f64,
+    velocity: f64,
+    torque: f64,
+    temperature: f64,
+    watchdog_trips: u64,
+}
+
+/// Temperature of the surroundings, degrees Celsius.
+const SURROUNDINGS: f64 = 25.0;
+/// Rise of the temperature at full torque for ever, degrees.
+const RISE: f64 = 90.0;
+/// Time constant of the temperature, s.
+const WARM_UP: f64 = 120.0;
+/// Temperature at which the drive lets go, degrees Celsius.
+const TOO_HOT: f64 = 100.0;
+
+impl SimulatedDrive {
+    /// A drive at rest that is disabled, with this watchdog \[ns\].
+    pub fn new(codec: Drive, watchdog_ns: Option<u64>) -> Self {
+        Self {
+            codec,
+            watchdog_ns,
+            command: Command::default(),
+            state: State::Disabled,
+            commanded_ns: 0,
+            stepped_ns: 0,
+            position: 0.0,
+            velocity: 0.0,
+            torque: 0.0,
+            temperature: SURROUNDINGS,
+            watchdog_trips: 0,
+        }
+    }
+
+    /// Its codec, with the ranges that stand in the drive.
+    pub fn codec(&self) -> &Drive {
+        &self.codec
+    }
+
+    /// Whether it follows commands.
+    pub fn is_enabled(&self) -> bool {
+        self.state == State::Enabled
+    }
+
+    /// Times that its watchdog let go.
+    pub fn watchdog_trips(&self) -> u64 {
+        self.watchdog_trips
+    }
+
+    /// Its temperature, degrees Celsius.
+    pub fn temperature(&self) -> f64 {
+        self.temperature
+    }
+
+    /// Takes its power away: it is disabled when it comes back.
+    pub fn cut_power(&mut self) {
+        (self.state, self.command) = (State::Disabled, Command::default());
+    }
+
+    /// A frame on the bus at `now_ns`; its answer, if the frame is for it.
+    pub fn receive(&mut self, frame: &Frame, now_ns: u64) -> Option<Frame> {
+        if self.codec.reply == Reply::Damiao
+            && let Ok(request) = Request::decode(frame, self.codec.node)
+        {
+            return Some(request.answer(self.codec.reply_id, self.register(request.register)));
+        }
+        let instruction = self.codec.instruction(frame).ok()?;
+        let answer = self.codec.answer(&self.feedback());
+        match instruction {
+            Instruction::Command(command) => self.command = command,
+            Instruction::Enable if !matches!(self.state, State::Fault(_)) => {
+                (self.state, self.command) = (State::Enabled, Command::default());
+            }
+            Instruction::Enable | Instruction::SetZero => {}
+            // which clears a fault, too
+            Instruction::Disable => (self.state, self.command) = (State::Disabled, Command::default()),
+        }
+        self.commanded_ns = now_ns;
+        // a change of the state shows in its own answer
+        match instruction {
+            Instruction::Command(_) | Instruction::SetZero => Some(answer),
+            Instruction::Enable | Instruction::Disable => Some(self.codec.answer(&self.feedback())),
+        }
+    }
+
+    fn register(&self, register: Register) -> Value {
+        let ranges = &self.codec.ranges;
+        match register {
+            Register::Timeout => Value::Watchdog(self.watchdog_ns),
+            Register::PositionMax => Value::Range(ranges.position.max),
+            Register::VelocityMax => Value::Range(ranges.velocity.max),
+            Register::TorqueMax => Value::Range(ranges.torque.max),
+        }
+    }
+
+    fn feedback(&self) -> Feedback {
+        Feedback {
+            position: self.position,
+            velocity: self.velocity,
+            torque: self.torque,
+            temperature: Some(self.temperature.round_half()),
+            voltage: Some(24.0),
+            state: self.state,
+        }
+    }
+
+    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: the torque that it gives
+    /// from now on, N m.
+    pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        (self.position, self.velocity) = (position, velocity);
+        let dt = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
+        self.stepped_ns = now_ns;
+        let limit = self.codec.ranges.torque.max;
+        let goal = SURROUNDINGS + RISE * (self.torque / limit).powi(2);
+        self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
+        let silent_ns = now_ns.saturating_sub(self.commanded_ns);
+        if self.is_enabled() && self.watchdog_ns.is_some_and(|watchdog| silent_ns >= watchdog) {
+            self.state = State::Fault(Fault::CommunicationLost);
+            self.watchdog_trips += 1;
+        }
+        if self.is_enabled() && self.temperature > TOO_HOT {
+            self.state = State::Fault(Fault::HotMotor);
+        }
+        let mit::Command { position: p, velocity: v, kp, kd, torque } = self.command;
+        let wanted = kp * (p - position) + kd * (v - velocity) + torque;
+        self.torque = if self.is_enabled() { wanted.clamp(-limit, limit) } else { 0.0 };
+        self.torque
+    }
+}
+
+trait RoundHalf {
+    fn round_half(self) -> f64;
+}
+
+impl RoundHalf for f64 {
+    /// To the nearest whole number; of numbers that fit into 32 bits.
+    fn round_half(self) -> f64 {
+        f64::from((self + 0.5) as i32)
+    }
+}

@@ -1,0 +1,226 @@
+//! The adapter against simulated drives on a simulated bus, without a runtime.
+
+use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::bus::simulated::Event;
+use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Table};
+
+const CYCLE_NS: u64 = 1_000_000;
+const DELAY_NS: u64 = 50_000;
+
+/// What befalls the answers of a drive: the answers in its place, with their delays.
+type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
+
+/// Two drives on a bus, and the adapter.
+struct Rig {
+    adapter: Adapter,
+    bus: SimulatedBus,
+    drives: Vec<SimulatedDrive>,
+    cycle: u64,
+    befalls: Befalls,
+}
+
+fn table() -> Table {
+    let drive = |joint: &str, node: u8| {
+        format!(
+            "[[drive]]\njoint = \"{joint}\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = {node}\nwatchdog = \"5 ms\"\n\
+             ranges = {{ position = 12.5, velocity = 30.0, torque = 10.0 }}\nratio = 2.0\n"
+        )
+    };
+    let bus = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n";
+    Table::parse(&format!("{bus}{}{}", drive("a", 1), drive("b", 2))).unwrap()
+}
+
+fn well(_: u64, answer: Frame) -> Vec<(Frame, u64)> {
+    vec![(answer, 0)]
+}
+
+impl Rig {
+    fn new(befalls: Befalls) -> Self {
+        let table = table();
+        let drive = |index| SimulatedDrive::new(table.drive(index), Some(5_000_000));
+        Self {
+            adapter: Adapter::new(&table, &[0, 1], &[0.3, 0.3], OnTrip::Damp),
+            bus: SimulatedBus::new(table.rates(0), 3, 64),
+            drives: vec![drive(0), drive(1)],
+            cycle: 0,
+            befalls,
+        }
+    }
+
+    /// Runs cycles: the adapter sends, the bus goes on for a cycle, drives answer and step, the adapter collects.
+    fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            let begin_ns = self.cycle * CYCLE_NS;
+            let mut frames = Vec::new();
+            self.adapter.write(0, &mut frames);
+            frames.iter().for_each(|frame| assert!(self.bus.enqueue(0, *frame, begin_ns)));
+            self.adapter.sent(0, frames.len(), begin_ns);
+            while let Some(event) = self.bus.next(begin_ns + CYCLE_NS) {
+                let Event::Delivered { sender, frame, time_ns } = event else { continue };
+                if sender > 0 {
+                    self.adapter.take(0, &Received { frame, time_ns });
+                    continue;
+                }
+                for (index, drive) in self.drives.iter_mut().enumerate() {
+                    let Some(answer) = drive.receive(&frame, time_ns) else { continue };
+                    // the first drive is the one that something befalls
+                    let answers =
+                        if index == 0 { (self.befalls)(self.cycle, answer) } else { well(0, answer) };
+                    for (answer, late_ns) in answers {
+                        self.bus.enqueue(index + 1, answer, time_ns + DELAY_NS + late_ns);
+                    }
+                }
+            }
+            self.drives.iter_mut().for_each(|drive| {
+                drive.step(1.0, 0.0, begin_ns + CYCLE_NS);
+            });
+            self.adapter.end_cycle(true);
+            self.cycle += 1;
+        }
+    }
+
+    fn phases(&self) -> Vec<Phase> {
+        self.adapter.links().iter().map(|link| link.phase()).collect()
+    }
+
+    fn counts(&self) -> motorium_can::adapter::Counts {
+        *self.adapter.links()[0].counts()
+    }
+}
+
+#[test]
+fn drives_are_checked_then_asked_for_their_state_then_enabled_together() {
+    let mut rig = Rig::new(well);
+    rig.run(3);
+    assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting a cycle");
+    rig.run(1);
+    assert_eq!(rig.phases(), [Phase::Disabled; 2]);
+    rig.run(2);
+    assert_eq!(rig.phases(), [Phase::Enabled; 2]);
+    rig.run(1000);
+    assert_eq!(rig.counts().missing, 0);
+    let (position, ..) = rig.adapter.links()[0].state();
+    assert!((position - 0.5).abs() < 25.0 / 65535.0 / 2.0, "{position} rad behind a gear of 2");
+}
+
+#[test]
+fn a_command_reaches_the_drive_through_the_gear() {
+    let mut rig = Rig::new(well);
+    rig.run(10);
+    rig.adapter.set(0, Setpoint { effort: 6.0, ..Setpoint::default() });
+    rig.run(2);
+    let torque = rig.drives[0].step(1.0, 0.0, rig.cycle * CYCLE_NS);
+    assert!((torque - 3.0).abs() <= Range::symmetric(10.0).resolution(12), "{torque} N m");
+}
+
+#[test]
+fn a_drive_that_falls_silent_is_lost_in_the_third_cycle_and_trips_the_adapter() {
+    for from in [20, 57, 200] {
+        let mut rig = Rig::new(match from {
+            20 => |cycle, answer| if cycle < 20 { well(0, answer) } else { vec![] },
+            57 => |cycle, answer| if cycle < 57 { well(0, answer) } else { vec![] },
+            _ => |cycle, answer| if cycle < 200 { well(0, answer) } else { vec![] },
+        });
+        rig.run(from + 2);
+        assert!(!rig.adapter.has_tripped() && rig.adapter.is_complete());
+        rig.run(1);
+        assert!(rig.adapter.has_tripped() && !rig.adapter.is_complete());
+        assert_eq!((rig.counts().lost_in, rig.counts().missing), (Some(from + 3), 3));
+    }
+}
+
+#[test]
+fn an_answer_that_comes_a_cycle_late_is_counted_as_late_and_its_cycle_as_missing() {
+    let mut rig = Rig::new(|cycle, answer| match cycle {
+        50 => vec![(answer, 800_000)],
+        _ => vec![(answer, 0)],
+    });
+    rig.run(100);
+    let counts = rig.counts();
+    assert_eq!((counts.late, counts.missing, counts.duplicate, counts.lost), (1, 1, 0, 0));
+}
+
+#[test]
+fn second_answers_are_counted_and_not_taken() {
+    let mut rig = Rig::new(|cycle, answer| if cycle == 50 { vec![(answer, 0); 2] } else { well(0, answer) });
+    rig.run(100);
+    assert_eq!((rig.counts().duplicate, rig.counts().missing), (1, 0));
+}
+
+#[test]
+fn answers_of_a_wrong_length_or_state_are_counted_and_never_become_a_state() {
+    let mut rig = Rig::new(|cycle, answer| match cycle {
+        50 => vec![(Frame::classic(answer.id, &answer.data()[..7]), 0)],
+        // the state 5, which there is not, and a position far away
+        51 => vec![(Frame::classic(answer.id, &[0x51, 0xff, 0xff, 0, 0, 0, 0, 0]), 0)],
+        _ => well(0, answer),
+    });
+    rig.run(52);
+    assert_eq!((rig.counts().refused, rig.counts().missing), (2, 2));
+    assert!((rig.adapter.links()[0].state().0 - 0.5).abs() < 1e-3);
+}
+
+#[test]
+fn frames_of_a_stranger_are_counted_apart() {
+    let mut rig = Rig::new(well);
+    let stranger = Received { frame: Frame::classic(Id::Standard(0x321), &[0; 8]), time_ns: 0 };
+    rig.adapter.take(0, &stranger);
+    assert_eq!((rig.adapter.stray(), rig.counts().refused), (1, 0));
+}
+
+#[test]
+fn a_wrong_range_or_watchdog_keeps_all_drives_disabled() {
+    for wrong_watchdog in [false, true] {
+        let mut rig = Rig::new(well);
+        let mut codec = *rig.drives[0].codec();
+        if !wrong_watchdog {
+            codec.ranges.torque = Range::symmetric(5.0);
+        }
+        rig.drives[0] = SimulatedDrive::new(codec, if wrong_watchdog { None } else { Some(5_000_000) });
+        rig.run(100);
+        assert!(!rig.drives.iter().any(SimulatedDrive::is_enabled));
+        let (joint, wrong) = rig.adapter.wrong_setting().unwrap();
+        assert_eq!((joint, matches!(wrong, WrongSetting::Watchdog { .. })), (0, wrong_watchdog));
+    }
+}
+
+#[test]
+fn drives_let_go_within_the_time_of_their_watchdog_once_nobody_commands_them() {
+    let mut rig = Rig::new(well);
+    rig.run(20);
+    assert!(rig.drives.iter().all(SimulatedDrive::is_enabled));
+    let killed_ns = rig.cycle * CYCLE_NS;
+    for time_ns in (killed_ns..killed_ns + 5_000_000).step_by(250_000) {
+        rig.drives.iter_mut().for_each(|drive| {
+            drive.step(1.0, 0.0, time_ns);
+        });
+    }
+    assert!(!rig.drives.iter().any(SimulatedDrive::is_enabled));
+    assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1));
+}
+
+#[test]
+fn a_drive_that_lets_go_trips_the_adapter_until_it_is_resumed_and_all_follow_again() {
+    let mut rig = Rig::new(well);
+    rig.run(20);
+    rig.drives[0].cut_power();
+    rig.run(2);
+    assert!(rig.adapter.has_tripped());
+    rig.run(100);
+    assert!(rig.adapter.has_tripped() && !rig.drives[0].is_enabled(), "it does not come back by itself");
+    rig.adapter.resume();
+    rig.run(10);
+    assert_eq!(rig.phases(), [Phase::Enabled; 2]);
+}
+
+#[test]
+fn the_others_are_damped_while_the_adapter_has_tripped() {
+    let mut rig = Rig::new(|cycle, answer| if cycle < 20 { well(0, answer) } else { vec![] });
+    rig.adapter.set(1, Setpoint { effort: 6.0, ..Setpoint::default() });
+    rig.run(30);
+    let (still, moving) =
+        (rig.drives[1].step(1.0, 0.0, 30 * CYCLE_NS), rig.drives[1].step(1.0, 4.0, 30 * CYCLE_NS));
+    assert!(still.abs() < 0.01, "no effort at rest: {still} N m");
+    // 0.3 N m s/rad at the joint are 0.075 behind a gear of 2
+    assert!((moving + 0.3).abs() < 0.02, "{moving} N m");
+}

@@ -1,0 +1,75 @@
+//! The drive table: what it accepts, and what it says of mistakes.
+
+use motorium_can::{Budget, Table};
+
+const BUS: &str = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n";
+
+fn drive(joint: &str, node: u8, more: &str) -> String {
+    let ranges = "{ position = 12.5, velocity = 30.0, torque = 10.0 }";
+    format!(
+        "[[drive]]\njoint = \"{joint}\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = {node}\nwatchdog = \"20 ms\"\n\
+         ranges = {ranges}\n{more}\n"
+    )
+}
+
+fn refused(text: &str) -> (Option<usize>, String) {
+    let error = Table::parse(text).unwrap_err();
+    (error.line, error.message)
+}
+
+#[test]
+fn a_drive_turns_its_joint_by_the_gear_between_them() {
+    let table = format!("{BUS}{}", drive("a", 1, "ratio = 4.0\nreversed = true\noffset = 0.5"));
+    let gear = Table::parse(&table).unwrap().transmission(0);
+    assert_eq!((gear.to_drive(1.5), gear.to_joint(-4.0)), (-4.0, 1.5));
+}
+
+#[test]
+fn mistakes_are_named_with_their_line() {
+    let missing = "[[drive]]\njoint = \"a\"\n";
+    assert_eq!(refused(&format!("{BUS}{missing}")).0, Some(4));
+    let twice = format!("{BUS}{}{}", drive("a", 1, ""), drive("b", 1, ""));
+    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 stands on that bus twice".into()));
+    let nowhere = format!("{BUS}{}", drive("a", 1, "").replace("can0", "can7"));
+    assert_eq!(refused(&nowhere).1, "drive of `a`: no bus is named `can7`");
+    let gains = format!("{BUS}{}", drive("a", 1, "").replace("torque = 10.0", "torque = 10.0, kp = 900.0"));
+    assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive end at 500 and 5");
+    let key = format!("{BUS}{}", drive("a", 1, "torqe = 2"));
+    assert!(refused(&key).1.contains("torqe"));
+}
+
+#[test]
+fn joints_and_drives_must_match_one_to_one() {
+    let table = Table::parse(&format!("{BUS}{}", drive("a", 1, ""))).unwrap();
+    assert_eq!(table.of_joints(&["a".into()]), Ok(vec![0]));
+    let missing = table.of_joints(&["a".into(), "b".into()]).unwrap_err();
+    assert_eq!(missing.message, "joint `b` has no drive");
+    assert!(table.of_joints(&["b".into()]).unwrap_err().message.contains("no joint `a`"));
+}
+
+#[test]
+fn the_budget_counts_as_many_joints_as_the_published_table() {
+    for (rate, joints) in [(1000, 2), (500, 5), (250, 11), (100, 29)] {
+        let drives: String = (1..=joints.min(15)).map(|node| drive(&format!("j{node}"), node, "")).collect();
+        let budget = Table::parse(&format!("{BUS}{drives}")).unwrap().budget(0, 1_000_000_000 / rate);
+        let exchange = budget.exchanges[0];
+        let share = |count: usize| Budget { exchanges: vec![exchange; count], ..budget.clone() }.share();
+        assert!(
+            share(joints.into()) <= Budget::COMFORTABLE
+                && share(usize::from(joints) + 1) > Budget::COMFORTABLE
+        );
+    }
+}
+
+#[test]
+fn the_arithmetic_stands_in_the_words_of_the_budget() {
+    let text: String = (1..=4).map(|node| drive(&format!("j{node}"), node, "")).collect();
+    let budget = Table::parse(&format!("{BUS}{text}")).unwrap().budget(0, 1_000_000);
+    assert!(!budget.fits());
+    assert_eq!(
+        budget.to_string(),
+        "4 x (135 + 135 bits) with the most stuffing = 1080 us at 1000 kbit/s, + 100 us turn-round = 1180 us of 1000 us \
+         (108 % load)"
+    );
+    assert_eq!(budget.most(), 3);
+}

@@ -1,0 +1,55 @@
+//! `graphs/panda-can-sim.toml` as a user runs it: the arm behind simulated buses and drives, in lockstep.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The report of a run of ten simulated seconds.
+fn run(graph: &str, arguments: &[&str]) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_motorium"))
+        .args(["run", graph, "--clock", "lockstep", "--for", "10s", "--json", "--hosting", "threads"])
+        .args(arguments)
+        .current_dir(workspace())
+        .output()
+        .expect("the command starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{graph}: {errors}");
+    serde_json::from_slice(&output.stdout).expect("a report")
+}
+
+#[test]
+fn the_arm_follows_its_goals_through_the_buses_nearly_as_well_as_without_them() {
+    let with = run("graphs/panda-can-sim.toml", &[]);
+    let without = run("graphs/panda-reach.toml", &[]);
+    let error =
+        |report: &Value| report["results"]["controller"]["position_error_m"].as_f64().expect("a number");
+    assert!(error(&with) <= 1.2 * error(&without), "{} m and {} m", error(&with), error(&without));
+    assert_eq!(with["results"]["controller"]["goals_missed"], 0);
+    let adapter = &with["results"]["adapter"];
+    assert_eq!(adapter["cycles"], 10_000);
+    assert_eq!((&adapter["missing_replies"], &adapter["late_replies"]), (&Value::from(0), &Value::from(0)));
+    let load = adapter["bus_load"].as_f64().expect("a number");
+    // two drives of at most 270 bits and at least 222 in a cycle of 1000
+    assert!((0.44..0.54).contains(&load), "{load}");
+    assert_eq!(adapter["joints"].as_object().map(serde_json::Map::len), Some(8));
+    for component in with["components"].as_array().expect("a list") {
+        assert_eq!(component["allocations"], 0, "{component}");
+    }
+}
+
+#[test]
+fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
+    let faults = r#"component.drives.config.faults=[{ at = "2 s", lasts = "2 ms", kind = "silent", joint = "panda_joint4" }]"#;
+    let arguments = ["--set", faults, "--set", "component.drives.config.jitter=\"30 us\""];
+    let (one, two) =
+        (run("graphs/panda-can-sim.toml", &arguments), run("graphs/panda-can-sim.toml", &arguments));
+    assert!(one["state_hash"].is_string());
+    assert_eq!(one["state_hash"], two["state_hash"]);
+    assert_eq!(one["results"]["adapter"]["joints"]["panda_joint4"]["missing_replies"], 2);
+    assert_eq!(one["results"]["adapter"]["tripped"], false);
+}
