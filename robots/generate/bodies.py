@@ -26,6 +26,8 @@ class Solid:
     rpy: tuple = (0.0, 0.0, 0.0)
     mass: float = 0.0
     colour: str = "white"
+    # a tyre with a crown: it touches as a sphere of its radius, at one point
+    crowned: bool = False
 
     def inertia(self):
         """About its centre, its own axes."""
@@ -39,6 +41,11 @@ class Solid:
         across = mass * (3 * radius * radius + length * length) / 12
         return diagonal(across, across, mass * radius * radius / 2)
 
+    def collision(self):
+        if self.crowned:
+            return f'{origin(self.at, (0, 0, 0))}<geometry><sphere radius="{number(self.size[0])}"/></geometry>'
+        return f"{origin(self.at, self.rpy)}<geometry>{self.geometry()}</geometry>"
+
     def geometry(self):
         if self.kind == "box":
             return f'<box size="{numbers(self.size)}"/>'
@@ -51,8 +58,8 @@ def box(size, at=(0, 0, 0), mass=0.0, colour="white", rpy=(0, 0, 0)):
     return Solid("box", size, at, rpy, mass, colour)
 
 
-def cylinder(radius, length, at=(0, 0, 0), rpy=(0, 0, 0), mass=0.0, colour="white"):
-    return Solid("cylinder", (radius, length), at, rpy, mass, colour)
+def cylinder(radius, length, at=(0, 0, 0), rpy=(0, 0, 0), mass=0.0, colour="white", crowned=False):
+    return Solid("cylinder", (radius, length), at, rpy, mass, colour, crowned)
 
 
 def sphere(radius, at=(0, 0, 0), mass=0.0, colour="white"):
@@ -231,7 +238,7 @@ def link_lines(link):
     for solid in link.solids:
         body = f"{origin(solid.at, solid.rpy)}<geometry>{solid.geometry()}</geometry>"
         lines.append(f'    <visual>{body}<material name="{solid.colour}"/></visual>')
-        lines.append(f"    <collision>{body}</collision>")
+        lines.append(f"    <collision>{solid.collision()}</collision>")
     return lines + ["  </link>"]
 
 

@@ -77,6 +77,8 @@ class Profile:
                 lines.append(f"radius = {value(foot['radius'])}")
             if "sole" in foot:
                 lines.append(f"sole = [{', '.join(value(side) for side in foot['sole'])}]")
+            if "friction" in foot:
+                lines.append(f"friction = {value(foot['friction'])}")
         if self.mobile_base:
             lines += ["", "[mobile_base]"]
             for key, entry in self.mobile_base.items():

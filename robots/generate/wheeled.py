@@ -17,7 +17,7 @@ the wheels' centres, x ahead.
 
 Size (138 x 178 x 192 mm), mass (1 kg), wheels (radius 33 mm, 160 mm apart), speed (0.22 m/s): ROBOTIS e-Manual,
   TurtleBot3 Burger. Torque of the wheels (1.4 N m): ROBOTIS e-Manual, XL430-W250.
-Bodies of even density.
+Bodies of even density. The tyres have a crown: each touches the ground in its middle.
 """,
     )
     radius, track, caster = 0.033, 0.16, 0.0075
@@ -32,7 +32,7 @@ Bodies of even density.
         robot.joint(
             f"{side}_wheel", "continuous", "base", f"{side}_wheel_link", at=(0, out * track / 2, 0), axis=(0, 1, 0), velocity=6.67, effort=1.4
         )
-        robot.link(f"{side}_wheel_link", cylinder(radius, 0.018, rpy=ALONG_Y, mass=0.0285, colour="blue"))
+        robot.link(f"{side}_wheel_link", cylinder(radius, 0.018, rpy=ALONG_Y, mass=0.0285, colour="blue", crowned=True))
         wheels.append(f"{side}_wheel")
     robot.joint("caster_joint", "fixed", "base", "caster", at=(-0.081, 0, caster - radius))
     robot.link("caster", sphere(caster, mass=0.013, colour="grey"))
@@ -44,7 +44,7 @@ Bodies of even density.
         poses={"parked": {}},
         speed_gains={wheel: 0.05 for wheel in wheels},
         floating=True,
-        feet={"caster": {"frame": "caster", "radius": caster}},
+        feet={"caster": {"frame": "caster", "radius": caster, "friction": 0.0}},
         mobile_base={"drive": "differential", "frame": "base", "wheels": wheels, "wheel_radius": radius, "track": track},
     )
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::program::{complaint, json, printed, run as command};
+use crate::program::{complaint, completed, json, printed, run as command};
 use crate::support::{Run, machine, signal, workspace};
 
 #[test]
@@ -18,6 +18,14 @@ fn a_component_that_is_killed_by_hand_comes_back_and_the_run_is_found_by_its_nam
     );
     assert!(run.folder.id().starts_with("killed-by-hand-"), "{}", run.folder.id());
 
+    // another run of this user may be the newest: of all that are offered, ours is one
+    assert!(completed(&["topic", "list", "--run", "killed-"]).iter().any(|id| id == run.folder.id()));
+    let newest = printed(&["topic", "list", "--json"]).contains("panda/joint_command");
+    if newest {
+        assert_eq!(completed(&["topic", "echo", "panda/joint_c"]), ["panda/joint_command"]);
+        assert!(completed(&["param", "get", "policy."]).contains(&"policy.speed".to_string()));
+        assert_eq!(completed(&["kill", run.folder.id(), "contr"]), ["controller"]);
+    }
     let told = complaint(&["kill", "killed-by-hand", "polisy"]);
     assert!(told.contains("did you mean `policy`?"), "{told}");
     let killed = json(&["kill", "killed-by-hand", "policy", "--json"]);

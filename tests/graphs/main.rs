@@ -14,6 +14,7 @@ mod feeding;
 mod gaits;
 mod hangs;
 mod looking_on;
+mod moves;
 mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;

@@ -2,6 +2,7 @@
 
 mod chart;
 mod commands;
+mod complete;
 mod draw;
 mod exit;
 mod gate;
@@ -64,6 +65,8 @@ pub fn main() -> ExitCode {
         return role.run();
     }
     motorium::transport::quieten();
+    // Where a shell asks for completions, they are printed, and that is all.
+    clap_complete::CompleteEnv::with_factory(command).complete();
     let command = commands::Cli::parse();
     match command.run() {
         Ok(code) => code,

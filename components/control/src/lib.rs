@@ -14,6 +14,8 @@
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
+//! Bases move by [`wheels`], robots on rotors by [`multirotor`].
+//!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
 //! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`,
 //! puts it behind topics.
@@ -63,10 +65,12 @@ mod goals;
 mod ik;
 mod levels;
 pub mod limits;
+pub mod multirotor;
 mod setpoint;
 pub mod solver;
 mod state;
 pub mod tasks;
+pub mod wheels;
 
 pub use component::*;
 pub use feed_forward::FeedForward;

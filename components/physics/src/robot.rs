@@ -1,5 +1,7 @@
 //! The simulated robot: the part of a simulation that does not depend on the engine.
 
+use std::collections::BTreeMap;
+
 use motorium_robots::{Kinematics, Loaded, Model, Srdf, UnknownFrame};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -17,16 +19,19 @@ pub struct RobotSetup {
     pub rotors: Vec<RotorDrive>,
     /// Pairs of links that never touch one another, and exceptions from the engine's own rules.
     pub collision_rules: Srdf,
+    /// Coefficients of friction of links whose surface is not as that of the others.
+    pub friction: BTreeMap<String, f64>,
 }
 
 impl From<Model> for RobotSetup {
     fn from(model: Model) -> Self {
-        Self { model, rotors: Vec::new(), collision_rules: Srdf::default() }
+        Self { model, rotors: Vec::new(), collision_rules: Srdf::default(), friction: BTreeMap::new() }
     }
 }
 
 impl RobotSetup {
-    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only.
+    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only; the friction of its
+    /// feet is that of the profile, too.
     ///
     /// # Errors
     ///
@@ -37,7 +42,9 @@ impl RobotSetup {
             Some(profile) if model.base().floating => RotorDrive::of(&model, profile)?,
             _ => Vec::new(),
         };
-        Ok(Self { model, rotors, collision_rules: robot.exclusions.clone() })
+        let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
+        let friction = feet.filter_map(|foot| Some((foot.frame.clone(), foot.friction?))).collect();
+        Ok(Self { model, rotors, collision_rules: robot.exclusions.clone(), friction })
     }
 }
 

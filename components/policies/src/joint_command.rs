@@ -207,6 +207,14 @@ impl JointCommandWriter {
         self.v[self.driven.joints[place]]
     }
 
+    /// Takes positions of the joints that are moved to the nearest within their limits.
+    pub(crate) fn limit(&self, positions: &mut [f64]) {
+        let model = &self.driven.model;
+        for (position, joint) in positions.iter_mut().zip(&self.driven.joints) {
+            *position = position.max(model.lower()[*joint]).min(model.upper()[*joint]);
+        }
+    }
+
     /// Commands the setpoints (and their rates, per second) of the joints that are moved.
     pub(crate) fn command(&mut self, dt: f64, setpoint: &[f64], rate: &[f64]) -> Result<(), StepError> {
         if !self.is_found {

@@ -6,6 +6,8 @@
 //! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
+//! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`], and `policy.home`, [`HomePolicy`] | joints through waypoints, within limits |
+//! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a base on wheels through poses in the plane |
 //!
 //! The models themselves are plain libraries without the runtime: `motorium_primitives` and `motorium_library`.
 //!
@@ -30,6 +32,8 @@ mod joint_command;
 pub mod library;
 pub mod promp;
 mod robot;
+pub mod trajectory;
+pub mod waypoints;
 
 use motorium::worker::Kind;
 
@@ -38,6 +42,8 @@ pub use dmp::DmpPolicy;
 pub use joint_command::JointCommandConfig;
 pub use library::LibraryPolicy;
 pub use promp::ProMpPolicy;
+pub use trajectory::{HomePolicy, TrajectoryPolicy};
+pub use waypoints::WaypointsPolicy;
 
 /// The kinds of this crate, for a program that hosts them.
 ///
@@ -45,6 +51,14 @@ pub use promp::ProMpPolicy;
 /// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"policy.dmp"));
 /// ```
-pub fn kinds() -> [Kind; 4] {
-    [Kind::of::<CpgPolicy>(), Kind::of::<DmpPolicy>(), Kind::of::<ProMpPolicy>(), Kind::of::<LibraryPolicy>()]
+pub fn kinds() -> [Kind; 7] {
+    [
+        Kind::of::<CpgPolicy>(),
+        Kind::of::<DmpPolicy>(),
+        Kind::of::<ProMpPolicy>(),
+        Kind::of::<LibraryPolicy>(),
+        Kind::of::<WaypointsPolicy>(),
+        Kind::of::<TrajectoryPolicy>(),
+        Kind::of::<HomePolicy>(),
+    ]
 }

@@ -7,6 +7,8 @@
 //! - [`cpg`]: central pattern generators and gaits.
 //! - [`regression`]: linear and polynomial policies.
 //! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
+//! - [`profile`]: motion from rest to rest within limits of velocity, acceleration and jerk.
+//! - [`route`]: a base led through poses in the plane.
 //! - [`rollout`]: movements of a primitive in evenly spaced samples.
 //! - [`file`]: primitives in files.
 //!
@@ -35,10 +37,12 @@ pub mod dmp;
 pub mod file;
 pub mod gmm;
 pub mod kmp;
+pub mod profile;
 pub mod promp;
 pub mod reach;
 pub mod regression;
 pub mod rollout;
+pub mod route;
 mod value;
 
 pub use value::ValueError;

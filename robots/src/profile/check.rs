@@ -46,6 +46,13 @@ impl Profile {
             positive(&format!("max_thrust of rotor \"{name}\""), rotor.max_thrust)?;
             positive(&format!("torque_per_thrust of rotor \"{name}\""), rotor.torque_per_thrust)?;
         }
+        for (name, foot) in &self.feet {
+            if let Some(found) = foot.friction.filter(|friction| !(friction.is_finite() && *friction >= 0.0))
+            {
+                let (what, expected) = (format!("friction of foot \"{name}\""), "at least 0");
+                return Err(ProfileError::Value { what, found: found.to_string(), expected });
+            }
+        }
         self.check_drive()
     }
 

@@ -59,6 +59,9 @@ pub struct Foot {
     pub radius: Option<f64>,
     /// Sides along the frame's x and y of a flat sole centred on its origin \[m\].
     pub sole: Option<[f64; 2]>,
+    /// Coefficient of friction of its surface, for simulators: 0 for a ball that rolls in a socket. Without it that of the
+    /// robot.
+    pub friction: Option<f64>,
 }
 
 /// Steering of a mobile base.

@@ -31,7 +31,7 @@ pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Reward, Weights};
-pub use motion::{BaseState, ImuSample, Phase, PoseTarget, TwistTarget, Wrench};
+pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
 pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};

@@ -19,7 +19,8 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// The target velocity of a frame, expressed in the world frame.
+    /// The target velocity of a frame, in the axes of the world unless its reader says otherwise: `control.wheels` takes
+    /// it in the axes of the base.
     ///
     /// ```
     /// use motorium::state::TwistTarget;
@@ -49,6 +50,31 @@ crate::state_buffer! {
         pub linear_velocity: [f64; 3],
         /// Angular velocity, in the axes of the base, rad/s.
         pub angular_velocity: [f64; 3],
+    }
+}
+
+crate::state_buffer! {
+    /// Pose and velocity of a base in the plane, as its wheels tell them, and how uncertain the pose is.
+    ///
+    /// ```
+    /// use motorium::state::Odometry;
+    ///
+    /// let odometry = Odometry { covariance: [4e-4, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-4], ..Odometry::default() };
+    /// assert_eq!(odometry.covariance[0].sqrt(), 0.02); // standard deviation along x, m
+    /// ```
+    pub struct Odometry as "motorium.Odometry" {
+        /// Position of the base frame's origin along x and y of the world, m.
+        pub position: [f64; 2],
+        /// Angle about z of the world, counted over whole turns, rad.
+        pub yaw: f64,
+        /// Velocity of the base frame's origin along x and y of the base, m/s.
+        pub velocity: [f64; 2],
+        /// Rate of the angle, rad/s.
+        pub yaw_rate: f64,
+        /// Covariance of x, y and yaw, row by row, m^2, m rad and rad^2.
+        pub covariance: [f64; 9],
+        /// Length of the way so far, m.
+        pub distance: f64,
     }
 }
 

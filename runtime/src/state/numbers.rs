@@ -3,8 +3,8 @@
 
 use super::{
     Action, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, Controls, EmergencyStop, Event, ImageInfo,
-    ImuSample, JointCommand, JointState, ObjectPoses, Observation, Phase, PoseTarget, Reward, StateBuffer,
-    Text, TwistTarget, TypeLayout, Weights, Wrench,
+    ImuSample, JointCommand, JointState, ObjectPoses, Observation, Odometry, Phase, PoseTarget, Reward,
+    StateBuffer, Text, TwistTarget, TypeLayout, Weights, Wrench,
 };
 
 macro_rules! numbers {
@@ -74,6 +74,7 @@ numbers! {
     20 Controls,
     21 Text,
     22 Event,
+    23 Odometry,
 }
 
 #[cfg(test)]

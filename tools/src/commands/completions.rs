@@ -2,13 +2,16 @@
 
 use std::process::ExitCode;
 
-use clap::CommandFactory as _;
+use anyhow::Context as _;
 use clap_complete::Shell;
+use clap_complete::env::Shells;
 
-use super::Cli;
 use crate::out::out;
 
 /// Print a completion script for a shell.
+///
+/// The script asks `motorium` itself, which completes commands, options and their values, graphs, robots and kinds, and of
+/// the newest run topics, components and parameters.
 ///
 /// Example: motorium completions bash > ~/.local/share/bash-completion/completions/motorium
 #[derive(Debug, clap::Args)]
@@ -20,8 +23,11 @@ pub(crate) struct Completions {
 
 impl Completions {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let name = self.shell.to_string();
+        let shells = Shells::builtins();
+        let completer = shells.completer(&name).with_context(|| format!("no completions for {name}"))?;
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Cli::command(), "motorium", &mut script);
+        completer.write_registration("COMPLETE", "motorium", "motorium", "motorium", &mut script)?;
         out!("{}", String::from_utf8_lossy(&script));
         Ok(ExitCode::SUCCESS)
     }

@@ -21,11 +21,11 @@ use crate::style;
 /// Example: motorium events --follow --severity warning
 #[derive(Debug, clap::Args)]
 pub(crate) struct Events {
-    /// Run to show: its id, the beginning of it, or the name of its graph. Not needed when only one runs
-    #[arg(value_name = "RUN")]
+    /// Run to show: its id, the beginning of it, or the name of its graph; the newest if not given
+    #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
     /// The same, as in other commands
-    #[arg(long = "run", value_name = "ID", conflicts_with = "name")]
+    #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
     /// Show further events as they come, until the run is over
     #[arg(long, short)]
@@ -37,7 +37,7 @@ pub(crate) struct Events {
     #[arg(long, short, value_enum, default_value_t = Severity::Information, hide_default_value = true)]
     severity: Severity,
     /// Show events of this component
-    #[arg(long, short, value_name = "NAME")]
+    #[arg(long, short, value_name = "NAME", add = crate::complete::components())]
     component: Option<String>,
     /// Show events of this kind, such as `restarted`; may be repeated
     #[arg(long, short, value_name = "KIND", value_parser = kind)]

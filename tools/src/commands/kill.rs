@@ -26,10 +26,10 @@ const END_WITHIN: Duration = Duration::from_secs(5);
 #[derive(Debug, clap::Args)]
 pub(crate) struct Kill {
     /// The run: its id, the beginning of it, or the name of its graph
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "RUN", add = crate::complete::runs())]
     run: String,
     /// The component
-    #[arg(value_name = "COMPONENT")]
+    #[arg(value_name = "COMPONENT", add = crate::complete::components())]
     component: String,
     /// What is sent: SIGKILL, SIGTERM, which a component obeys in good order, SIGSTOP or SIGCONT
     #[arg(long, value_enum, default_value_t = Choice::Kill)]

@@ -4,13 +4,12 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::ValueHint;
 use motorium::graph::{self, Checked, Machine, Override};
 use motorium::worker::Registry;
 
 use super::examples;
-use crate::exit;
 use crate::out::{errln, outln};
+use crate::{complete, exit};
 
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
@@ -21,14 +20,14 @@ const DEFAULT_EXAMPLE: &str = "panda-reach";
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
     /// The graph file; graphs/panda-reach.toml if not given
-    #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true, value_hint = ValueHint::FilePath)]
+    #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true, add = complete::graphs())]
     pub(crate) graph: PathBuf,
     /// A graph that comes with motorium: draw-letter, panda-reach, quadruped-trot or two-arms
     #[arg(long, value_name = "NAME", conflicts_with = "graph", value_parser = examples::names(),
           hide_possible_values = true)]
     pub(crate) example: Option<String>,
     /// Lay a file over the graph, before `--set`: tables merge, values replace; may be repeated
-    #[arg(long = "with", value_name = "OVERLAY.toml")]
+    #[arg(long = "with", value_name = "OVERLAY.toml", add = complete::graphs())]
     pub(crate) with: Vec<PathBuf>,
     /// Set a value of the graph file, such as `controller.config.damping=1e-4`; may be repeated
     #[arg(long = "set", value_name = "COMPONENT.KEY=VALUE")]

@@ -17,7 +17,7 @@ pub(crate) use events::event_line;
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
     /// The run: its id, the beginning of it, or the name of its graph; the only one if not given, and to look at, the newest
-    #[arg(long = "run", value_name = "ID")]
+    #[arg(long = "run", value_name = "ID", add = crate::complete::runs())]
     run: Option<String>,
 }
 

@@ -4,7 +4,7 @@ use std::io::Read as _;
 
 use clap::ArgAction;
 
-use crate::program::{motorium, printed, run};
+use crate::program::{completed, motorium, printed, run};
 
 /// Every command below the program itself, with its words, such as `topic list`.
 fn commands() -> Vec<(String, clap::Command)> {
@@ -115,8 +115,30 @@ fn the_table_of_exit_codes_in_the_book_is_what_the_commands_end_with() {
 fn completions_know_the_commands_in_every_shell() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let script = printed(&["completions", shell]);
-        assert!(script.contains("doctor") && script.contains("measure"), "{shell}");
+        assert!(script.contains("COMPLETE") && script.contains("motorium"), "{shell}: {script}");
+        let mut command = motorium(&["--", "motorium", "doctor", "--mea"]);
+        command.env("COMPLETE", shell).env("_CLAP_COMPLETE_INDEX", "2").env("_CLAP_IFS", "\n");
+        let output = command.output().expect("it runs");
+        let words = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && words.contains("--measure"), "{shell}: {words}");
     }
+}
+
+#[test]
+fn completions_know_graphs_robots_kinds_and_examples() {
+    for (words, expected) in [
+        (&["doc"][..], "doctor"),
+        (&["robot", "show", "pan"], "panda"),
+        (&["kinds", "control."], "control.qp"),
+        (&["kinds", "control.qp", "--robot", "quadru"], "quadruped"),
+        (&["run", "--example", "two"], "two-arms"),
+        (&["check", "../graphs/panda-reach-r"], "../graphs/panda-reach-rapier.toml"),
+    ] {
+        let found = completed(words);
+        assert!(found.iter().any(|word| word == expected), "{words:?}: {found:?}");
+    }
+    let graphs = completed(&["check", "../graphs/broken/not-a-r"]);
+    assert!(graphs.iter().all(|word| !word.ends_with(".urdf")), "only graphs: {graphs:?}");
 }
 
 #[test]

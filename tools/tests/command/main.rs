@@ -11,6 +11,7 @@ mod primitive;
 mod program;
 mod qp;
 mod robot;
+mod robot_hulls;
 mod robot_profile;
 mod schemas;
 

@@ -52,3 +52,12 @@ pub(crate) fn complaint(arguments: &[&str]) -> String {
     assert!(output.stdout.is_empty(), "complaints do not go to standard output");
     String::from_utf8(output.stderr).expect("text")
 }
+
+/// The words that a shell is offered in place of the last one.
+pub(crate) fn completed(words: &[&str]) -> Vec<String> {
+    let mut command = motorium(&[&["--", "motorium"], words].concat());
+    let output = command.env("COMPLETE", "fish").output().expect("the program starts");
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).expect("text");
+    text.lines().filter_map(|line| line.split('\t').next()).map(str::to_string).collect()
+}

@@ -2,11 +2,15 @@
 
 mod checks;
 mod config;
+mod multirotor;
 mod setup;
 mod tasks;
+mod wheels;
 
 pub use config::{Feedback, LimitsConfig, QpControllerConfig};
+pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use tasks::*;
+pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
 use motorium::prelude::*;
 use motorium::worker::Kind;
@@ -295,6 +299,6 @@ fn period_ns(tick: &Tick) -> u64 {
 /// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"control.qp"));
 /// ```
-pub fn kinds() -> [Kind; 1] {
-    [Kind::of::<QpController>()]
+pub fn kinds() -> [Kind; 3] {
+    [Kind::of::<QpController>(), Kind::of::<WheelController>(), Kind::of::<MultirotorController>()]
 }

@@ -8,10 +8,12 @@ mod graph;
 mod inverse_kinematics;
 mod known_problems;
 mod levels;
+mod multirotor;
 mod random_problems;
 mod recorded_problems;
 mod robot;
 mod setpoint;
 mod tasks;
+mod wheels;
 
 motorium::count_allocations!();

@@ -107,7 +107,7 @@ impl Engine for Articulated {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
         let model = &robot.model;
-        let colliders = Colliders::new(model, &setup.collision_rules, world, options, warnings);
+        let colliders = Colliders::new(setup, world, options, warnings);
         Ok(Self {
             options: *options,
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),

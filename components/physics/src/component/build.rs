@@ -144,7 +144,7 @@ fn several<E: PhysicsEngine>(
         .collect();
     let model =
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
-    let setup = RobotSetup { model, rotors: Vec::new(), collision_rules: rules };
+    let setup = RobotSetup { collision_rules: rules, ..RobotSetup::from(model) };
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     E::prepare(&mut simulation, false);

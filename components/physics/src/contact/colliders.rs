@@ -1,12 +1,11 @@
 //! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, Geometry, MeshMode, Model,
-    Srdf,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, Geometry, MeshMode,
 };
 use nalgebra::{Isometry3, Vector3};
 
-use crate::{BuildWarning, ObjectShape, Options, World};
+use crate::{BuildWarning, ObjectShape, Options, RobotSetup, World};
 
 /// The part of the simulation that a collider moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,20 +51,20 @@ pub(crate) struct Colliders {
 
 impl Colliders {
     /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the robot has
-    /// no self-collision; `rules` disable and enable further pairs. Shapes that cannot be used are left out with a
+    /// no self-collision; the rules of `setup` disable and enable further pairs. Shapes that cannot be used are left out with a
     /// warning.
     pub(crate) fn new(
-        robot: &Model,
-        rules: &Srdf,
+        setup: &RobotSetup,
         world: &World,
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Self {
+        let robot = &setup.model;
         let collision_options = CollisionOptions {
             meshes: MeshMode::Outermost,
             siblings: false,
             self_collision: options.self_collision,
-            srdf: rules.clone(),
+            srdf: setup.collision_rules.clone(),
             leave_out_defects: true,
             ..CollisionOptions::default()
         };
@@ -105,7 +104,7 @@ impl Colliders {
                 let (friction, restitution) = match (object, &world.ground) {
                     (Some((_, Some(object))), _) => (object.friction, object.restitution),
                     (Some((_, None)), Some(ground)) => (ground.friction, ground.restitution),
-                    _ => (options.friction, 0.0),
+                    _ => (setup.friction.get(model.link(index)).copied().unwrap_or(options.friction), 0.0),
                 };
                 let moves_freely = matches!(owner, Owner::Object(_));
                 Collider {

@@ -73,7 +73,7 @@ impl Engine for Rapier {
                 (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
             return Err(BuildError::Option { name: "substeps", value, expected });
         }
-        let colliders = Colliders::new(model, &setup.collision_rules, world, options, warnings);
+        let colliders = Colliders::new(setup, world, options, warnings);
         for collider in &colliders.colliders {
             if rapier_shape(&collider.shape).is_none() {
                 let reason = "its mesh has no volume, which rapier needs".to_owned();

@@ -5,6 +5,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
 use super::imitation::DemonstrationConfig;
 use motorium_primitives::dmp::StoredModel;
 use motorium_primitives::reach::Repeat;
@@ -41,6 +42,15 @@ pub struct DmpPolicyConfig {
     /// Moment at which weights from the input `weights` are taken, for goals with the shape "weights". Default "step".
     #[serde(default)]
     pub take_weights: TakeWeights,
+    /// Slow-down of the movement while the end effector cannot follow. Default none.
+    #[serde(default)]
+    pub phase_stop: Option<PhaseStopConfig>,
+    /// Points that the movement steers round. Default none.
+    #[serde(default)]
+    pub obstacles: Option<ObstaclesConfig>,
+    /// Giving way to the force of the input `wrench`, as a mass would. Default none.
+    #[serde(default)]
+    pub yielding: Option<YieldingConfig>,
 }
 
 /// A pose in the world frame.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::Kinematics;
+use motorium_robots::{Kinematics, Loaded};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -117,7 +117,7 @@ fn end_effector(
         let message = format!("{channels} channels, expected the 3 of the position of an end effector");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
-    let (model, frame) = start_pose::load(robot, frame)?;
+    let (Loaded { model, .. }, frame) = start_pose::load(robot, frame)?;
     if channels != model.nq() {
         let expected = model.nq();
         return Err(wrong(format!(

@@ -1,12 +1,15 @@
 //! `policy.dmp`: moves the end effector of a robot through goals.
 
 mod config;
+mod couplings;
 mod imitation;
+mod reachable;
 mod start_pose;
 mod waypoints;
 mod weights;
 
 pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsConfig};
+pub use couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
 pub use imitation::DemonstrationConfig;
 
 use std::time::Duration;
@@ -17,6 +20,7 @@ use motorium::state::PoseTarget;
 use motorium::transport::{Output, Parameter};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
+use couplings::Couplings;
 use imitation::PathRecord;
 use motorium_primitives::reach::{PoseReach, ReachPhase};
 use start_pose::StartPose;
@@ -43,6 +47,9 @@ pub struct DmpPolicy {
     chosen: Vec<usize>,
     exchanges: u64,
     weights: Option<LiveWeights>,
+    couplings: Couplings,
+    /// Rate of the movement that the couplings leave.
+    rate: f64,
     record: PathRecord,
     /// Goals started for before a crash.
     goals_before: u64,
@@ -62,7 +69,8 @@ impl Component for DmpPolicy {
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let waypoints = Waypoints::new(config, declare.robot())?;
         waypoints.reach()?;
-        StartPose::declare(config, declare)?;
+        StartPose::declare(config, &waypoints, declare)?;
+        Couplings::declare(config, declare)?;
         LiveWeights::declare(&waypoints, config.take_weights, declare);
         declare.may_end_episodes();
         declare.output::<PoseTarget>(
@@ -93,6 +101,8 @@ impl Component for DmpPolicy {
             chosen: vec![0; waypoints.selected().len()],
             exchanges: 0,
             weights: LiveWeights::open(&waypoints, config.take_weights, setup)?,
+            couplings: Couplings::open(&config, setup)?,
+            rate: 1.0,
             record: waypoints.record(),
             reach: waypoints.reach()?,
             start_reach: waypoints.reach()?,
@@ -118,7 +128,11 @@ impl Component for DmpPolicy {
             self.begin(start)?;
         } else {
             let elapsed = tick.time_ns.saturating_sub(self.last_tick_ns.unwrap_or(tick.time_ns));
-            self.reach.step(Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP));
+            let measures = self.couplings.needs_end_effector();
+            let end_effector = if measures { self.start_pose.end_effector() } else { None };
+            self.rate = self.couplings.apply(&mut self.reach, end_effector);
+            let elapsed = Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP);
+            self.reach.step(elapsed.mul_f64(self.rate));
         }
         self.last_tick_ns = Some(tick.time_ns);
         let segment = self.reach.segment();
@@ -144,6 +158,8 @@ impl Component for DmpPolicy {
         self.record = self.waypoints.record();
         self.chosen.fill(0);
         self.weights.iter_mut().for_each(LiveWeights::reset);
+        self.couplings.reset();
+        self.rate = 1.0;
         (self.exchanges, self.goals_before, self.last_tick_ns) = (0, 0, None);
         Ok(())
     }
@@ -159,6 +175,9 @@ impl Component for DmpPolicy {
         }
         if let Some(weights) = &self.weights {
             result["weights"] = weights.result();
+        }
+        if let Some(couplings) = self.couplings.result() {
+            result["couplings"] = couplings;
         }
         if let Some(imitation) = self.record.result() {
             result["imitation"] = imitation;
@@ -206,7 +225,7 @@ impl DmpPolicy {
     }
 
     fn publish(&mut self) -> Result<(), StepError> {
-        let (pose, twist) = (self.reach.pose(), self.reach.twist());
+        let (pose, twist) = (self.reach.pose(), self.reach.twist() * self.rate);
         let at_goal = matches!(self.reach.phase(), ReachPhase::Dwelling | ReachPhase::Finished);
         let memory = Memory {
             segment: self.reach.segment(),

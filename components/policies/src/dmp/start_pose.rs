@@ -4,11 +4,12 @@ use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::JointState;
 use motorium::transport::Input;
-use motorium_robots::{FrameId, Kinematics, Model};
+use motorium_robots::{FrameId, Kinematics, Loaded, Model};
 use nalgebra::Isometry3;
 
 use super::config::DmpPolicyConfig;
-use super::waypoints;
+use super::reachable;
+use super::waypoints::{self, Waypoints};
 use crate::robot;
 
 /// The start pose of the end effector.
@@ -30,14 +31,22 @@ pub(super) struct Measured {
 
 impl StartPose {
     /// Declares the input that is needed, and checks what can be checked.
-    pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    pub(super) fn declare(
+        config: &DmpPolicyConfig,
+        waypoints: &Waypoints,
+        declare: &mut Declare,
+    ) -> Result<(), ConfigError> {
         if let Some(start) = &config.start {
-            waypoints::pose(start, "start")?;
+            let start = waypoints::pose(start, "start")?;
             if config.frame.is_some() {
                 return Err(ConfigError::key("frame", "`frame` has no effect beside a configured `start`")
                     .advise(
                         "remove `frame`, or remove `start` to begin at the measured pose of this frame",
                     ));
+            }
+            // a robot that cannot say where its end effector is says nothing about goals either
+            if let Some((loaded, frame)) = declare.robot().and_then(|robot| load(robot, None).ok()) {
+                reachable::check(waypoints, &loaded, frame, Some(&start), declare)?;
             }
             return Ok(());
         }
@@ -45,7 +54,8 @@ impl StartPose {
             ConfigError::new("no `start` is given, and the component names no robot to measure it from")
                 .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
-        load(robot, config.frame.as_deref())?;
+        let (loaded, frame) = load(robot, config.frame.as_deref())?;
+        reachable::check(waypoints, &loaded, frame, None, declare)?;
         declare.input::<JointState>(
             "joint_state",
             "joint state, read once for the start pose of the end effector",
@@ -57,7 +67,7 @@ impl StartPose {
         if let Some(start) = &config.start {
             return Ok(Self::Configured(waypoints::pose(start, "start")?));
         }
-        let (model, frame) = load(setup.robot()?, config.frame.as_deref())?;
+        let (Loaded { model, .. }, frame) = load(setup.robot()?, config.frame.as_deref())?;
         let kinematics = Kinematics::new(&model);
         Ok(Self::Measured(Box::new(Measured {
             state: setup.input("joint_state")?,
@@ -100,7 +110,10 @@ impl StartPose {
 }
 
 /// The model of a robot and the frame that is led.
-pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(Model, FrameId), ConfigError> {
+pub(super) fn load(
+    reference: &RobotReference,
+    frame: Option<&str>,
+) -> Result<(Loaded, FrameId), ConfigError> {
     let loaded = robot::load(reference)?;
     if loaded.model.base().floating {
         let message = format!(
@@ -110,5 +123,5 @@ pub(super) fn load(reference: &RobotReference, frame: Option<&str>) -> Result<(M
         return Err(ConfigError::new(message).advise("use a robot with a fixed base, or a policy of joints"));
     }
     let id = robot::end_effector(&loaded, frame, "frame")?;
-    Ok((loaded.model, id))
+    Ok((loaded, id))
 }

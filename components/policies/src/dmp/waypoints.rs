@@ -26,13 +26,14 @@ pub(super) struct Waypoints {
 
 #[derive(Debug)]
 struct Goal {
-    place: Place,
+    place: GoalPlace,
     /// None: as the goal before.
     turn: Option<UnitQuaternion<f64>>,
 }
 
-#[derive(Debug)]
-enum Place {
+/// The place of a goal.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum GoalPlace {
     At(Vector3<f64>),
     /// Relative to the goal before, in world axes.
     Beside(Vector3<f64>),
@@ -88,7 +89,7 @@ impl Waypoints {
             let shown = Demonstrated::read(config, robot, frame, &key("shape"))?;
             if let Some(approach) = config.approach {
                 let goal = Goal {
-                    place: Place::At(shown.start()),
+                    place: GoalPlace::At(shown.start()),
                     turn: shown.turns.map(|[start, _]| start).or(turn),
                 };
                 let to_start = Segment {
@@ -98,7 +99,7 @@ impl Waypoints {
                 };
                 self.push(index, goal, to_start, None);
             }
-            at = Some(Place::At(shown.end()));
+            at = Some(GoalPlace::At(shown.end()));
             turn = turn.or(shown.turns.map(|[_, end]| end));
             segment.duration = goal.duration.map_or(shown.duration, Into::into);
             segment.shape = PathShape::Learned(Box::new(shown.model));
@@ -161,6 +162,11 @@ impl Waypoints {
         }
     }
 
+    /// The places of the goals, each with the goal of the configuration it belongs to.
+    pub(super) fn places(&self) -> impl Iterator<Item = (GoalPlace, usize)> {
+        self.goals.iter().map(|goal| goal.place).zip(self.keys.iter().copied())
+    }
+
     /// The primitives that can be selected.
     pub(super) fn primitives(&self) -> &[DmpModel] {
         &self.primitives
@@ -206,8 +212,8 @@ impl Waypoints {
         let (mut place, mut turn) = (origin.translation.vector, origin.rotation);
         for (segment, goal) in self.goals.iter().enumerate() {
             place = match goal.place {
-                Place::At(position) => position,
-                Place::Beside(offset) => place + offset,
+                GoalPlace::At(position) => position,
+                GoalPlace::Beside(offset) => place + offset,
             };
             turn = goal.turn.unwrap_or(turn);
             reach.set_goal(segment, Isometry3::from_parts(Translation3::from(place), turn))?;
@@ -269,10 +275,14 @@ fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     }
 }
 
-fn goal_position(goal: &GoalConfig, table: &str, key: impl Fn(&str) -> String) -> Result<Place, ConfigError> {
+fn goal_position(
+    goal: &GoalConfig,
+    table: &str,
+    key: impl Fn(&str) -> String,
+) -> Result<GoalPlace, ConfigError> {
     match (goal.position, goal.offset) {
-        (Some(position), None) => Ok(Place::At(near(position, key("position"))?)),
-        (None, Some(offset)) => Ok(Place::Beside(near(offset, key("offset"))?)),
+        (Some(position), None) => Ok(GoalPlace::At(near(position, key("position"))?)),
+        (None, Some(offset)) => Ok(GoalPlace::Beside(near(offset, key("offset"))?)),
         (Some(_), Some(_)) => Err(ConfigError::key(key("offset"), "both `position` and `offset` are given")
             .advise("keep one of them")),
         (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(

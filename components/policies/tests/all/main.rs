@@ -1,5 +1,6 @@
 //! Integration tests of the crate, one module a subject.
 
+mod couplings;
 mod dmp;
 mod gaits;
 mod imitation;
@@ -7,3 +8,5 @@ mod joint_policies;
 mod library_policy;
 mod live_weights;
 mod support;
+mod trajectory;
+mod waypoints;

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use super::segment::{ReachError, Repeat, Segment, SteerError, numbers};
 use super::shape::unshaped;
 use super::speed::TimeScale;
-use crate::dmp::{DiscreteDmp, DmpModel, MoveError, OrientationDmp};
+use crate::dmp::{Coupling, DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 
 /// State of a reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +47,8 @@ pub struct PoseReach {
     departure: u64,
     goal: Isometry3<f64>,
     goals_set: u64,
+    /// Acceleration that pushes it off its way, m/s^2.
+    push: Vector3<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -88,6 +90,7 @@ impl PoseReach {
             departure: 0,
             goal: Isometry3::identity(),
             goals_set: 0,
+            push: Vector3::zeros(),
         })
     }
 
@@ -184,6 +187,14 @@ impl PoseReach {
         self.goal = goal;
         self.goals_set += 1;
         Ok(())
+    }
+
+    /// Pushes the position off its way by an acceleration \[m/s2\] in the steps that follow, until another is given: that of
+    /// an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). It fades with the spring of the
+    /// primitive. One that is not finite counts as none.
+    pub fn push(&mut self, acceleration: Vector3<f64>) {
+        let is_finite = acceleration.iter().all(|part| part.is_finite());
+        self.push = if is_finite { acceleration } else { Vector3::zeros() };
     }
 
     /// Advances by a step of real time.
@@ -304,7 +315,9 @@ impl PoseReach {
 
     fn advance(&mut self, nanoseconds: u64) {
         let seconds = nanoseconds as f64 * 1e-9;
-        self.segments[self.current].position.step(seconds);
+        let position = &mut self.segments[self.current].position;
+        let coupling = Coupling { acceleration: self.push.as_slice(), phase_rate: 1.0 };
+        position.step_coupled(seconds, &coupling).expect("a finite push of three dimensions");
         self.orientation.step(seconds);
     }
 

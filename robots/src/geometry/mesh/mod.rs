@@ -1,6 +1,7 @@
 //! Triangle meshes, read from STL, Wavefront OBJ and COLLADA files.
 
 mod collada;
+mod decompose;
 mod hull;
 mod obj;
 mod stl;

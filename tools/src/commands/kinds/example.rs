@@ -118,11 +118,16 @@ pub(super) fn fragment(
     let mut tables = String::new();
     for (key, direction) in [("subscribe", Direction::Input), ("publish", Direction::Output)] {
         let ports = declaration.ports.iter().filter(|port| port.direction == direction);
-        let topic = |port: &str| match robot {
-            Some(robot) => format!("\"{robot}/{port}\""),
-            None => format!("\"{port}\""),
+        // a port `ROBOT.PORT` is one key, and its topic has a name without dots
+        let wire = |port: &str| {
+            let key = if port.contains('.') { format!("{port:?}") } else { port.to_string() };
+            let topic = port.replace('.', "/");
+            match robot {
+                Some(robot) => format!("{key} = \"{robot}/{topic}\""),
+                None => format!("{key} = \"{topic}\""),
+            }
         };
-        let wires: Vec<String> = ports.map(|port| format!("{} = {}", port.name, topic(&port.name))).collect();
+        let wires: Vec<String> = ports.map(|port| wire(&port.name)).collect();
         let inline = format!("{{ {} }}", wires.join(", "));
         if !wires.is_empty() && inline.len() + 12 <= WIDTH {
             line(key, &inline);

@@ -184,9 +184,7 @@ fn kind(schema: &Json, definitions: Definitions<'_>) -> String {
         }
         "string" if schema.get("format").is_some_and(|format| format == "path") => "path".to_string(),
         // a pattern is that of a value with its unit
-        "string" if schema.get("pattern").is_some_and(|pattern| has_unit(pattern)) => {
-            "text with a unit".to_string()
-        }
+        "string" if schema.get("pattern").is_some_and(has_unit) => "text with a unit".to_string(),
         "string" => "text".to_string(),
         "integer" => "whole number".to_string(),
         "boolean" => "true or false".to_string(),
@@ -200,10 +198,14 @@ fn has_unit(pattern: &Json) -> bool {
     pattern.as_str().is_some_and(|pattern| pattern.contains("[0-9]+(\\.[0-9]*)?\\s*"))
 }
 
-fn either(mut kinds: Vec<String>) -> String {
-    let mut seen = Vec::new();
-    kinds.retain(|kind| !seen.contains(kind) && (seen.push(kind.clone()) == ()));
-    kinds.join(" or ")
+fn either(kinds: Vec<String>) -> String {
+    let mut distinct: Vec<String> = Vec::new();
+    for kind in kinds {
+        if !distinct.contains(&kind) {
+            distinct.push(kind);
+        }
+    }
+    distinct.join(" or ")
 }
 
 fn plural(kind: &str) -> String {

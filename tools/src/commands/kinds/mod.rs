@@ -25,12 +25,13 @@ use source::KindSource;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Kinds {
     /// The kind to describe, such as `policy.dmp`; all are listed if not given
+    #[arg(add = crate::complete::kinds())]
     kind: Option<String>,
     /// Ask this program in place of the built-in kinds: a component of one's own
     #[arg(long, value_name = "PROGRAM")]
     exec: Option<PathBuf>,
     /// The robot for which the kind declares its ports; one of the catalogue that it takes if not given
-    #[arg(long, value_name = "ROBOT")]
+    #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
     /// Print JSON
     #[arg(long)]

@@ -62,7 +62,7 @@ struct List {
 #[derive(Debug, clap::Args)]
 struct Get {
     /// The parameter
-    #[arg(value_name = "COMPONENT.PARAMETER")]
+    #[arg(value_name = "COMPONENT.PARAMETER", add = crate::complete::parameters())]
     path: String,
     #[command(flatten)]
     run: RunArg,
@@ -80,7 +80,8 @@ struct Get {
 struct Set {
     /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or `false`, one of
     /// the choices, or an array such as `[0, 0.5]`
-    #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true)]
+    #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true,
+          add = crate::complete::parameters())]
     values: Vec<String>,
     #[command(flatten)]
     run: RunArg,

@@ -5,6 +5,7 @@ mod check;
 mod draw;
 mod eval;
 mod facts;
+mod hulls;
 mod install;
 mod list;
 mod profile;
@@ -33,6 +34,7 @@ enum Command {
     Bench(bench::Bench),
     Eval(eval::Eval),
     Profile(profile::Profile),
+    Hulls(hulls::Hulls),
     Install(install::Install),
 }
 
@@ -46,6 +48,7 @@ impl Robot {
             Command::Bench(command) => command.run(),
             Command::Eval(command) => command.run(),
             Command::Profile(command) => command.run(),
+            Command::Hulls(command) => command.run(),
             Command::Install(command) => command.run(),
         }
     }

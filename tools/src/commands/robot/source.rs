@@ -14,7 +14,7 @@ use crate::{exit, style};
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RobotArgs {
     /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
-    #[arg(value_name = "ROBOT")]
+    #[arg(value_name = "ROBOT", add = crate::complete::robots())]
     pub(super) robot: String,
     /// Let the root link move freely, whatever its files say
     #[arg(long, conflicts_with = "fixed_base")]

@@ -35,10 +35,10 @@ use view::View;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Top {
     /// Run to show: its id, the beginning of it, or the name of its graph; the newest if not given
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
     /// The same, as in other commands
-    #[arg(long = "run", value_name = "ID", conflicts_with = "name")]
+    #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
     /// Time between two readings
     #[arg(long, value_name = "TIME", default_value = "1s")]

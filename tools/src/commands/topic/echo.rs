@@ -23,6 +23,7 @@ use crate::style;
 #[derive(Debug, clap::Args)]
 pub(super) struct Echo {
     /// The topic
+    #[arg(add = crate::complete::topics())]
     topic: String,
     #[command(flatten)]
     run: RunArg,
@@ -219,20 +220,31 @@ fn lines(line: &Line<'_>) -> String {
         }
         text.push('\n');
     }
-    let columns: Vec<_> = line.value.0.iter().filter(|(_, value)| tabled(value)).collect();
+    let columns: Vec<(&str, Vec<String>)> = line
+        .value
+        .0
+        .iter()
+        .filter(|(_, value)| tabled(value))
+        .map(|(name, value)| (*name, value.numbers().iter().map(ToString::to_string).collect()))
+        .collect();
     if columns.is_empty() {
         return text;
     }
-    let width = joints.iter().map(String::len).max().unwrap_or(0);
-    let _ = write!(text, "  {:width$}", "joint");
-    for (name, _) in &columns {
-        let _ = write!(text, " {name:>11}");
+    // five columns beside names of 20 letters are 80 characters wide
+    let widths = |(name, numbers): &(&str, Vec<String>)| {
+        numbers.iter().map(String::len).chain([name.len(), 10]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = columns.iter().map(widths).collect();
+    let first = joints.iter().map(String::len).chain(["joint".len()]).max().unwrap_or(0);
+    let _ = write!(text, "  {:first$}", "joint");
+    for ((name, _), width) in columns.iter().zip(&widths) {
+        let _ = write!(text, " {name:>width$}");
     }
     text.push('\n');
     for (index, joint) in joints.iter().enumerate() {
-        let _ = write!(text, "  {joint:width$}");
-        for (_, value) in &columns {
-            let _ = write!(text, " {:>11}", value.numbers()[index].to_string());
+        let _ = write!(text, "  {joint:first$}");
+        for ((_, numbers), width) in columns.iter().zip(&widths) {
+            let _ = write!(text, " {:>width$}", numbers[index]);
         }
         text.push('\n');
     }
@@ -273,9 +285,9 @@ mod tests {
             table,
             [
                 "  count            2",
-                "  joint    position    velocity",
-                "  hip     0.500000    0.000000",
-                "  knee   -1.000000    2.000000",
+                "  joint   position   velocity",
+                "  hip     0.500000   0.000000",
+                "  knee   -1.000000   2.000000",
             ]
         );
         assert!(!are_of_joints(&value, 3) && !are_of_joints(&value, 0));

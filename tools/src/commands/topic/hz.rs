@@ -24,6 +24,7 @@ use crate::{exit, style};
 #[derive(Debug, clap::Args)]
 pub(super) struct Hz {
     /// The topic
+    #[arg(add = crate::complete::topics())]
     topic: String,
     #[command(flatten)]
     run: RunArg,

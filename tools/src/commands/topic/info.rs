@@ -22,6 +22,7 @@ use crate::style;
 #[derive(Debug, clap::Args)]
 pub(super) struct Info {
     /// The topic
+    #[arg(add = crate::complete::topics())]
     topic: String,
     #[command(flatten)]
     run: RunArg,

@@ -29,6 +29,7 @@ const POLL: Duration = Duration::from_millis(2);
 #[derive(Debug, clap::Args)]
 pub(super) struct Pub {
     /// The topic
+    #[arg(add = crate::complete::topics())]
     topic: String,
     /// Fields of the value: 'name=number', 'name=[number, ...]', 'name="text"' for bytes
     #[arg(required = true, value_name = "FIELD=VALUE")]

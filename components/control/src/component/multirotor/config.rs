@@ -1,0 +1,59 @@
+//! The `config` table of `control.multirotor`.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Configuration of `control.multirotor`. Every key has a default: for the quadrotor of the catalogue the table may stay
+/// empty.
+///
+/// ```toml
+/// position_frequency = 2.0
+/// max_tilt = 0.3
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MultirotorConfig {
+    /// Frequency of the position control, critically damped, rad/s. Default 4.
+    pub position_frequency: f64,
+    /// Frequency of the attitude control, critically damped, rad/s; at least three times that of the position. Default 20.
+    pub attitude_frequency: f64,
+    /// Rate at which a lasting error of the position, as of a wrong mass, is taken away, 1/s; at most the
+    /// frequency of the position control. Default 1.
+    pub integral_rate: f64,
+    /// Largest lean, rad. Default 0.6.
+    pub max_tilt: f64,
+    /// Share of the thrust of all rotors that is used at most, so that torque is left, 0.1 to 1. Default 0.9.
+    pub max_thrust_share: f64,
+    /// Gravity, along -z of the world, m/s^2. Default 9.81.
+    pub gravity: f64,
+    /// Largest distance from the target with which a goal counts as reached, m. Default 0.01.
+    pub position_tolerance: f64,
+    /// Largest angle about the vertical from the target with which a goal counts as reached, rad. Default 0.05.
+    pub yaw_tolerance: f64,
+    /// Time after the target came to rest at a goal from which on the error counts. Default 1 s.
+    pub settle: TimeSpan,
+    /// Age from which a state of the base is not acted upon: nothing is commanded then, and the rotors stop. Default
+    /// 10 ms.
+    pub state_timeout: TimeSpan,
+    /// Age from which a target counts as standing still where it was. Default 50 ms.
+    pub target_timeout: TimeSpan,
+}
+
+impl Default for MultirotorConfig {
+    fn default() -> Self {
+        Self {
+            position_frequency: 4.0,
+            attitude_frequency: 20.0,
+            integral_rate: 1.0,
+            max_tilt: 0.6,
+            max_thrust_share: 0.9,
+            gravity: 9.81,
+            position_tolerance: 0.01,
+            yaw_tolerance: 0.05,
+            settle: TimeSpan { ns: 1_000_000_000 },
+            state_timeout: TimeSpan { ns: 10_000_000 },
+            target_timeout: TimeSpan { ns: 50_000_000 },
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! Position and attitude of a flying base, as thrust and torque.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
+
+/// What flies: mass, inertia, and the weight per mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flight {
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Inertia about the centre of mass, axes of the base \[kg m2\].
+    pub inertia: Matrix3<f64>,
+    /// Gravity, along -z of the world \[m/s2\].
+    pub gravity: f64,
+}
+
+/// Gains and limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightSettings {
+    /// Frequency of the position, critically damped \[rad/s\].
+    pub position: f64,
+    /// Frequency of the attitude, critically damped \[rad/s\]: several times that of the position.
+    pub attitude: f64,
+    /// Rate at which a lasting error of the position is taken away \[1/s\].
+    pub integral: f64,
+    /// Largest lean of the thrust from the vertical \[rad\].
+    pub max_tilt: f64,
+    /// Least and largest thrust \[N\].
+    pub thrust: [f64; 2],
+}
+
+/// Where the base is to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FlightTarget {
+    /// Position \[m\].
+    pub position: Vector3<f64>,
+    /// Velocity \[m/s\], world axes.
+    pub velocity: Vector3<f64>,
+    /// Acceleration \[m/s2\], world axes, fed forward.
+    pub acceleration: Vector3<f64>,
+    /// Angle about the vertical \[rad\], and its rate \[rad/s\].
+    pub yaw: [f64; 2],
+}
+
+/// Largest acceleration that the integral asks for \[m/s2\].
+const MOST_INTEGRAL: f64 = 3.0;
+
+/// A position and attitude controller; see [the module](super).
+#[derive(Clone, Debug)]
+pub struct FlightControl {
+    flight: Flight,
+    settings: FlightSettings,
+    /// Acceleration that the integral asks for \[m/s2\].
+    lasting: Vector3<f64>,
+}
+
+impl FlightControl {
+    /// For what flies, with gains.
+    pub fn new(flight: Flight, settings: FlightSettings) -> Self {
+        Self { flight, settings, lasting: Vector3::zeros() }
+    }
+
+    /// Forgets the integral.
+    pub fn reset(&mut self) {
+        self.lasting = Vector3::zeros();
+    }
+
+    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its velocities
+    /// \[m/s, rad/s\] in its own axes, after a time step \[s\].
+    pub fn update(
+        &mut self,
+        target: &FlightTarget,
+        pose: &Isometry3<f64>,
+        velocity: &Vector3<f64>,
+        angular: &Vector3<f64>,
+        dt: f64,
+    ) -> (f64, Vector3<f64>) {
+        let Flight { mass, inertia, gravity } = self.flight;
+        let FlightSettings { position: w, attitude, integral, max_tilt, thrust: [least, most] } =
+            self.settings;
+        let rotation = pose.rotation.to_rotation_matrix();
+        let e_x = pose.translation.vector - target.position;
+        let e_v = rotation * velocity - target.velocity;
+        let feedback = -w * w * e_x - 2.0 * w * e_v;
+        let mut acceleration =
+            feedback + self.lasting + target.acceleration + Vector3::new(0.0, 0.0, gravity);
+        // the thrust stays between its limits, and leans no further than it may
+        let lowest = 0.1 * gravity;
+        acceleration.z = acceleration.z.max(lowest);
+        let aside = acceleration.xy().norm();
+        let furthest = acceleration.z * max_tilt.tan();
+        let leans_too_far = aside > furthest;
+        if leans_too_far {
+            acceleration.x *= furthest / aside;
+            acceleration.y *= furthest / aside;
+        }
+        let force = mass * acceleration;
+        let wanted = attitude_of(&force, target.yaw[0]);
+        let thrust = force.dot(&(rotation * Vector3::z()));
+        let is_saturated = leans_too_far || thrust < least || thrust > most;
+        if !is_saturated {
+            let lasting = self.lasting - integral * w * w * dt * e_x;
+            self.lasting = lasting.map(|part| part.clamp(-MOST_INTEGRAL, MOST_INTEGRAL));
+        }
+        let between = wanted.transpose() * rotation;
+        let off = between.matrix() - between.matrix().transpose();
+        let e_r = 0.5 * Vector3::new(off[(2, 1)], off[(0, 2)], off[(1, 0)]);
+        let turning = rotation.transpose() * Vector3::new(0.0, 0.0, target.yaw[1]);
+        let e_w = angular - turning;
+        let torque = inertia * (-attitude * attitude * e_r - 2.0 * attitude * e_w)
+            + angular.cross(&(inertia * angular));
+        (thrust.clamp(least, most), torque)
+    }
+}
+
+/// The attitude whose third axis is along a force and whose first points as far to `yaw` as it can.
+fn attitude_of(force: &Vector3<f64>, yaw: f64) -> Rotation3<f64> {
+    let third = force.normalize();
+    let heading = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
+    let second = third.cross(&heading).normalize();
+    Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[second.cross(&third), second, third]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    const DT: f64 = 1e-3;
+
+    fn flight() -> Flight {
+        let inertia = Matrix3::from_diagonal(&Vector3::new(1.66e-5, 1.67e-5, 2.93e-5));
+        Flight { mass: 0.028, inertia, gravity: 9.81 }
+    }
+
+    fn settings() -> FlightSettings {
+        FlightSettings { position: 3.0, attitude: 20.0, integral: 0.5, max_tilt: 0.6, thrust: [0.01, 0.54] }
+    }
+
+    /// A rigid body under a thrust and a torque; its mass may be another than the controller believes.
+    struct Body {
+        pose: Isometry3<f64>,
+        velocity: Vector3<f64>,
+        angular: Vector3<f64>,
+        mass: f64,
+    }
+
+    impl Body {
+        fn at(x: f64, y: f64, z: f64, turn: UnitQuaternion<f64>) -> Self {
+            let pose = Isometry3::from_parts(Translation3::new(x, y, z), turn);
+            Self { pose, velocity: Vector3::zeros(), angular: Vector3::zeros(), mass: flight().mass }
+        }
+
+        /// The largest distance from the target in the last half of a time.
+        fn fly(
+            &mut self,
+            control: &mut FlightControl,
+            target: impl Fn(f64) -> FlightTarget,
+            seconds: f64,
+        ) -> f64 {
+            let (inertia, mut worst) = (flight().inertia, 0.0_f64);
+            for step in 0..(seconds / DT) as usize {
+                let goal = target(step as f64 * DT);
+                let own = self.pose.rotation.inverse() * self.velocity;
+                let (thrust, torque) = control.update(&goal, &self.pose, &own, &self.angular, DT);
+                let pull = self.pose.rotation * Vector3::new(0.0, 0.0, thrust / self.mass);
+                self.velocity += DT * (pull - Vector3::new(0.0, 0.0, 9.81));
+                let spin = torque - self.angular.cross(&(inertia * self.angular));
+                self.angular += DT * inertia.try_inverse().unwrap() * spin;
+                self.pose.translation.vector += DT * self.velocity;
+                self.pose.rotation *= UnitQuaternion::from_scaled_axis(DT * self.angular);
+                if step as f64 * DT > 0.5 * seconds {
+                    worst = worst.max((self.pose.translation.vector - goal.position).norm());
+                }
+            }
+            worst
+        }
+    }
+
+    fn still(x: f64, y: f64, z: f64, yaw: f64) -> impl Fn(f64) -> FlightTarget {
+        move |_| FlightTarget { position: Vector3::new(x, y, z), yaw: [yaw, 0.0], ..FlightTarget::default() }
+    }
+
+    #[test]
+    fn it_comes_to_its_goal_and_turns_as_asked() {
+        let mut body = Body::at(0.0, 0.0, 0.0, UnitQuaternion::identity());
+        let mut control = FlightControl::new(flight(), settings());
+        let worst = body.fly(&mut control, still(0.4, -0.3, 1.0, 2.0), 24.0);
+        assert!(worst < 2e-3, "{worst} m");
+        let (_, _, yaw) = body.pose.rotation.euler_angles();
+        assert!((yaw - 2.0).abs() < 1e-4, "{yaw}");
+    }
+
+    #[test]
+    fn thrown_on_its_back_it_rights_itself() {
+        let back = UnitQuaternion::from_euler_angles(2.9, 0.2, 0.0);
+        let mut body = Body::at(0.0, 0.0, 5.0, back);
+        let worst = body.fly(&mut FlightControl::new(flight(), settings()), still(0.0, 0.0, 5.0, 0.0), 16.0);
+        assert!(worst < 5e-3, "{worst} m");
+    }
+
+    #[test]
+    fn a_wrong_mass_leaves_no_lasting_error_and_without_the_integral_it_does() {
+        let fly = |integral: f64| {
+            let mut body = Body::at(0.0, 0.0, 1.0, UnitQuaternion::identity());
+            body.mass *= 1.1;
+            let settings = FlightSettings { integral, ..settings() };
+            body.fly(&mut FlightControl::new(flight(), settings), still(0.0, 0.0, 1.0, 0.0), 24.0)
+        };
+        assert!(fly(0.5) < 2e-3, "{}", fly(0.5));
+        // g / 11 over w^2
+        assert!((fly(0.0) - 0.1 * 9.81 / 9.0).abs() < 0.02, "{}", fly(0.0));
+    }
+
+    #[test]
+    fn a_circle_is_followed_and_without_its_acceleration_only_within_what_that_leaves() {
+        let circle = |time: f64, known: f64| {
+            let (sin, cos) = (0.5 * time).sin_cos();
+            FlightTarget {
+                position: Vector3::new(cos, sin, 1.0),
+                velocity: Vector3::new(-0.5 * sin, 0.5 * cos, 0.0),
+                acceleration: known * Vector3::new(-0.25 * cos, -0.25 * sin, 0.0),
+                yaw: [0.2 * time, 0.2],
+            }
+        };
+        let fly = |known: f64| {
+            let mut body = Body::at(1.0, 0.0, 1.0, UnitQuaternion::identity());
+            let mut control = FlightControl::new(flight(), settings());
+            body.fly(&mut control, |time| circle(time, known), 40.0)
+        };
+        assert!(fly(1.0) < 5e-3, "{} m", fly(1.0));
+        // 0.25 m/s2 over w^2, less what the integral takes away
+        assert!((0.005..0.04).contains(&fly(0.0)), "{} m", fly(0.0));
+    }
+
+    #[test]
+    fn thrust_and_lean_stay_within_their_limits() {
+        let mut control = FlightControl::new(flight(), settings());
+        let pose = Isometry3::identity();
+        let far = FlightTarget { position: Vector3::new(50.0, 0.0, 50.0), ..FlightTarget::default() };
+        let (thrust, _) = control.update(&far, &pose, &Vector3::zeros(), &Vector3::zeros(), DT);
+        assert_eq!(thrust, 0.54);
+        let below = FlightTarget { position: Vector3::new(50.0, 0.0, -50.0), ..FlightTarget::default() };
+        let (thrust, torque) = control.update(&below, &pose, &Vector3::zeros(), &Vector3::zeros(), DT);
+        assert!(thrust >= 0.01 && thrust < 0.1, "{thrust}");
+        // no further than to a lean of 0.6 rad: J w^2 sin(0.6)
+        let most = 1.67e-5 * 400.0 * 0.6_f64.sin();
+        assert!((torque.y - most).abs() < 1e-9 * most.max(1.0), "{torque}, at most {most}");
+    }
+}

@@ -1,0 +1,188 @@
+//! Thrust and torque of a robot, shared among its rotors.
+
+use nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
+
+/// One rotor, in the axes of the robot and relative to its centre of mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Propeller {
+    /// Place \[m\].
+    pub position: Vector3<f64>,
+    /// Direction in which it pulls, a unit vector.
+    pub direction: Vector3<f64>,
+    /// Largest thrust \[N\].
+    pub max_thrust: f64,
+    /// Torque about its direction per thrust \[m\]; positive turns the robot counterclockwise.
+    pub torque_per_thrust: f64,
+}
+
+/// Rotors that do not determine thrust and torque.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MixerError {
+    /// Too few.
+    #[error("{found} rotors, expected at least 4: thrust and three torques are four numbers")]
+    Few {
+        /// Number found.
+        found: usize,
+    },
+    /// Places and senses of rotation from which some torque cannot be had.
+    #[error("the places and senses of rotation of the rotors leave a torque that they cannot give")]
+    Dependent,
+}
+
+/// The share of each rotor in thrust and torque, by the least sum of squares of their thrusts.
+#[derive(Clone, Debug)]
+pub struct Mixer {
+    /// 4 x rotors: thrust along z and torque about x, y, z of a thrust of each.
+    effect: DMatrix<f64>,
+    /// Rotors x 4: the pseudo-inverse.
+    share: DMatrix<f64>,
+    most: Vec<f64>,
+}
+
+impl Mixer {
+    /// For rotors of a robot.
+    ///
+    /// # Errors
+    /// [`MixerError`]: too few, or in places from which some torque cannot be had.
+    pub fn new(rotors: &[Propeller]) -> Result<Self, MixerError> {
+        if rotors.len() < 4 {
+            return Err(MixerError::Few { found: rotors.len() });
+        }
+        let column = |rotor: &Propeller| {
+            let torque = rotor.position.cross(&rotor.direction) + rotor.torque_per_thrust * rotor.direction;
+            [rotor.direction.z, torque.x, torque.y, torque.z]
+        };
+        let columns: Vec<[f64; 4]> = rotors.iter().map(column).collect();
+        let effect = DMatrix::from_fn(4, rotors.len(), |row, rotor| columns[rotor][row]);
+        // rows are compared at their own size: a torque of millimetres is no less than a thrust
+        let size: Vec<f64> = (0..4).map(|row| effect.row(row).norm()).collect();
+        if size.iter().any(|size| *size < 1e-9) {
+            return Err(MixerError::Dependent);
+        }
+        let scaled = DMatrix::from_fn(4, rotors.len(), |row, rotor| effect[(row, rotor)] / size[row]);
+        let gram = &scaled * scaled.transpose();
+        let gram = Matrix4::from_fn(|row, column| gram[(row, column)]);
+        if gram.symmetric_eigenvalues().min() < 1e-6 {
+            return Err(MixerError::Dependent);
+        }
+        let inverse = gram.try_inverse().ok_or(MixerError::Dependent)?;
+        let scale = Matrix4::from_diagonal(&Vector4::from_fn(|row, _| size[row].recip()));
+        let share = scaled.transpose() * DMatrix::from_iterator(4, 4, (inverse * scale).iter().copied());
+        let most = rotors.iter().map(|rotor| rotor.max_thrust).collect();
+        Ok(Self { effect, share, most })
+    }
+
+    /// Number of rotors.
+    pub fn rotors(&self) -> usize {
+        self.most.len()
+    }
+
+    /// Largest thrust of all rotors together along z \[N\].
+    pub fn max_thrust(&self) -> f64 {
+        self.effect.row(0).iter().zip(&self.most).map(|(effect, most)| effect.max(0.0) * most).sum()
+    }
+
+    /// Thrust along z \[N\] and torque \[Nm\] of thrusts of the rotors.
+    pub fn effect(&self, thrusts: &[f64]) -> (f64, Vector3<f64>) {
+        let row = |row: usize| {
+            self.effect.row(row).iter().zip(thrusts).map(|(effect, thrust)| effect * thrust).sum()
+        };
+        (row(0), Vector3::new(row(1), row(2), row(3)))
+    }
+
+    /// Shares a thrust \[N\] and a torque \[Nm\] among the rotors. Each stays between zero and its largest thrust: first the
+    /// torque about z is given up, then the torques about x and y, and the thrust only as far as it is more than the rotors
+    /// have. True if nothing was.
+    pub fn mix(&self, thrust: f64, torque: &Vector3<f64>, thrusts: &mut [f64]) -> bool {
+        let mut whole = true;
+        for (rotor, out) in thrusts.iter_mut().enumerate() {
+            let wanted = self.share[(rotor, 0)] * thrust;
+            *out = wanted.clamp(0.0, self.most[rotor]);
+            whole &= *out == wanted;
+        }
+        whole &= self.add(thrusts, |share| share[1] * torque.x + share[2] * torque.y);
+        whole & self.add(thrusts, |share| share[3] * torque.z)
+    }
+
+    /// Adds as much of a torque as fits. True if all of it does.
+    fn add(&self, thrusts: &mut [f64], of: impl Fn(&[f64; 4]) -> f64) -> bool {
+        let part = |rotor: usize| of(&std::array::from_fn(|column| self.share[(rotor, column)]));
+        let mut fits = 1.0_f64;
+        for (rotor, thrust) in thrusts.iter().enumerate() {
+            let (change, most) = (part(rotor), self.most[rotor]);
+            let room = if change > 0.0 { most - thrust } else { *thrust };
+            if change.abs() > room {
+                fits = fits.min(room / change.abs());
+            }
+        }
+        for (rotor, thrust) in thrusts.iter_mut().enumerate() {
+            *thrust = (*thrust + fits * part(rotor)).clamp(0.0, self.most[rotor]);
+        }
+        fits == 1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rotors at the corners of a square, neighbours against each other.
+    fn square() -> Vec<Propeller> {
+        [(1.0, 1.0, -1.0), (1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (-1.0, -1.0, -1.0)]
+            .map(|(x, y, spin): (f64, f64, f64)| Propeller {
+                position: Vector3::new(0.03 * x, 0.03 * y, 0.01),
+                direction: Vector3::z(),
+                max_thrust: 0.15,
+                torque_per_thrust: 0.006 * spin,
+            })
+            .to_vec()
+    }
+
+    #[test]
+    fn rotors_give_the_thrust_and_the_torque_that_they_are_asked_for() {
+        let mut rotors = square();
+        // neither square nor upright
+        rotors[0].position.x = 0.05;
+        rotors[1].direction = Vector3::new(0.1, 0.0, 1.0).normalize();
+        let mixer = Mixer::new(&rotors).unwrap();
+        let (thrust, torque) = (0.28, Vector3::new(4e-4, -7e-4, 1e-4));
+        let mut thrusts = [0.0; 4];
+        assert!(mixer.mix(thrust, &torque, &mut thrusts));
+        let (found, turned) = mixer.effect(&thrusts);
+        assert!((found - thrust).abs() < 1e-12 && (turned - torque).norm() < 1e-12, "{found} {turned}");
+    }
+
+    #[test]
+    fn torque_is_given_up_before_thrust_and_that_about_z_first() {
+        let mixer = Mixer::new(&square()).unwrap();
+        let mut thrusts = [0.0; 4];
+        let wanted = Vector3::new(2e-3, 0.0, 9e-3);
+        assert!(!mixer.mix(0.45, &wanted, &mut thrusts));
+        let (thrust, torque) = mixer.effect(&thrusts);
+        assert!((thrust - 0.45).abs() < 1e-12 && (torque.x - wanted.x).abs() < 1e-12, "{thrust} {torque}");
+        assert!(torque.z > 0.0 && torque.z < 0.5 * wanted.z, "{torque}");
+        assert!(!mixer.mix(0.55, &Vector3::new(0.02, 0.01, 9e-3), &mut thrusts));
+        let (thrust, torque) = mixer.effect(&thrusts);
+        assert!(
+            (thrust - 0.55).abs() < 1e-12 && (torque.x - 2.0 * torque.y).abs() < 1e-12,
+            "{thrust} {torque}"
+        );
+        assert!(torque.x > 0.0 && torque.z.abs() < 1e-12, "{torque}");
+        for (thrust, torque) in [(9.0, Vector3::x()), (-1.0, Vector3::z()), (0.0, Vector3::y())] {
+            mixer.mix(thrust, &torque, &mut thrusts);
+            assert!(thrusts.iter().all(|thrust| (0.0..=0.15).contains(thrust)), "{thrusts:?}");
+        }
+        assert!((mixer.max_thrust() - 0.6).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rotors_that_leave_a_torque_out_are_refused() {
+        let mut rotors = square();
+        rotors.iter_mut().for_each(|rotor| rotor.torque_per_thrust = 0.0);
+        assert_eq!(Mixer::new(&rotors).unwrap_err(), MixerError::Dependent);
+        let mut rotors = square();
+        rotors.iter_mut().for_each(|rotor| rotor.position.y = 0.0);
+        assert_eq!(Mixer::new(&rotors).unwrap_err(), MixerError::Dependent);
+        assert_eq!(Mixer::new(&square()[..3]).unwrap_err(), MixerError::Few { found: 3 });
+    }
+}

@@ -1,0 +1,173 @@
+//! The wheels of a base, led to a velocity within their limits.
+
+use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
+
+/// Speeds and steering angles that follow a velocity of the base within the limits of its wheels.
+///
+/// A velocity beyond the limits is taken slower, along the same arc. The wheels of a steered base turn towards a curvature
+/// as fast as the slowest of them may; at rest they stay where they are. One that asks for more curvature than they reach
+/// drives the tightest arc there is, at the speed ahead that was asked for.
+#[derive(Clone, Debug)]
+pub struct WheelDrive {
+    base: WheelBase,
+    limits: WheelLimits,
+    /// Angles \[rad\] and rates \[rad/s\] of the steered wheels: lowest, highest, largest rate.
+    steering_limits: Vec<[f64; 3]>,
+    curvatures: [f64; 2],
+    curvature: f64,
+    steering: Vec<f64>,
+    steering_rate: Vec<f64>,
+    speeds: Vec<f64>,
+    wanted: Vec<f64>,
+    /// Velocity of a steered base ahead \[m/s\].
+    ahead: f64,
+}
+
+/// Halvings by which a step of the curvature is found: to a billionth of the wanted one.
+const HALVINGS: usize = 30;
+
+impl WheelDrive {
+    /// At rest, the steered wheels straight. `steering` are the lowest and highest angle \[rad\] and the largest rate
+    /// \[rad/s\] of every wheel, in the order of the wheels; those of fixed wheels do not count.
+    pub fn new(base: WheelBase, limits: WheelLimits, steering: Vec<[f64; 3]>) -> Self {
+        let count = base.wheels().len();
+        let mut curvatures = [f64::NEG_INFINITY, f64::INFINITY];
+        if base.kind() == BaseKind::Ackermann {
+            for (wheel, [lower, upper, _]) in steering.iter().enumerate() {
+                let [low, high] = base.curvatures(wheel, *lower, *upper);
+                curvatures = [curvatures[0].max(low), curvatures[1].min(high)];
+            }
+        }
+        Self {
+            base,
+            limits,
+            steering_limits: steering,
+            curvatures,
+            curvature: 0.0,
+            steering: vec![0.0; count],
+            steering_rate: vec![0.0; count],
+            speeds: vec![0.0; count],
+            wanted: vec![0.0; count],
+            ahead: 0.0,
+        }
+    }
+
+    /// The base.
+    pub fn base(&self) -> &WheelBase {
+        &self.base
+    }
+
+    /// Speeds of the wheels \[rad/s\]; velocities of joints that are the pose \[m/s, rad/s\].
+    pub fn speeds(&self) -> &[f64] {
+        &self.speeds
+    }
+
+    /// Steering angles \[rad\], 0 for fixed wheels.
+    pub fn steering(&self) -> &[f64] {
+        &self.steering
+    }
+
+    /// Rates of the steering angles \[rad/s\].
+    pub fn steering_rate(&self) -> &[f64] {
+        &self.steering_rate
+    }
+
+    /// Lowest and highest curvature \[1/m\].
+    pub fn curvatures(&self) -> [f64; 2] {
+        self.curvatures
+    }
+
+    /// At rest, with the steered wheels at angles \[rad\] as they are measured.
+    pub fn begin(&mut self, steering: &[f64]) {
+        self.speeds.fill(0.0);
+        self.steering_rate.fill(0.0);
+        (self.ahead, self.curvature) = (0.0, 0.0);
+        if self.base.kind() == BaseKind::Ackermann {
+            // the mean of what the steered wheels say
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (wheel, angle) in steering.iter().enumerate() {
+                if self.base.wheels()[wheel].steered {
+                    sum += self.base.curvatures(wheel, *angle, *angle)[0];
+                    count += 1.0;
+                }
+            }
+            self.curvature = (sum / count).clamp(self.curvatures[0], self.curvatures[1]);
+            self.steer();
+        }
+    }
+
+    /// Leads the wheels towards a velocity, for a time step \[s\]. `yaw` is that of a base whose joints are its pose. True
+    /// if they are at this velocity.
+    pub fn follow(&mut self, twist: &PlanarTwist, yaw: f64, dt: f64) -> bool {
+        match self.base.kind() {
+            BaseKind::Ackermann => self.follow_steered(twist, dt),
+            kind => {
+                let twist = self.base.feasible(twist);
+                let twist = if kind == BaseKind::Planar { turned(&twist, yaw) } else { twist };
+                self.base.speeds(&twist, &[], &mut self.wanted);
+                let factor = self.limits.speed_factor(&self.wanted);
+                self.wanted.iter_mut().for_each(|speed| *speed *= factor);
+                self.limits.approach(&mut self.speeds, &self.wanted, dt) && factor == 1.0
+            }
+        }
+    }
+
+    fn follow_steered(&mut self, twist: &PlanarTwist, dt: f64) -> bool {
+        let asked = match (twist.x, twist.yaw) {
+            (0.0, 0.0) => self.curvature,
+            (x, yaw) => yaw / x,
+        };
+        let asked = if asked.is_nan() { self.curvature } else { asked };
+        let curvature = asked.clamp(self.curvatures[0], self.curvatures[1]);
+        let before = self.curvature;
+        let (mut share, mut step) = (1.0, 0.5);
+        if !self.reaches(before, curvature, dt) {
+            share = 0.0;
+            for _ in 0..HALVINGS {
+                if self.reaches(before, before + (share + step) * (curvature - before), dt) {
+                    share += step;
+                }
+                step *= 0.5;
+            }
+        }
+        self.curvature = before + share * (curvature - before);
+        for wheel in 0..self.steering.len() {
+            let angle = self.base.steering(wheel, self.curvature);
+            self.steering_rate[wheel] = (angle - self.steering[wheel]) / dt;
+        }
+        self.steer();
+        // speeds of the wheels at 1 m/s ahead
+        let unit = self.base.feasible(&PlanarTwist { x: 1.0, y: 0.0, yaw: self.curvature });
+        self.base.speeds(&unit, &self.steering, &mut self.wanted);
+        let mut change = f64::INFINITY;
+        let mut fastest = f64::INFINITY;
+        for (wheel, unit) in self.wanted.iter().enumerate() {
+            change = change.min(self.limits.acceleration[wheel] * dt / unit.abs());
+            fastest = fastest.min(self.limits.speed[wheel] / unit.abs());
+        }
+        let ahead = twist.x.clamp(-fastest, fastest);
+        self.ahead = ahead.clamp(self.ahead - change, self.ahead + change);
+        self.speeds.iter_mut().zip(&self.wanted).for_each(|(speed, unit)| *speed = self.ahead * unit);
+        share == 1.0 && self.ahead == twist.x && curvature == asked
+    }
+
+    /// Whether every steered wheel gets from one curvature to another in a time step.
+    fn reaches(&self, from: f64, to: f64, dt: f64) -> bool {
+        let limits = self.steering_limits.iter().enumerate();
+        limits.filter(|(wheel, _)| self.base.wheels()[*wheel].steered).all(|(wheel, [_, _, rate])| {
+            (self.base.steering(wheel, to) - self.base.steering(wheel, from)).abs() <= rate * dt
+        })
+    }
+
+    fn steer(&mut self) {
+        for wheel in 0..self.steering.len() {
+            self.steering[wheel] = self.base.steering(wheel, self.curvature);
+        }
+    }
+}
+
+/// A velocity in the axes of the world, of a base at an angle.
+fn turned(twist: &PlanarTwist, yaw: f64) -> PlanarTwist {
+    let (sin, cos) = yaw.sin_cos();
+    PlanarTwist { x: cos * twist.x - sin * twist.y, y: sin * twist.x + cos * twist.y, yaw: twist.yaw }
+}

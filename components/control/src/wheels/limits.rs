@@ -1,0 +1,50 @@
+//! Limits of wheels that leave the shape of the way as it is.
+
+/// Largest speeds and accelerations of the wheels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WheelLimits {
+    /// Largest speed of each wheel \[rad/s, or m/s\].
+    pub speed: Vec<f64>,
+    /// Largest acceleration of each wheel \[rad/s2, or m/s2\].
+    pub acceleration: Vec<f64>,
+}
+
+impl WheelLimits {
+    /// The factor, at most 1, by which all speeds are to be multiplied so that each is within its limit: the ratios, and
+    /// with them the curvature, stay.
+    pub fn speed_factor(&self, wanted: &[f64]) -> f64 {
+        let factor =
+            |(wanted, limit): (&f64, &f64)| if wanted.abs() > *limit { limit / wanted.abs() } else { 1.0 };
+        wanted.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
+    }
+
+    /// Leads the speeds of the wheels from `speeds` towards those `wanted`, for a time step, within the limits of
+    /// acceleration: at the curvature wanted where that is within reach, else straight from the old speeds to the new.
+    /// True if all are as wanted.
+    pub fn approach(&self, speeds: &mut [f64], wanted: &[f64], dt: f64) -> bool {
+        // factors of the speeds wanted that every wheel reaches in this step
+        let (mut least, mut most) = (0.0_f64, 1.0_f64);
+        for ((now, wanted), limit) in speeds.iter().zip(wanted).zip(&self.acceleration) {
+            let reach = limit * dt;
+            if wanted.abs() < 1e-12 {
+                if now.abs() > reach {
+                    most = -1.0;
+                }
+                continue;
+            }
+            let (one, other) = ((now - reach) / wanted, (now + reach) / wanted);
+            least = least.max(one.min(other));
+            most = most.min(one.max(other));
+        }
+        if least <= most {
+            speeds.iter_mut().zip(wanted).for_each(|(now, wanted)| *now = most * wanted);
+            return most == 1.0;
+        }
+        let mut share = 1.0_f64;
+        for ((now, wanted), limit) in speeds.iter().zip(wanted).zip(&self.acceleration) {
+            share = share.min(limit * dt / (wanted - now).abs());
+        }
+        speeds.iter_mut().zip(wanted).for_each(|(now, wanted)| *now += share * (wanted - *now));
+        share == 1.0
+    }
+}

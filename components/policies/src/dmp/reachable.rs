@@ -1,0 +1,138 @@
+//! Goals that the reach of the robot cannot cover.
+
+use motorium::declare::{ConfigError, Declare};
+use motorium_robots::{FrameId, JointKind, Kinematics, Loaded, Model};
+use nalgebra::{Isometry3, Vector3};
+
+use super::waypoints::{GoalPlace, Waypoints};
+
+/// How far a frame can be at most from the first joint that moves it: all links in one line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reach {
+    /// Place of that joint in the world, m.
+    anchor: Vector3<f64>,
+    /// Sum of the lengths of the links from there, with the largest ways of joints that slide, m.
+    length: f64,
+}
+
+impl Reach {
+    /// The reach of a frame of a robot whose base is fixed; `None` for a frame that no joint moves.
+    pub(super) fn of(model: &Model, frame: FrameId) -> Option<Self> {
+        let frame = &model.frames()[frame.index()];
+        let mut length = frame.placement.translation.vector.norm();
+        let mut body = frame.body?;
+        loop {
+            let joint = &model.bodies()[body].joint;
+            if joint.kind == JointKind::Prismatic {
+                length += joint.limits.lower.abs().max(joint.limits.upper.abs());
+            }
+            match model.bodies()[body].parent {
+                Some(parent) => {
+                    length += joint.placement.translation.vector.norm();
+                    body = parent;
+                }
+                None => return Some(Self { anchor: joint.placement.translation.vector, length }),
+            }
+        }
+    }
+
+    /// Distance of a place from the first joint, m, if it is farther than the reach.
+    pub(super) fn beyond(&self, place: &Vector3<f64>) -> Option<f64> {
+        let distance = (place - self.anchor).norm();
+        (distance > self.length).then_some(distance)
+    }
+}
+
+/// Refuses goals at places beyond the reach of the end effector, and warns of goals that lie beyond it only if the robot
+/// starts in its home pose. `start` is the configured pose to start from.
+pub(super) fn check(
+    waypoints: &Waypoints,
+    robot: &Loaded,
+    frame: FrameId,
+    start: Option<&Isometry3<f64>>,
+    declare: &mut Declare,
+) -> Result<(), ConfigError> {
+    let Some(reach) = Reach::of(&robot.model, frame) else { return Ok(()) };
+    let mut place = start.map(|start| start.translation.vector);
+    let mut is_certain = start.is_some();
+    if place.is_none()
+        && let Some(home) = robot.profile.as_ref().and_then(|profile| profile.home(&robot.model).ok())
+    {
+        let mut kinematics = Kinematics::new(&robot.model);
+        kinematics.update(&robot.model, home.as_slice());
+        place = Some(kinematics.pose(&robot.model, frame).translation.vector);
+    }
+    for (goal, key) in waypoints.places() {
+        place = match goal {
+            GoalPlace::At(position) => {
+                is_certain = true;
+                Some(position)
+            }
+            GoalPlace::Beside(offset) => place.map(|place| place + offset),
+        };
+        let Some(distance) = place.and_then(|place| reach.beyond(&place)) else { continue };
+        let link = &robot.model.frames()[frame.index()].name;
+        let from = format!("{distance:.3} m from the first joint that moves `{link}`");
+        let most = format!("its links reach {:.3} m in one line", reach.length);
+        let advice = "bring the goal nearer; positions are in metres, in the world frame";
+        if is_certain {
+            let message = format!("goal {key} is {from}, and {most}");
+            return Err(ConfigError::key(format!("goals[{key}]"), message).advise(advice));
+        }
+        declare
+            .warn(format!("goal {key} is {from} if the robot starts in its home pose, and {most}"))
+            .at(format!("goals[{key}]"))
+            .advise(advice);
+        // one warning: the goals after it start from nowhere
+        return Ok(());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn no_posture_brings_a_frame_beyond_its_reach_and_a_stretched_arm_has_all_of_it() {
+        for (name, frame) in
+            [("panda", "panda_hand_tcp"), ("ur5e", "tool0"), ("planar-3r", "tip"), ("cart-pole", "tip")]
+        {
+            let Ok(robot) = motorium_robots::load(name, Path::new(".")) else { panic!("{name} loads") };
+            let model = &robot.model;
+            let frame = match model.frame(frame) {
+                Ok(frame) => frame,
+                Err(_) => model.end_effector(robot.profile.as_ref(), None).unwrap(),
+            };
+            let reach = Reach::of(model, frame).unwrap();
+            let mut kinematics = Kinematics::new(model);
+            let mut state = 3_u64;
+            let mut random = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            for _ in 0..500 {
+                let q: Vec<f64> = (0..model.joint_count())
+                    .map(|joint| {
+                        let (low, high) = (model.lower()[joint].max(-3.2), model.upper()[joint].min(3.2));
+                        low + (high - low) * random()
+                    })
+                    .collect();
+                kinematics.update(model, &q);
+                let place = kinematics.pose(model, frame).translation.vector;
+                assert_eq!(reach.beyond(&place), None, "{name} at {q:?}");
+            }
+        }
+        let robot = motorium_robots::load("planar-3r", Path::new(".")).unwrap();
+        let frame = robot.model.frame("tip").unwrap();
+        let reach = Reach::of(&robot.model, frame).unwrap();
+        let mut kinematics = Kinematics::new(&robot.model);
+        kinematics.update(&robot.model, &[0.0; 3]);
+        let place = kinematics.pose(&robot.model, frame).translation.vector;
+        let farther = reach.anchor + (place - reach.anchor) * (1.0 + 1e-9);
+        assert!(reach.beyond(&place).is_none_or(|distance| distance < reach.length * (1.0 + 1e-12)));
+        assert!(reach.beyond(&farther).is_some(), "stretched, its links are in one line");
+    }
+}

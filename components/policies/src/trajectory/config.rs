@@ -1,0 +1,163 @@
+//! The `config` tables of `policy.trajectory` and `policy.home`.
+
+use motorium::units::TimeSpan;
+use motorium_primitives::profile::Shape;
+use motorium_primitives::reach::Repeat;
+use motorium_robots::PerJoint;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Configuration of `policy.trajectory`.
+///
+/// ```toml
+/// repeat = "forever"
+/// goals  = [
+///     { position = [0.5, -0.6, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02], dwell = "500 ms" },
+///     { offset = { panda_joint1 = -1.0 }, duration = "3 s" },
+///     "ready",
+/// ]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryConfig {
+    /// The goals, in their order: tables, or names of poses of the robot's profile ("home" is its home pose).
+    pub goals: Vec<JointGoal>,
+    /// Behaviour after the last goal: "once" stays there, "forever" goes back to the first.
+    #[serde(default)]
+    pub repeat: Repeat,
+    /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
+    #[serde(default)]
+    pub profile: Shape,
+    /// Limits of the motion.
+    #[serde(default)]
+    pub limits: MotionLimitsConfig,
+    /// Largest distance of a measured joint from a goal with which the goal counts as reached, rad or m. Default 0.01.
+    #[serde(default = "hundredth")]
+    pub tolerance: f64,
+    /// Gains of the joints and feed-forward of the commands.
+    #[serde(default)]
+    pub joint_command: JointDriveConfig,
+}
+
+/// Configuration of `policy.home`: `policy.trajectory` with one goal.
+///
+/// ```toml
+/// pose = "ready"
+/// limits = { fraction = 0.2 }
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct HomeConfig {
+    /// Pose of the robot's profile to go to. Default: its home pose.
+    pub pose: String,
+    /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
+    pub profile: Shape,
+    /// Limits of the motion.
+    pub limits: MotionLimitsConfig,
+    /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default 0.01.
+    pub tolerance: f64,
+    /// Gains of the joints and feed-forward of the commands.
+    pub joint_command: JointDriveConfig,
+}
+
+impl Default for HomeConfig {
+    fn default() -> Self {
+        Self {
+            pose: HOME.to_string(),
+            profile: Shape::default(),
+            limits: MotionLimitsConfig::default(),
+            tolerance: hundredth(),
+            joint_command: JointDriveConfig::default(),
+        }
+    }
+}
+
+impl From<HomeConfig> for TrajectoryConfig {
+    fn from(home: HomeConfig) -> Self {
+        let HomeConfig { pose, profile, limits, tolerance, joint_command } = home;
+        let goals = vec![JointGoal::Pose(pose)];
+        Self { goals, repeat: Repeat::Once, profile, limits, tolerance, joint_command }
+    }
+}
+
+/// The name that stands for the home pose of a profile, unless a pose is called so.
+pub(super) const HOME: &str = "home";
+
+/// A goal of the joints.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum JointGoal {
+    /// The name of a pose of the robot's profile.
+    Pose(String),
+    /// A table.
+    Table(JointGoalConfig),
+}
+
+/// A goal of the joints, the time to get there and the time to stay. One of `pose`, `position` and `offset`.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointGoalConfig {
+    /// Pose of the robot's profile.
+    pub pose: Option<String>,
+    /// Positions, rad or m: a list with one number for each joint, or a table by names of joints; joints without a number
+    /// stay as at the goal before.
+    pub position: Option<JointNumbers>,
+    /// Distances from the goal before, or from where the robot starts, rad or m: as `position`.
+    pub offset: Option<JointNumbers>,
+    /// Time to get there; more if the limits need more. Default: the shortest.
+    pub duration: Option<TimeSpan>,
+    /// Time to stay there. Default none.
+    pub dwell: TimeSpan,
+}
+
+/// Numbers of joints.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum JointNumbers {
+    /// One for each joint.
+    Each(Vec<f64>),
+    /// By names of joints.
+    Named(std::collections::BTreeMap<String, f64>),
+}
+
+/// Limits of a motion: one number for all joints, or one for each.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionLimitsConfig {
+    /// Velocity, rad/s or m/s. Default: that of the robot's model.
+    pub velocity: Option<PerJoint>,
+    /// Acceleration, rad/s^2 or m/s^2. Default: that of the robot's profile, or the velocity in half a second.
+    pub acceleration: Option<PerJoint>,
+    /// Jerk, rad/s^3 or m/s^3. Default: the acceleration in 50 ms.
+    pub jerk: Option<PerJoint>,
+    /// Fraction of all these limits that is used, above 0 to 1. Default 0.9.
+    pub fraction: f64,
+}
+
+impl Default for MotionLimitsConfig {
+    fn default() -> Self {
+        Self { velocity: None, acceleration: None, jerk: None, fraction: 0.9 }
+    }
+}
+
+/// Gains of the joints and feed-forward of their commands.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointDriveConfig {
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    pub kp: Option<PerJoint>,
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    pub kd: Option<PerJoint>,
+    /// Effort that holds the joints against gravity. A floating base is assumed to be upright and at rest. Default true.
+    pub gravity_compensation: bool,
+}
+
+impl Default for JointDriveConfig {
+    fn default() -> Self {
+        Self { kp: None, kd: None, gravity_compensation: true }
+    }
+}
+
+fn hundredth() -> f64 {
+    0.01
+}

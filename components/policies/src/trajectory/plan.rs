@@ -1,0 +1,207 @@
+//! Goals and limits as they are configured, for a robot.
+
+use motorium::declare::{ConfigError, RobotReference};
+use motorium_primitives::profile::MotionLimits;
+use motorium_robots::{Loaded, Model, PerJoint, Profile};
+
+use super::config::{HOME, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
+
+/// Time in which the velocity is reached where nothing says how fast a joint may accelerate, s.
+const TO_SPEED: f64 = 0.5;
+/// Time in which the acceleration is reached where nothing says how fast it may change, s.
+const TO_ACCELERATION: f64 = 0.05;
+
+/// The goals and limits of a trajectory.
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) goals: Vec<Goal>,
+    pub(super) limits: Vec<MotionLimits>,
+    pub(super) joints: Vec<String>,
+}
+
+/// One goal.
+#[derive(Clone, Debug)]
+pub(super) struct Goal {
+    /// Of every joint, where it is to be.
+    target: Vec<Target>,
+    pub(super) duration: Option<f64>,
+    pub(super) dwell: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    At(f64),
+    Beside(f64),
+}
+
+impl Goal {
+    /// The positions of the joints at the goal, from those at the goal before.
+    pub(super) fn write(&self, before: &[f64], position: &mut [f64]) {
+        for ((position, before), target) in position.iter_mut().zip(before).zip(&self.target) {
+            *position = match target {
+                Target::At(position) => *position,
+                Target::Beside(offset) => before + offset,
+            };
+        }
+    }
+}
+
+impl Plan {
+    /// Checks everything that can be checked before a run.
+    pub(super) fn new(
+        config: &TrajectoryConfig,
+        robot: Option<&RobotReference>,
+    ) -> Result<Self, ConfigError> {
+        let robot = robot.ok_or_else(|| {
+            ConfigError::new("the component names no robot, and needs its joints")
+                .advise("add `robot = \"NAME\"` to the component")
+        })?;
+        if config.goals.is_empty() {
+            return Err(ConfigError::key("goals", "no goal is given, expected at least one"));
+        }
+        if !(config.tolerance > 0.0 && config.tolerance.is_finite()) {
+            let message = format!("{}, expected a positive number", config.tolerance);
+            return Err(ConfigError::key("tolerance", message));
+        }
+        let Loaded { model, profile, .. } = crate::robot::load(robot)?;
+        let limits = limits(config, &model, profile.as_ref())?;
+        let mut goals = Vec::new();
+        // where the robot is known to be: all joints that some goal has placed
+        let mut known: Vec<Option<f64>> = vec![None; model.joint_count()];
+        for (index, goal) in config.goals.iter().enumerate() {
+            let goal = read(goal, &model, profile.as_ref(), &format!("goals[{index}]"))?;
+            for (joint, (known, target)) in known.iter_mut().zip(&goal.target).enumerate() {
+                *known = match target {
+                    Target::At(position) => Some(*position),
+                    Target::Beside(offset) => known.map(|known| known + offset),
+                };
+                let range = model.lower()[joint]..=model.upper()[joint];
+                if let Some(position) = known.filter(|position| !range.contains(position)) {
+                    let message = format!(
+                        "joint \"{}\" at {position}, outside of its range {} to {}",
+                        model.joint_names()[joint],
+                        range.start(),
+                        range.end()
+                    );
+                    return Err(ConfigError::key(format!("goals[{index}]"), message));
+                }
+            }
+            goals.push(goal);
+        }
+        Ok(Self { goals, limits, joints: model.joint_names().to_vec() })
+    }
+}
+
+fn read(goal: &JointGoal, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Goal, ConfigError> {
+    let table = match goal {
+        JointGoal::Pose(name) => &JointGoalConfig { pose: Some(name.clone()), ..JointGoalConfig::default() },
+        JointGoal::Table(table) => table,
+    };
+    let target = match (&table.pose, &table.position, &table.offset) {
+        (Some(name), None, None) => pose(name, model, profile, key)?.into_iter().map(Target::At).collect(),
+        (None, Some(position), None) => numbers(position, model, &format!("{key}.position"), Target::At)?,
+        (None, None, Some(offset)) => numbers(offset, model, &format!("{key}.offset"), Target::Beside)?,
+        (None, None, None) => {
+            let message = "none of `pose`, `position` and `offset` is given";
+            return Err(ConfigError::key(key, message).advise("give one of them, or the name of a pose"));
+        }
+        _ => {
+            let message = "more than one of `pose`, `position` and `offset` is given";
+            return Err(ConfigError::key(key, message).advise("keep one of them"));
+        }
+    };
+    Ok(Goal {
+        target,
+        duration: table.duration.map(|duration| duration.as_secs_f64()),
+        dwell: table.dwell.as_secs_f64(),
+    })
+}
+
+fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Vec<f64>, ConfigError> {
+    let profile = profile.ok_or_else(|| {
+        ConfigError::key(key, format!("robot `{}` has no profile, and no pose \"{name}\"", model.name()))
+            .advise("give `position`, one number for each joint")
+    })?;
+    let name = if name == HOME && !profile.poses.contains_key(HOME) { &profile.home } else { name };
+    let pose = profile.pose(model, name).map_err(|error| ConfigError::key(key, error.to_string()))?;
+    Ok(pose.as_slice().to_vec())
+}
+
+fn numbers(
+    given: &JointNumbers,
+    model: &Model,
+    key: &str,
+    target: fn(f64) -> Target,
+) -> Result<Vec<Target>, ConfigError> {
+    let finite = |number: f64| {
+        let message = format!("{number}, expected a finite number");
+        if number.is_finite() { Ok(target(number)) } else { Err(ConfigError::key(key, message)) }
+    };
+    let names = || model.joint_names().join(", ");
+    match given {
+        JointNumbers::Each(given) if given.len() != model.joint_count() => {
+            let message = format!("{} numbers, expected {}: one per joint", given.len(), model.joint_count());
+            Err(ConfigError::key(key, message).advise(format!("in this order: {}", names())))
+        }
+        JointNumbers::Each(given) => given.iter().copied().map(finite).collect(),
+        JointNumbers::Named(given) => {
+            let mut targets = vec![Target::Beside(0.0); model.joint_count()];
+            for (name, number) in given {
+                let index = model.joint_index(name).ok_or_else(|| {
+                    let message = format!("robot `{}` has no joint \"{name}\"", model.name());
+                    ConfigError::key(key, message).advise(format!("its joints are {}", names()))
+                })?;
+                targets[index] = finite(*number)?;
+            }
+            Ok(targets)
+        }
+    }
+}
+
+fn limits(
+    config: &TrajectoryConfig,
+    model: &Model,
+    profile: Option<&Profile>,
+) -> Result<Vec<MotionLimits>, ConfigError> {
+    let fraction = config.limits.fraction;
+    if !(fraction > 0.0 && fraction <= 1.0) {
+        let message = format!("{fraction}, expected above 0 and at most 1");
+        return Err(ConfigError::key("limits.fraction", message));
+    }
+    let given = |key: &str, given: &Option<PerJoint>| -> Result<Option<Vec<f64>>, ConfigError> {
+        let key = format!("limits.{key}");
+        let Some(given) = given else { return Ok(None) };
+        let values = given.resolve(model.joint_count());
+        let values = values.map_err(|error| {
+            ConfigError::key(&key, error.to_string())
+                .advise(format!("in this order: {}", model.joint_names().join(", ")))
+        })?;
+        match values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
+            Some(value) => Err(ConfigError::key(key, format!("{value}, expected a positive number"))),
+            None => Ok(Some(values)),
+        }
+    };
+    let velocity = given("velocity", &config.limits.velocity)?;
+    let acceleration = given("acceleration", &config.limits.acceleration)?;
+    let jerk = given("jerk", &config.limits.jerk)?;
+    let of_profile = profile.map(|profile| profile.acceleration_limit(model)).transpose();
+    let of_profile = of_profile.map_err(|error| ConfigError::key("robot", error.to_string()))?;
+    let of_joint = |joint: usize| {
+        let velocity = velocity.as_ref().map_or(model.velocity_limit()[joint], |given| given[joint]);
+        if !velocity.is_finite() {
+            let message = format!("joint \"{}\" has no velocity limit", model.joint_names()[joint]);
+            return Err(ConfigError::key("limits.velocity", message)
+                .advise("give one number for all joints, or one for each"));
+        }
+        let usual = of_profile.as_ref().map_or(f64::INFINITY, |limits| limits[joint]);
+        let usual = if usual.is_finite() { usual } else { velocity / TO_SPEED };
+        let acceleration = acceleration.as_ref().map_or(usual, |given| given[joint]);
+        let jerk = jerk.as_ref().map_or(acceleration / TO_ACCELERATION, |given| given[joint]);
+        Ok(MotionLimits {
+            velocity: fraction * velocity,
+            acceleration: fraction * acceleration,
+            jerk: fraction * jerk,
+        })
+    };
+    (0..model.joint_count()).map(of_joint).collect()
+}

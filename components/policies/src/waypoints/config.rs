@@ -1,0 +1,115 @@
+//! The `config` table of `policy.waypoints`.
+
+use motorium::units::TimeSpan;
+use motorium_primitives::reach::Repeat;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Configuration of `policy.waypoints`.
+///
+/// ```toml
+/// goals = [
+///     { position = [2.0, 0.0], yaw = 1.5708 },
+///     { position = [2.0, 2.0], dwell = "1 s" },
+/// ]
+/// speed = 0.15
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaypointsConfig {
+    /// The goals, in their order.
+    pub goals: Vec<WaypointConfig>,
+    /// Behaviour after the last goal: "once" stays there, "forever" goes back to the first.
+    #[serde(default)]
+    pub repeat: Repeat,
+    /// Largest speed, m/s. Default: four fifths of what the wheels of the robot reach, and 0.5 at most.
+    #[serde(default)]
+    pub speed: Option<f64>,
+    /// Largest acceleration, m/s^2. Default 0.5.
+    #[serde(default = "half")]
+    pub acceleration: f64,
+    /// Largest jerk, m/s^3. Default 5.
+    #[serde(default = "five")]
+    pub jerk: f64,
+    /// Largest rate of turn, rad/s. Default: four fifths of what the wheels of the robot reach, and 1 at most.
+    #[serde(default)]
+    pub turn_speed: Option<f64>,
+    /// Largest angular acceleration, rad/s^2. Default 2.
+    #[serde(default = "two")]
+    pub turn_acceleration: f64,
+    /// Largest angular jerk, rad/s^3. Default 20.
+    #[serde(default = "twenty")]
+    pub turn_jerk: f64,
+    /// Gain of the correction of the position, 1/s. Default 2.
+    #[serde(default = "two")]
+    pub gain: f64,
+    /// Gain of the correction of the angle, 1/s. Default 4.
+    #[serde(default = "four")]
+    pub turn_gain: f64,
+    /// Length within which a base that cannot go sideways comes back to its line, m. Default 0.1.
+    #[serde(default = "tenth")]
+    pub length: f64,
+    /// Largest distance from a goal with which it counts as reached, m. Default 0.02.
+    #[serde(default = "two_hundredths")]
+    pub position_tolerance: f64,
+    /// Largest deviation of the angle at a goal with which it counts as reached, rad. Default 0.0175, 1 degree.
+    #[serde(default = "degree")]
+    pub yaw_tolerance: f64,
+    /// Time for which the base may be late at a goal. Then it counts as missed, and the next one is next. Default 2 s.
+    #[serde(default = "grace")]
+    pub grace: TimeSpan,
+}
+
+/// A goal of a base.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaypointConfig {
+    /// Position in the world, x and y, m.
+    pub position: [f64; 2],
+    /// Angle about z at the goal, rad. Without it that at which the base arrives.
+    #[serde(default)]
+    pub yaw: Option<f64>,
+    /// Time to stay there. Default 200 ms.
+    #[serde(default = "dwell")]
+    pub dwell: TimeSpan,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+fn two() -> f64 {
+    2.0
+}
+
+fn four() -> f64 {
+    4.0
+}
+
+fn five() -> f64 {
+    5.0
+}
+
+fn twenty() -> f64 {
+    20.0
+}
+
+fn tenth() -> f64 {
+    0.1
+}
+
+fn two_hundredths() -> f64 {
+    0.02
+}
+
+fn degree() -> f64 {
+    0.0175
+}
+
+fn grace() -> TimeSpan {
+    TimeSpan { ns: 2_000_000_000 }
+}
+
+fn dwell() -> TimeSpan {
+    TimeSpan { ns: 200_000_000 }
+}

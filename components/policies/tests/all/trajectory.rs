@@ -1,0 +1,138 @@
+//! `policy.trajectory` and `policy.home` in a running graph, with joints that do as they are told.
+
+use motorium::component::Component;
+use motorium::launcher::Report;
+use motorium::prelude::*;
+use motorium::testing::{Function, Graph, Instance, Probe};
+use motorium_policies::{HomePolicy, TrajectoryPolicy};
+
+const START: [f64; 3] = [0.5, 0.8, 0.8];
+
+/// An arm that stands where it is told, `off` rad beside.
+fn arm(off: f64) -> Function {
+    Function::new::<JointCommand, JointState>("arm", "command", "state", move |_, command| {
+        let mut state = JointState::default();
+        state.set_count(3);
+        match command {
+            Some(command) => {
+                state.velocity_mut().copy_from_slice(command.velocity());
+                for (q, position) in state.position_mut().iter_mut().zip(command.position()) {
+                    *q = position + off;
+                }
+            }
+            None => state.position_mut().copy_from_slice(&START),
+        }
+        Some(state)
+    })
+}
+
+fn graph<C: Component>(off: f64, config: &str) -> Graph {
+    let config: toml::Table = format!("config = {config}").parse().unwrap();
+    let policy = Instance::of::<C>("policy")
+        .robot("arm")
+        .trigger("state")
+        .subscribe("joint_state", "state")
+        .publish("joint_command", "command")
+        .set("config", config["config"].clone());
+    Graph::new("trajectory-test").robot("arm", "planar-3r").with(arm(off)).with(policy)
+}
+
+fn number(report: &Report, key: &str) -> f64 {
+    report.results["policy"][key].as_f64().unwrap_or_else(|| panic!("{}", report.results["policy"]))
+}
+
+const LIMITS: &str =
+    "limits = { velocity = 1.0, acceleration = 4.0, jerk = [40.0, 50.0, 60.0], fraction = 1.0 }";
+
+/// The commands of a run.
+fn commands<C: Component>(config: &str, time: &str) -> (Vec<JointCommand>, Report) {
+    let probe = Probe::<JointCommand>::of("command").triggered();
+    let report = graph::<C>(0.0, config).with(&probe).run(time).unwrap();
+    (probe.values(), report)
+}
+
+#[test]
+fn joints_come_to_rest_at_their_goals_within_limits_and_a_step_allocates_nothing() {
+    for profile in ["time_optimal", "minimum_jerk"] {
+        let config = format!(
+            "{{ profile = \"{profile}\", {LIMITS}, goals = [{{ position = [0.0, 0.0, 1.0] }}, \
+             {{ offset = {{ joint2 = 0.7 }}, dwell = \"100 ms\" }}, \"bent\"] }}"
+        );
+        let (commands, report) = commands::<TrajectoryPolicy>(&config, "6 s");
+        assert_eq!(report.results["policy"]["goals_reached"], 3, "{profile}: {}", report.results["policy"]);
+        assert!(number(&report, "joint_error") < 1e-3, "{}", report.results["policy"]);
+        let (dt, mut before) = (1e-3, ([0.0; 3], [0.0; 3]));
+        for (step, command) in commands.iter().enumerate() {
+            for joint in 0..3 {
+                let velocity = command.velocity()[joint];
+                let acceleration = (velocity - before.0[joint]) / dt;
+                let jerk = (acceleration - before.1[joint]) / dt;
+                assert!(velocity.abs() <= 1.0 + 1e-9, "{profile} step {step}");
+                assert!(acceleration.abs() <= 4.0 + 1e-6, "{profile} step {step}: {acceleration}");
+                let most = [40.0, 50.0, 60.0][joint];
+                assert!(step < 2 || jerk.abs() <= most + 1e-3, "{profile} step {step}: {jerk} of {most}");
+                (before.0[joint], before.1[joint]) = (velocity, acceleration);
+            }
+        }
+        let last = commands.last().unwrap();
+        let off = last.position().iter().zip(START).map(|(q, goal)| (q - goal).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12 && last.velocity() == [0.0; 3], "{:?}", last.position());
+        let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
+        assert_eq!(policy.allocations, Some(0));
+    }
+}
+
+#[test]
+fn the_time_of_a_motion_is_the_shortest_within_the_limits_or_that_given() {
+    // one joint by 1 rad: d / v + v / a + a / j
+    let goal = |rest: &str| format!("{{ {LIMITS}, goals = [{{ offset = {{ joint1 = -1.0 }}{rest} }}] }}");
+    let (_, report) = commands::<TrajectoryPolicy>(&goal(""), "3 s");
+    assert!((number(&report, "moving_s") - (1.0 + 0.25 + 0.1)).abs() < 1e-9, "{}", report.results["policy"]);
+    let (_, report) = commands::<TrajectoryPolicy>(&goal(", duration = \"2 s\""), "3 s");
+    assert!((number(&report, "moving_s") - 2.0).abs() < 1e-9);
+    let (_, report) = commands::<TrajectoryPolicy>(&goal(", duration = \"10 ms\""), "3 s");
+    assert!((number(&report, "moving_s") - 1.35).abs() < 1e-9, "limits come before a time");
+}
+
+#[test]
+fn home_is_a_trajectory_to_the_pose_of_the_profile() {
+    let (commands, report) = commands::<HomePolicy>("{ pose = \"stretched\" }", "8 s");
+    assert_eq!(report.results["policy"]["goals_reached"], 1, "{}", report.results["policy"]);
+    assert!(commands.last().unwrap().position().iter().all(|q| q.abs() < 1e-12));
+    let (commands, _) = self::commands::<HomePolicy>("{}", "1 s");
+    assert_eq!(commands.last().unwrap().position(), START, "it is at home");
+}
+
+#[test]
+fn a_goal_that_a_joint_is_beside_is_missed_and_the_joint_is_named() {
+    let config = "{ goals = [\"stretched\"], tolerance = 0.02 }";
+    let report = graph::<TrajectoryPolicy>(0.03, config).run("12 s").unwrap();
+    assert_eq!(report.results["policy"]["goals_missed"], 1, "{}", report.results["policy"]);
+    assert!((number(&report, "joint_error") - 0.03).abs() < 1e-3);
+    assert!(report.results["policy"]["joint_of_the_error"].as_str().unwrap().starts_with("joint"));
+}
+
+#[test]
+fn what_cannot_be_reached_is_refused_and_says_why() {
+    for (config, words) in [
+        ("{ goals = [] }", "at least one"),
+        ("{ goals = [\"folded\"] }", "folded"),
+        ("{ goals = [{ position = [0.0, 0.0] }] }", "2 numbers, expected 3"),
+        ("{ goals = [{ position = { elbow = 1.0 } }] }", "no joint \"elbow\""),
+        ("{ goals = [{ position = [0.0, 0.0, 9.0] }] }", "outside of its range"),
+        (
+            "{ goals = [{ position = [0.0, 0.0, 2.0] }, { offset = [0.0, 0.0, 2.0] }] }",
+            "outside of its range",
+        ),
+        ("{ goals = [{ duration = \"1 s\" }] }", "none of `pose`, `position` and `offset`"),
+        ("{ goals = [{ pose = \"bent\", offset = [0.0, 0.0, 0.0] }] }", "more than one of"),
+        ("{ goals = [\"bent\"], limits = { fraction = 1.5 } }", "at most 1"),
+        ("{ goals = [\"bent\"], limits = { jerk = 0.0 } }", "expected a positive number"),
+        ("{ goals = [\"bent\"], tolerance = 0.0 }", "expected a positive number"),
+    ] {
+        let error = graph::<TrajectoryPolicy>(0.0, config).check().expect_err("it is refused").render(false);
+        assert!(error.contains(words), "no `{words}` in\n{error}");
+    }
+    let error = graph::<HomePolicy>(0.0, "{ pose = \"folded\" }").check().expect_err("it is refused");
+    assert!(error.render(false).contains("pose"), "{}", error.render(false));
+}

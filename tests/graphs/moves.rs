@@ -1,0 +1,71 @@
+//! Robots that drive, fly and move their joints: whole graphs, measured by what the simulation knows.
+
+use crate::support::{Ended, machine, run, workspace};
+
+fn whole(graph: &str, arguments: &[&str]) -> Ended {
+    let arguments = [&["--clock", "lockstep"], arguments].concat();
+    run(&workspace().join("graphs").join(graph), &arguments)
+}
+
+fn number(ended: &Ended, component: &str, key: &str) -> f64 {
+    let result = &ended.report().results[component];
+    result[key].as_f64().unwrap_or_else(|| panic!("no {key} in {result}"))
+}
+
+#[track_caller]
+fn assert_nothing_allocates(ended: &Ended) {
+    for component in &ended.report().components {
+        assert_eq!(component.allocations, Some(0), "{}", component.name);
+    }
+}
+
+#[test]
+fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_corner() {
+    let _machine = machine();
+    let ended = whole("drive-square.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(number(&ended, "policy", "goals_reached"), 4.0);
+    assert!(number(&ended, "policy", "position_error_m") < 0.02);
+    assert!(number(&ended, "policy", "yaw_error_rad") < 1.0_f64.to_radians());
+    // the simulation's own word for it, at the last corner
+    let base = &ended.report().results["physics"]["base_position"];
+    let place = |axis: usize| base[axis].as_f64().expect("a number");
+    assert!(place(0).hypot(place(1)) < 0.02, "{base}");
+    assert!(number(&ended, "controller", "distance_m") > 7.9);
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
+fn a_square_that_is_missed_is_no_success() {
+    let _machine = machine();
+    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the world
+    let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
+    assert_eq!(ended.code, Some(8), "{}", ended.stderr);
+    assert!(number(&ended, "policy", "position_error_m") > 0.1);
+}
+
+#[test]
+fn a_quadrotor_takes_off_and_hovers_within_a_centimetre() {
+    let _machine = machine();
+    let ended = whole("hover.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(number(&ended, "controller", "goals_reached"), 2.0);
+    assert!(number(&ended, "controller", "position_error_m") < 0.01);
+    let base = &ended.report().results["physics"]["base_position"];
+    let off =
+        [0.5, 0.3, 0.8].iter().enumerate().map(|(axis, goal)| base[axis].as_f64().expect("a number") - goal);
+    assert!(off.map(|off| off * off).sum::<f64>().sqrt() < 0.01, "{base}");
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
+fn a_panda_goes_through_its_waypoints() {
+    let _machine = machine();
+    let ended = whole("panda-waypoints.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(number(&ended, "policy", "goals_reached") >= 4.0);
+    assert!(number(&ended, "policy", "joint_error") < 0.01);
+    assert_eq!(number(&ended, "physics", "steps_beyond_a_velocity_limit"), 0.0);
+    assert_eq!(number(&ended, "physics", "steps_with_saturated_drives"), 0.0);
+    assert_nothing_allocates(&ended);
+}
