@@ -33,23 +33,28 @@ impl Default for JointCommandConfig {
     }
 }
 
-/// Standard gravity along -z of the world, m/s^2.
-const GRAVITY: f64 = 9.806_65;
+/// Gravity of a graph that states none, in the world frame, m/s^2.
+pub(crate) fn earth() -> [f64; 3] {
+    [0.0, 0.0, -9.81]
+}
 
 /// The model of the robot of a component, its gains and the joints that a policy moves.
 #[derive(Debug)]
 pub(crate) struct CommandedJoints {
     pub(crate) model: Model,
     gains: Gains,
+    gravity: Vector3<f64>,
     joints: Vec<usize>,
     /// Joints without a drive.
     passive: Vec<usize>,
 }
 
 impl CommandedJoints {
-    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config.
+    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config. `gravity` is
+    /// in the world frame, m/s^2.
     pub(crate) fn new<'a>(
         config: &JointCommandConfig,
+        gravity: [f64; 3],
         robot: Option<&RobotReference>,
         joints: impl Iterator<Item = (&'a str, String)>,
     ) -> Result<Self, ConfigError> {
@@ -57,6 +62,9 @@ impl CommandedJoints {
             ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
+        if let Some(number) = gravity.iter().find(|number| !(-1000.0..=1000.0).contains(*number)) {
+            return Err(ConfigError::key("gravity", format!("{number}, expected from -1000 to 1000 m/s2")));
+        }
         let loaded = crate::robot::load(robot)?;
         let model = loaded.model;
         let mut found = Vec::new();
@@ -108,7 +116,7 @@ impl CommandedJoints {
         };
         let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
         let passive = passive.filter_map(|name| model.joint_index(name)).collect();
-        Ok(Self { model, gains, joints: found, passive })
+        Ok(Self { model, gains, gravity: Vector3::from(gravity), joints: found, passive })
     }
 
     /// Declares the ports and parameters of the joint command writer.
@@ -242,8 +250,7 @@ impl JointCommandWriter {
         if let Some(dynamics) = &mut self.dynamics {
             let base = self.configuration.len() - self.q.len();
             self.configuration[base..].copy_from_slice(&self.q);
-            let down = Vector3::new(0.0, 0.0, -GRAVITY);
-            dynamics.gravity(model, &self.configuration, down, &mut self.gravity);
+            dynamics.gravity(model, &self.configuration, self.driven.gravity, &mut self.gravity);
             let efforts = model.joints_of_v(&self.gravity).iter().zip(model.effort_limit());
             for (effort, (wanted, limit)) in command.effort_mut().iter_mut().zip(efforts) {
                 *effort = wanted.max(-limit).min(*limit);

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter};
+use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter, earth};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::promp::{ProMp, ProMpRunner, StoredProMp};
 use motorium_primitives::reach::Repeat;
@@ -51,6 +51,9 @@ pub struct ProMpPolicyConfig {
     /// Behaviour after a movement: "once" stays at its end, "forever" begins the next.
     #[serde(default)]
     pub repeat: Repeat,
+    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    #[serde(default = "earth")]
+    pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
     pub joint_command: JointCommandConfig,
@@ -109,12 +112,14 @@ pub struct ProMpPolicy {
 impl Component for ProMpPolicy {
     const KIND: &'static str = "policy.promp";
     const SUMMARY: &'static str = "moves joints by a probabilistic movement primitive";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = ProMpPolicyConfig;
 
     fn declare(config: &ProMpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let driven = CommandedJoints::new(
             &config.joint_command,
+            config.gravity,
             declare.robot(),
             named(config, declare.robot())?.iter().map(borrowed),
         )?;
@@ -131,6 +136,7 @@ impl Component for ProMpPolicy {
         let robot = setup.robot()?.clone();
         let driven = CommandedJoints::new(
             &config.joint_command,
+            config.gravity,
             Some(&robot),
             named(&config, Some(&robot))?.iter().map(borrowed),
         )?;

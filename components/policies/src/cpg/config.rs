@@ -4,7 +4,7 @@ use motorium::declare::ConfigError;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::joint_command::JointCommandConfig;
+use crate::joint_command::{JointCommandConfig, earth};
 use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator, OscillatorNetworkSettings};
 
 /// Configuration of `policy.cpg`.
@@ -45,6 +45,9 @@ pub struct CpgPolicyConfig {
     /// Numbers of the model "matsuoka".
     #[serde(default)]
     pub matsuoka: Option<MatsuokaConfig>,
+    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    #[serde(default = "earth")]
+    pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]
     pub joint_command: JointCommandConfig,

@@ -50,13 +50,14 @@ pub struct CpgPolicy {
 impl Component for CpgPolicy {
     const KIND: &'static str = "policy.cpg";
     const SUMMARY: &'static str = "moves joints in a gait by a central pattern generator";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = CpgPolicyConfig;
 
     fn declare(config: &CpgPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         check_gait(config)?;
         generator(config)?;
-        CommandedJoints::new(&config.joint_command, declare.robot(), joints(config))?;
+        CommandedJoints::new(&config.joint_command, config.gravity, declare.robot(), joints(config))?;
         let gaits = Gait::of(config.legs.len());
         CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
@@ -87,7 +88,12 @@ impl Component for CpgPolicy {
 
     fn configure(config: CpgPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let generator = generator(&config)?;
-        let driven = CommandedJoints::new(&config.joint_command, Some(setup.robot()?), joints(&config))?;
+        let driven = CommandedJoints::new(
+            &config.joint_command,
+            config.gravity,
+            Some(setup.robot()?),
+            joints(&config),
+        )?;
         let duty_factor = (config.model == CpgModel::Hopf).then(|| setup.parameter("duty_factor"));
         Ok(Self {
             writer: JointCommandWriter::new(driven, &config.joint_command, setup)?,

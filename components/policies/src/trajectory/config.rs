@@ -7,6 +7,8 @@ use motorium_robots::PerJoint;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::joint_command::earth;
+
 /// Configuration of `policy.trajectory`.
 ///
 /// ```toml
@@ -34,6 +36,9 @@ pub struct TrajectoryConfig {
     /// Largest distance of a measured joint from a goal with which the goal counts as reached, rad or m. Default 0.01.
     #[serde(default = "hundredth")]
     pub tolerance: f64,
+    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    #[serde(default = "earth")]
+    pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     #[serde(default)]
     pub joint_command: JointDriveConfig,
@@ -56,6 +61,8 @@ pub struct HomeConfig {
     pub limits: MotionLimitsConfig,
     /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default 0.01.
     pub tolerance: f64,
+    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     pub joint_command: JointDriveConfig,
 }
@@ -67,6 +74,7 @@ impl Default for HomeConfig {
             profile: Shape::default(),
             limits: MotionLimitsConfig::default(),
             tolerance: hundredth(),
+            gravity: earth(),
             joint_command: JointDriveConfig::default(),
         }
     }
@@ -74,9 +82,9 @@ impl Default for HomeConfig {
 
 impl From<HomeConfig> for TrajectoryConfig {
     fn from(home: HomeConfig) -> Self {
-        let HomeConfig { pose, profile, limits, tolerance, joint_command } = home;
+        let HomeConfig { pose, profile, limits, tolerance, gravity, joint_command } = home;
         let goals = vec![JointGoal::Pose(pose)];
-        Self { goals, repeat: Repeat::Once, profile, limits, tolerance, joint_command }
+        Self { goals, repeat: Repeat::Once, profile, limits, tolerance, gravity, joint_command }
     }
 }
 

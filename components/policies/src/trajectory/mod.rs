@@ -61,6 +61,7 @@ impl Component for TrajectoryPolicy {
     const KIND: &'static str = "policy.trajectory";
     const SUMMARY: &'static str =
         "moves joints through waypoints within velocity, acceleration and jerk limits";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = TrajectoryConfig;
 
@@ -204,7 +205,7 @@ fn driven(
     robot: Option<&motorium::declare::RobotReference>,
 ) -> Result<CommandedJoints, ConfigError> {
     let names = plan.joints.iter().map(|name| (name.as_str(), "robot".to_string()));
-    CommandedJoints::new(&command(config), robot, names)
+    CommandedJoints::new(&command(config), config.gravity, robot, names)
 }
 
 /// Moves the joints of a robot to a pose of its profile; see [`TrajectoryPolicy`].
@@ -214,6 +215,7 @@ pub struct HomePolicy(TrajectoryPolicy);
 impl Component for HomePolicy {
     const KIND: &'static str = "policy.home";
     const SUMMARY: &'static str = "moves joints to the home pose, or another pose of the robot's profile";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = HomeConfig;
 

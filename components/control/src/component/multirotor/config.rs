@@ -25,8 +25,8 @@ pub struct MultirotorConfig {
     pub max_tilt: f64,
     /// Share of the thrust of all rotors that is used at most, so that torque is left, 0.1 to 1. Default 0.9.
     pub max_thrust_share: f64,
-    /// Gravity, along -z of the world, m/s^2. Default 9.81.
-    pub gravity: f64,
+    /// Gravity in the world frame, m/s^2; it acts downwards. Default: that of the graph's world, 9.81 without one.
+    pub gravity: [f64; 3],
     /// Largest distance from the target with which a goal counts as reached, m. Default 0.01.
     pub position_tolerance: f64,
     /// Largest angle about the vertical from the target with which a goal counts as reached, rad. Default 0.05.
@@ -48,7 +48,7 @@ impl Default for MultirotorConfig {
             integral_rate: 1.0,
             max_tilt: 0.6,
             max_thrust_share: 0.9,
-            gravity: 9.81,
+            gravity: [0.0, 0.0, -9.81],
             position_tolerance: 0.01,
             yaw_tolerance: 0.05,
             settle: TimeSpan { ns: 1_000_000_000 },

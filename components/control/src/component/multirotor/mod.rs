@@ -60,7 +60,11 @@ impl Parts {
         in_range("integral_rate", config.integral_rate, 0.0..=config.position_frequency)?;
         in_range("max_tilt", config.max_tilt, 0.01..=1.4)?;
         in_range("max_thrust_share", config.max_thrust_share, 0.1..=1.0)?;
-        in_range("gravity", config.gravity, 0.01..=1000.0)?;
+        let [0.0, 0.0, down] = config.gravity else {
+            let message = format!("{:?}, expected one that acts along -z of the world", config.gravity);
+            return Err(ConfigError::key("gravity", message));
+        };
+        let gravity = -in_range("gravity[2]", down, -1000.0..=-0.01)?;
         in_range("position_tolerance", config.position_tolerance, 1e-9..=1e3)?;
         in_range("yaw_tolerance", config.yaw_tolerance, 1e-9..=10.0)?;
         if config.attitude_frequency < 3.0 * config.position_frequency {
@@ -115,7 +119,7 @@ impl Parts {
         }
         let mixer = Mixer::new(&propellers)
             .map_err(|error| refused(format!("the rotors of robot `{}`: {error}", robot.name)))?;
-        let weight = inertia.mass * config.gravity;
+        let weight = inertia.mass * gravity;
         let most = config.max_thrust_share * mixer.max_thrust();
         if most < 1.05 * weight {
             let message = format!(
@@ -126,7 +130,7 @@ impl Parts {
                 refused(message).advise("raise `max_thrust_share`, or check `max_thrust` and the mass")
             );
         }
-        let flight = Flight { mass: inertia.mass, inertia: inertia.rotational, gravity: config.gravity };
+        let flight = Flight { mass: inertia.mass, inertia: inertia.rotational, gravity };
         let settings = FlightSettings {
             position: config.position_frequency,
             attitude: config.attitude_frequency,
@@ -148,6 +152,7 @@ impl Parts {
 impl Component for MultirotorController {
     const KIND: &'static str = "control.multirotor";
     const SUMMARY: &'static str = "flies a robot on rotors to target poses";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = MultirotorConfig;
 
