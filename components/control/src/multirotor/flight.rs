@@ -241,7 +241,7 @@ mod tests {
         assert_eq!(thrust, 0.54);
         let below = FlightTarget { position: Vector3::new(50.0, 0.0, -50.0), ..FlightTarget::default() };
         let (thrust, torque) = control.update(&below, &pose, &Vector3::zeros(), &Vector3::zeros(), DT);
-        assert!(thrust >= 0.01 && thrust < 0.1, "{thrust}");
+        assert!((0.01..0.1).contains(&thrust), "{thrust}");
         // no further than to a lean of 0.6 rad: J w^2 sin(0.6)
         let most = 1.67e-5 * 400.0 * 0.6_f64.sin();
         assert!((torque.y - most).abs() < 1e-9 * most.max(1.0), "{torque}, at most {most}");

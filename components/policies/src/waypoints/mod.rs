@@ -223,10 +223,10 @@ mod tests {
     #[test]
     fn goals_are_judged_by_distance_and_by_angle() {
         let mut record = Record::default();
-        let wanted = Place { x: 1.0, y: 2.0, yaw: 3.14 };
+        let wanted = Place { x: 1.0, y: 2.0, yaw: 3.12 };
         record.judge(wanted, Place { x: 1.01, ..wanted }, [0.02, 0.01]);
         record.judge(wanted, Place { x: 1.03, ..wanted }, [0.02, 0.01]);
-        record.judge(wanted, Place { yaw: -3.13, ..wanted }, [0.02, 0.01]);
+        record.judge(wanted, Place { yaw: -3.15, ..wanted }, [0.02, 0.01]);
         assert_eq!((record.reached, record.missed), (1, 2));
         let [distance, angle] = record.worst.unwrap();
         assert!((distance - 0.03).abs() < 1e-12 && (angle - 0.013_185).abs() < 1e-5, "{angle}");

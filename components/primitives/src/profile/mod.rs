@@ -213,7 +213,7 @@ mod tests {
         spread(9).flat_map(move |d| {
             spread(5).flat_map(move |acceleration| {
                 spread(5).chain([f64::INFINITY]).map(move |jerk| {
-                    let velocity = if (d * 1e3) as u64 % 2 == 0 { 1.0 } else { 0.3 };
+                    let velocity = if ((d * 1e3) as u64).is_multiple_of(2) { 1.0 } else { 0.3 };
                     (if jerk < 1.0 { -d } else { d }, MotionLimits { velocity, acceleration, jerk })
                 })
             })

@@ -211,6 +211,8 @@ impl Route {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+
     use super::*;
     use crate::route::RouteSettings;
 
@@ -246,7 +248,7 @@ mod tests {
     }
 
     const SQUARE: [(f64, f64, f64); 4] =
-        [(2.0, 0.0, 1.570_8), (2.0, 2.0, 3.141_6), (0.0, 2.0, -1.570_8), (0.0, 0.0, 0.0)];
+        [(2.0, 0.0, FRAC_PI_2), (2.0, 2.0, PI), (0.0, 2.0, -FRAC_PI_2), (0.0, 0.0, 0.0)];
 
     #[test]
     fn every_corner_of_a_square_is_met_on_wheels_and_sideways() {
