@@ -73,7 +73,7 @@ impl SimulatedDrive {
         &self.codec
     }
 
-    /// Whether it follows commands.
+    /// True if it follows commands.
     pub fn is_enabled(&self) -> bool {
         self.state == State::Enabled
     }

@@ -155,9 +155,9 @@ pub struct TableError {
     pub line: Option<usize>,
     /// The entry at fault: `bus` or `drive`, and its index.
     pub entry: Option<(&'static str, usize)>,
-    /// What was found, and what was expected.
+    /// The value found, and the values expected.
     pub message: String,
-    /// What to try.
+    /// Advice on how to mend it.
     pub advice: &'static str,
 }
 

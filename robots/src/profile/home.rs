@@ -97,7 +97,7 @@ fn neutral(model: &Model, index: usize) -> f64 {
     }
 }
 
-/// Whether a position is inside the range, and not near its end.
+/// True for a position inside the range and not near its end.
 fn inside(model: &Model, index: usize, position: f64) -> bool {
     let (lower, upper) = (model.lower()[index], model.upper()[index]);
     let margin = if (upper - lower).is_finite() { MARGIN * (upper - lower) } else { 0.0 };

@@ -16,7 +16,7 @@ pub use link::{Counts, Link, WrongSetting};
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;
 
-/// What the other drives do when one is lost or reports a fault.
+/// The reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
     /// They brake softly: no position gain, the velocity gain of the safe states.
@@ -96,7 +96,7 @@ impl Adapter {
         self.stray
     }
 
-    /// Whether it has tripped, and was not resumed since.
+    /// True from a trip until it is resumed.
     pub fn has_tripped(&self) -> bool {
         self.tripped
     }
@@ -190,7 +190,7 @@ impl Adapter {
         }
     }
 
-    /// Whether the state of every joint is known, and none is lost.
+    /// True if the state of every joint is known and none is lost.
     pub fn is_complete(&self) -> bool {
         self.links.iter().all(|link| link.received_ns.is_some() && link.silent < LOST_AFTER)
     }

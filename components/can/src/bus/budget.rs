@@ -68,7 +68,7 @@ impl Budget {
         self.busy_ns() as f64 / self.cycle_ns as f64
     }
 
-    /// Whether all answers are there before the next cycle.
+    /// True if all answers are there before the next cycle.
     pub fn fits(&self) -> bool {
         self.complete_ns() <= self.cycle_ns
     }

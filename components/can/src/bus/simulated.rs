@@ -18,7 +18,7 @@ pub enum ErrorState {
     Off,
 }
 
-/// What happened on the bus.
+/// An event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A frame arrived at all other nodes.

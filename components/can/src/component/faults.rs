@@ -102,7 +102,7 @@ impl Fault {
         (self.from_ns..self.until_ns).contains(&now_ns)
     }
 
-    /// Whether it is on for this drive or bus.
+    /// True while it is on for this drive or bus.
     pub(super) fn befalls(&self, kind: FaultKind, target: usize, now_ns: u64) -> bool {
         self.kind == kind && self.target == target && self.is_on(now_ns)
     }

@@ -96,7 +96,7 @@ impl Request {
         Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
     }
 
-    /// Whether a frame is the answer to a request or a change of some register of this drive, and not its usual answer.
+    /// True for a frame that answers a request or a change of some register of this drive, and is not its usual answer.
     pub fn is_answer(&self, frame: &Frame, master: Id) -> bool {
         let asks = |data: &[u8]| data[0] == self.node && data[1] == 0 && matches!(data[2], READ | WRITE);
         frame.id == master && frame.data().len() == 8 && asks(frame.data())

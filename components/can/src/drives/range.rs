@@ -52,7 +52,7 @@ impl Range {
         (self.max - self.min) / largest(bits)
     }
 
-    /// Whether it is a range: finite, and with its ends in order.
+    /// True if it is a range: finite, and with its ends in order.
     pub fn is_valid(&self) -> bool {
         self.min.is_finite() && self.max.is_finite() && self.min < self.max
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
 
-/// What flies: mass, inertia, and the weight per mass.
+/// The flying body: mass, inertia, and the weight per mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
     /// Mass \[kg\].

@@ -11,7 +11,7 @@ pub struct Wheel {
     pub position: [f64; 2],
     /// Radius \[m\].
     pub radius: f64,
-    /// Whether it is steered.
+    /// True for a steered wheel.
     pub steered: bool,
     /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
     pub rollers: f64,
@@ -78,7 +78,7 @@ pub struct WheelBase {
     wheels: Vec<Wheel>,
     /// The line of no sideways motion, x \[m\].
     axle: f64,
-    /// What an angle of each wheel adds to the way.
+    /// The way that an angle of each wheel adds.
     ways: Vec<Vector3<f64>>,
 }
 

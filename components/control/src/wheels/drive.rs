@@ -151,7 +151,7 @@ impl WheelDrive {
         share == 1.0 && self.ahead == twist.x && curvature == asked
     }
 
-    /// Whether every steered wheel gets from one curvature to another in a time step.
+    /// True if every steered wheel gets from one curvature to another in a time step.
     fn reaches(&self, from: f64, to: f64, dt: f64) -> bool {
         let limits = self.steering_limits.iter().enumerate();
         limits.filter(|(wheel, _)| self.base.wheels()[*wheel].steered).all(|(wheel, [_, _, rate])| {

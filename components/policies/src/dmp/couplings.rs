@@ -103,7 +103,7 @@ impl Couplings {
         })
     }
 
-    /// Whether the end effector is to be measured.
+    /// True if the end effector is to be measured.
     pub(super) fn needs_end_effector(&self) -> bool {
         self.stop.is_some()
     }
@@ -138,7 +138,7 @@ impl Couplings {
         (self.slowest, self.largest) = (1.0, 0.0);
     }
 
-    /// What the couplings did; `None` without one.
+    /// The effect of the couplings so far; `None` without one.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         let any = self.stop.is_some() || self.avoidance.is_some() || self.yielding.is_some();
         any.then(|| serde_json::json!({ "slowest_rate": self.slowest, "largest_acceleration": self.largest }))

@@ -46,7 +46,7 @@ pub struct TrajectoryPolicy {
     record: Record,
 }
 
-/// What became of the goals.
+/// The record of the goals.
 #[derive(Debug, Default)]
 struct Record {
     reached: u64,

@@ -32,7 +32,7 @@ pub struct WaypointsPolicy {
     record: Record,
 }
 
-/// What became of the goals.
+/// The record of the goals.
 #[derive(Debug, Default)]
 struct Record {
     reached: u64,

@@ -79,7 +79,7 @@ impl Route {
         RouteStep { command, stopped, beside }
     }
 
-    /// Whether the stage is over, for a base at `at`.
+    /// True when the stage is over, for a base at `at`.
     fn is_over(&self, at: Place) -> bool {
         let length = self.profile.duration().max(self.turning.duration());
         let late = self.elapsed >= length + self.settings.grace;

@@ -68,7 +68,7 @@ pub struct RouteSettings {
     pub drive: MotionLimits,
     /// Limits of the angle \[rad\].
     pub turn: MotionLimits,
-    /// Whether the base can go sideways.
+    /// True for a base that can go sideways.
     pub sideways: bool,
     /// Correction of the position \[1/s\].
     pub gain: f64,
@@ -80,7 +80,7 @@ pub struct RouteSettings {
     pub arrival: [f64; 2],
     /// Time for which a stage waits for that after the end of its profile \[s\]. Then the route goes on all the same.
     pub grace: f64,
-    /// Whether the route begins again after its last stop.
+    /// True for a route that begins again after its last stop.
     pub forever: bool,
 }
 
@@ -101,7 +101,7 @@ impl Default for RouteSettings {
     }
 }
 
-/// What a step of a route says.
+/// The answer of a route at each step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouteStep {
     /// Velocity in the axes of the base.

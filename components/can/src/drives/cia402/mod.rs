@@ -140,7 +140,7 @@ pub struct Setpoint {
     pub target: i32,
 }
 
-/// What a node sends in each cycle, in two frames: statusword and position, then velocity and torque.
+/// The process data that a node sends in each cycle, in two frames: statusword and position, then velocity and torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Process {
     /// The first process data of a node.
