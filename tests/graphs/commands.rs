@@ -95,6 +95,27 @@ fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
 }
 
 #[test]
+fn when_the_whole_machine_stands_still_for_a_moment_the_arm_goes_on_within_its_limits() {
+    let _machine = machine();
+    let (_folder, graph) = watched_reach(1_000);
+    let run = Run::start(&graph, &["--for", "8 s", "--set", "realtime.hang_after=10 s"]);
+    std::thread::sleep(Duration::from_millis(1_200));
+    let all = ["physics", "encoder", "policy", "controller"].map(|name| run.pid_of(name));
+    for still_ms in [3, 8, 30, 4, 60, 15, 2, 25] {
+        all.iter().for_each(|pid| signal(*pid, Signal::STOP));
+        std::thread::sleep(Duration::from_millis(still_ms));
+        all.iter().for_each(|pid| signal(*pid, Signal::CONT));
+        std::thread::sleep(Duration::from_millis(600));
+    }
+    let ended = run.finish();
+    assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
+    let (fastest, hardest) = (numbers(&ended, "watch", "fastest"), numbers(&ended, "watch", "hardest"));
+    assert!(share(&fastest, &VELOCITY) <= 1.0, "{fastest:?} rad/s");
+    assert!(share(&hardest, &ACCELERATION) <= 1.0, "{hardest:?} rad/s^2");
+    assert!(physics(&ended).gate.as_ref().expect("a gate").entries >= 3, "it was never stopped");
+}
+
+#[test]
 fn while_the_goal_moves_the_arm_follows_again_in_a_stated_time_within_its_limits() {
     let _machine = machine();
     for (away, within) in [(60, 1_500), (500, 2_500), (3_000, 3_500)] {

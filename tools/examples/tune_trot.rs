@@ -122,8 +122,18 @@ impl Legs {
         let policy = policy.context("the graph has no policy")?;
         let robot = policy.robot.as_ref().context("the policy has no robot")?;
         let model = motorium_robots::load(&robot.urdf, &robot.base)?.model;
-        let numbers = |value: &serde_json::Value| -> Vec<f64> {
-            value.as_array().into_iter().flatten().filter_map(serde_json::Value::as_f64).collect()
+        // one number for all joints, or one for each
+        let numbers = |value: &serde_json::Value| -> anyhow::Result<Vec<f64>> {
+            let values = match value.as_array() {
+                Some(values) => values.iter().filter_map(serde_json::Value::as_f64).collect(),
+                None => vec![value.as_f64().context("the policy states no gains")?; model.joint_count()],
+            };
+            anyhow::ensure!(
+                values.len() == model.joint_count(),
+                "the policy has gains for {} joints",
+                values.len()
+            );
+            Ok(values)
         };
         let number = |value: &serde_json::Value| value.as_f64().context("a number is missing");
         let mut joints = Vec::new();
@@ -144,7 +154,7 @@ impl Legs {
             }
         }
         let gains = &policy.config["joint_command"];
-        Ok(Self { joints, kp: numbers(&gains["kp"]), kd: numbers(&gains["kd"]) })
+        Ok(Self { joints, kp: numbers(&gains["kp"])?, kd: numbers(&gains["kd"])? })
     }
 
     /// The command of a gait at `time`, s.

@@ -1,11 +1,16 @@
 //! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
 
+use super::account::Account;
 use super::limits::{Before, JointLimits, JointSetpoint, VelocityRange};
 use super::resume::Resume;
 use super::states::{Joint, enter, stay};
 use crate::plan::{LimitPolicy, ResumeRule, SafeState};
-use crate::region::{ComponentBlock, GateState, LimitKind, Refusal, add};
+use crate::region::{GateState, Refusal};
 use crate::state::{Field as _, JointCommand};
+
+/// Time for which the positions of a command go on with its velocities where the next one is late, s, at least. Without
+/// it a late command would brake the robot harder than any safe state.
+const GOES_ON_FOR: f64 = 0.02;
 
 /// The settings of a gate, from the graph's `[safety]` table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,25 +60,6 @@ pub enum Verdict {
     },
 }
 
-/// The account of limited and refused commands.
-pub trait Account {
-    /// A command exceeded a limit of a joint.
-    fn limited(&self, joint: usize, kind: LimitKind);
-    /// A command was refused.
-    fn refused(&self, reason: Refusal);
-}
-
-impl Account for ComponentBlock {
-    fn limited(&self, joint: usize, kind: LimitKind) {
-        self.gate.limit(joint, kind);
-    }
-
-    fn refused(&self, reason: Refusal) {
-        self.gate.refuse(reason);
-        add(&self.refused, 1);
-    }
-}
-
 /// One command as it is offered to the gate.
 #[derive(Debug, Clone, Copy)]
 pub struct Offer<'a> {
@@ -88,7 +74,8 @@ pub struct Offer<'a> {
 /// The command gate of one actuator: a state machine over the joints.
 ///
 /// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none ([`make_safe`](Self::make_safe)); then
-/// [`setpoints`](Self::setpoints) are what the drives apply. A command within all limits passes to the last bit.
+/// [`setpoints`](Self::setpoints) are what the drives apply. A command within all limits passes to the last bit; while the
+/// next one is awaited, its positions go on with its velocities.
 ///
 /// ```
 /// use motorium::plan::{LimitPolicy, ResumeRule, SafeState};
@@ -114,6 +101,10 @@ pub struct Gate {
     latched: bool,
     /// The setpoints still lag behind the newest command.
     lags: bool,
+    /// Time since the newest command was new, s.
+    held_for: f64,
+    /// Time for which its positions go on with its velocities, s.
+    goes_on_for: f64,
     setpoints: Vec<JointSetpoint>,
     /// Those of the step that is being computed.
     next: Vec<JointSetpoint>,
@@ -132,6 +123,8 @@ impl Gate {
             in_safe: false,
             latched: false,
             lags: false,
+            held_for: 0.0,
+            goes_on_for: 0.0,
             setpoints: vec![JointSetpoint::default(); count],
             next: vec![JointSetpoint::default(); count],
             gravity: vec![0.0; count],
@@ -201,11 +194,13 @@ impl Gate {
         dt: f64,
         account: &impl Account,
     ) -> Verdict {
+        if offer.is_new {
+            (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
+        } else {
+            self.held_for += dt;
+        }
         if self.latched {
             return self.make_safe(measured, dt);
-        }
-        if self.state == GateState::Following && !offer.is_new && !self.lags {
-            return Verdict::Applied;
         }
         if let Err(reason) = self.take(&offer, account) {
             if offer.is_new {
@@ -287,6 +282,7 @@ impl Gate {
         let (position, velocity, effort) = (command.position(), command.velocity(), command.effort());
         let (kp, kd) = (command.kp(), command.kd());
         let mut exceeds = false;
+        let held_for = self.held_for.min(self.goes_on_for);
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
             if kp[i] < 0.0 || kd[i] < 0.0 {
                 return Err(Refusal::NegativeGain);
@@ -305,6 +301,9 @@ impl Gate {
                     account.limited(i, kind);
                 }
             });
+            if !offer.is_new {
+                limits.go_on(next, held_for);
+            }
         }
         if exceeds && self.settings.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
     }
@@ -350,10 +349,9 @@ impl Gate {
     /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way back.
     fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
-        let joints =
-            self.setpoints.iter().enumerate().map(|(i, setpoint)| {
-                (setpoint, joint(measured.position, measured.velocity, 0.0, i, setpoint))
-            });
+        let joints = self.setpoints.iter().enumerate().map(|(i, setpoint)| {
+            (setpoint, joint(measured.position, measured.velocity, self.gravity[i], i, setpoint))
+        });
         self.resume.begin(joints);
         let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
         let resume = &self.resume;

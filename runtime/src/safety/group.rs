@@ -2,8 +2,8 @@
 
 use core::cell::Cell;
 
-use super::gate::Account;
-use crate::region::{ComponentBlock, GateState, Latch, LimitKind, Refusal};
+use super::account::GroupAccount;
+use crate::region::{ComponentBlock, GateState, Latch};
 
 /// Time for which all robots must have had good commands before those that stop together go on together, ns. Without it a
 /// robot whose commands are refused now and then would throw the others into the safe state and out of it each time.
@@ -100,35 +100,7 @@ impl Group {
 
     /// The account of one gate, in which joints are numbered among all of the actuator.
     pub(super) fn account<'a>(&self, place: usize, block: &'a ComponentBlock) -> GroupAccount<'a> {
-        GroupAccount { block, first: self.gates[place].first, has_refused: Cell::new(false) }
-    }
-}
-
-/// The part of an actuator's account that one gate writes.
-pub(super) struct GroupAccount<'a> {
-    block: &'a ComponentBlock,
-    first: usize,
-    /// The command that was offered has been refused.
-    pub(super) has_refused: Cell<bool>,
-}
-
-/// An account of a command that is only looked at.
-pub(super) struct NoAccount;
-
-impl Account for NoAccount {
-    fn limited(&self, _: usize, _: LimitKind) {}
-
-    fn refused(&self, _: Refusal) {}
-}
-
-impl Account for GroupAccount<'_> {
-    fn limited(&self, joint: usize, kind: LimitKind) {
-        self.block.limited(self.first + joint, kind);
-    }
-
-    fn refused(&self, reason: Refusal) {
-        self.has_refused.set(true);
-        self.block.refused(reason);
+        GroupAccount::new(block, self.gates[place].first)
     }
 }
 

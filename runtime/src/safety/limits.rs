@@ -237,6 +237,17 @@ impl JointLimits {
         }
     }
 
+    /// Lets the position go on with the velocity for `time` s, not farther than the range of the joint.
+    #[inline]
+    pub(super) fn go_on(&self, setpoint: &mut JointSetpoint, time: f64) {
+        if setpoint.kp > 0.0 && setpoint.kd > 0.0 {
+            let position = setpoint.position;
+            setpoint.position = (position + setpoint.velocity * time)
+                .max(self.lower.min(position))
+                .min(self.upper.max(position));
+        }
+    }
+
     /// Clamps the rates of change since the setpoint `before`, `dt` s ago.
     #[inline]
     pub(super) fn clamp_rates(

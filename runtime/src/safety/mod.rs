@@ -17,6 +17,7 @@
 //! A command that fails 1 to 3 is not applied: the safe state is. One that fails 4 is clamped, or refused where the graph
 //! says `limits = "refuse"`.
 
+mod account;
 mod freshness;
 mod gate;
 mod group;
@@ -27,8 +28,9 @@ mod states;
 #[cfg(test)]
 mod tests;
 
+pub use account::Account;
 pub use freshness::{Age, Freshness, SuspendClock};
-pub use gate::{Account, Gate, GateSettings, Measured, Offer, Verdict};
+pub use gate::{Gate, GateSettings, Measured, Offer, Verdict};
 pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
 pub use port::CommandGate;
 pub use states::{Joint, enter, stay};

@@ -3,9 +3,10 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
+use super::account::{Account as _, NoAccount};
 use super::freshness::{Age, Freshness, SuspendClock};
-use super::gate::{Account as _, Gate, GateSettings, Measured, Offer, Verdict};
-use super::group::{Group, NoAccount};
+use super::gate::{Gate, GateSettings, Measured, Offer, Verdict};
+use super::group::Group;
 use super::limits::{JointLimits, JointSetpoint};
 use crate::component::{ConfigureError, Setup};
 use crate::os::{boottime_ns, monotonic_ns};
@@ -62,6 +63,7 @@ pub struct CommandGate {
     offered: Option<Stamp>,
     period_ns: u64,
     stepped_ns: u64,
+    checked_ns: u64,
     shown: Option<(GateState, Option<Latch>)>,
     /// The gates of the same actuator, and this one's place among them.
     group: Rc<Group>,
@@ -125,6 +127,7 @@ impl Setup {
             offered: None,
             period_ns: self.period().as_nanos().max(1) as u64,
             stepped_ns: 0,
+            checked_ns: 0,
             shown: None,
             context,
             group,
@@ -157,19 +160,27 @@ impl CommandGate {
         self.armed = false;
         self.group.reset(self.place);
         self.context.block().gate.begin_episode();
-        (self.offered, self.stepped_ns, self.shown) = (None, 0, None);
+        (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
     /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
-        let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let dt = self.step_time();
+        self.check_for(input, measured, dt)
+    }
+
+    /// Checks the newest command for a period of `dt` s of simulated time. An actuator that simulates several periods in
+    /// one step, because it was late, calls it for each of them.
+    pub fn check_for(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
+        let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
+        let step_ns = self.context.clock().step_ns();
+        let is_first = core::mem::replace(&mut self.checked_ns, step_ns) != step_ns;
         let latch = self.latch();
         let held = stopping || latch.is_some();
         let verdict = if held { self.gate.make_safe(measured, dt) } else { self.offer(input, measured, dt) };
         match verdict {
             Verdict::Applied | Verdict::Resuming => self.armed = true,
-            Verdict::Safe { .. } if self.armed && !held && !self.gate.is_latched() => {
+            Verdict::Safe { .. } if is_first && self.armed && !held && !self.gate.is_latched() => {
                 self.context.block().miss(MissCause::LateInput);
             }
             Verdict::Safe { .. } => {}

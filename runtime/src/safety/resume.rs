@@ -5,7 +5,7 @@
 //! difference *fades* over a fixed time, without a step in position, velocity or effort.
 
 use super::limits::{JointLimits, JointSetpoint};
-use super::states::Joint;
+use super::states::{HOLD_EFFORT_BLEND, Joint};
 
 /// Share of the limits that the approach uses: a drive overshoots its reference, and joints that turn round at once push
 /// one another.
@@ -39,6 +39,8 @@ struct Reference {
     position: f64,
     velocity: f64,
     acceleration: f64,
+    /// What the feed-forward of the safe state had beyond gravity, and has not faded, N m or N.
+    effort: f64,
 }
 
 /// The difference of a setpoint from its command where the approach ends.
@@ -68,11 +70,11 @@ fn rates(limits: &JointLimits) -> (f64, f64) {
 impl Reference {
     /// The joint's reference in a safe state: where it is held, or where it moves.
     fn of(setpoint: &JointSetpoint, joint: &Joint) -> Self {
-        let (position, velocity) = match setpoint.kp > 0.0 {
-            true => (setpoint.position, setpoint.velocity),
-            false => (joint.position, joint.velocity),
+        let (position, velocity, effort) = match setpoint.kp > 0.0 {
+            true => (setpoint.position, setpoint.velocity, setpoint.effort - joint.gravity),
+            false => (joint.position, joint.velocity, 0.0),
         };
-        Self { position, velocity, acceleration: 0.0 }
+        Self { position, velocity, acceleration: 0.0, effort }
     }
 
     /// Whether the rest of the difference changes the effort by little, and can fade within the acceleration limit.
@@ -191,11 +193,12 @@ impl Resume {
     ) -> (JointSetpoint, bool) {
         let reference = &mut self.references[index];
         reference.advance(command, limits, joint, dt);
+        reference.effort *= (1.0 - dt / HOLD_EFFORT_BLEND).max(0.0);
         let share = (self.elapsed / EFFORT_BLEND).min(1.0);
         let setpoint = JointSetpoint {
             position: reference.position,
             velocity: reference.velocity,
-            effort: (1.0 - share) * joint.gravity + share * command.effort,
+            effort: (1.0 - share) * joint.gravity + share * command.effort + reference.effort,
             ..*command
         };
         self.rests[index] = Rest::of(setpoint.position, setpoint.velocity, setpoint.effort, command);

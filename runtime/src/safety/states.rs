@@ -10,7 +10,7 @@ const BRAKE: f64 = 1e6;
 const STOPPING_SHARE: f64 = 0.7;
 
 /// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a third, s.
-const EFFORT_BLEND: f64 = 0.03;
+pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 
 /// A joint slower than this counts as standing, rad/s or m/s.
 const STANDS: f64 = 1e-3;
@@ -72,7 +72,7 @@ pub fn stay(
     let mut setpoint = setpoint;
     let blended;
     if state == SafeState::Hold && setpoint.effort != joint.gravity {
-        let effort = setpoint.effort + (joint.gravity - setpoint.effort) * (dt / EFFORT_BLEND).min(1.0);
+        let effort = setpoint.effort + (joint.gravity - setpoint.effort) * (dt / HOLD_EFFORT_BLEND).min(1.0);
         blended = JointSetpoint { effort, ..*setpoint };
         setpoint = &blended;
     }

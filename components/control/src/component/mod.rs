@@ -146,16 +146,17 @@ impl Component for QpController {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let dt = tick.dt();
         if !self.read_state()? {
             return Ok(());
         }
-        let unbroken =
-            |last| tick.time_ns.saturating_sub(last) <= self.state_timeout_ns.max(2 * period_ns(tick));
-        if !self.last_ns.is_some_and(unbroken) {
+        let longest = self.state_timeout_ns.max(2 * period_ns(tick));
+        let unbroken = self.last_ns.replace(tick.time_ns);
+        let unbroken = unbroken.filter(|last| tick.time_ns.saturating_sub(*last) <= longest);
+        if unbroken.is_none() {
             self.begin();
         }
-        self.last_ns = Some(tick.time_ns);
+        // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
+        let dt = tick.dt() * f64::from(tick.periods_since(unbroken));
         self.prepare(dt);
         self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };

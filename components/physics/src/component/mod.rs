@@ -80,9 +80,6 @@ struct Totals {
     highest: f64,
 }
 
-/// Largest number of skipped steps that are made up for at once.
-const CATCH_UP: u64 = 4;
-
 impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     const KIND: &'static str = E::KIND;
     const SUMMARY: &'static str = E::SUMMARY;
@@ -163,9 +160,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.apply_commands(tick.settling);
-        let steps = self.steps_due(tick);
-        for _ in 0..steps {
+        let periods = tick.periods_since(self.last_ns.replace(tick.time_ns));
+        for _ in 0..periods {
+            self.apply_commands(tick);
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
             if !tick.settling {
@@ -253,7 +250,7 @@ fn robot_joints(names: &[String], robot: &str) -> Vec<String> {
 
 impl<E: PhysicsEngine> PhysicsComponent<E> {
     /// Applies the newest command of each robot as far as its gate lets it pass, or the safe state.
-    fn apply_commands(&mut self, settling: bool) {
+    fn apply_commands(&mut self, tick: &Tick) {
         let Self { simulation, dynamics, gravity, robots, .. } = self;
         for robot in robots {
             let Some(gate) = &mut robot.gate else {
@@ -275,8 +272,8 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
                 velocity: &simulation.velocities()[drives.clone()],
                 gravity: &mut of_drives,
             };
-            let verdict = gate.check(&mut robot.command, measured);
-            robot.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
+            let verdict = gate.check_for(&mut robot.command, measured, tick.dt());
+            robot.safe += u64::from(!tick.settling && matches!(verdict, Verdict::Safe { .. }));
             robot.resuming += u64::from(verdict == Verdict::Resuming);
             let commands = &mut simulation.commands_mut()[drives];
             for (command, setpoint) in commands.iter_mut().zip(gate.setpoints()) {
@@ -285,15 +282,6 @@ impl<E: PhysicsEngine> PhysicsComponent<E> {
                 *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
             }
         }
-    }
-
-    /// Periods since the last step, at most [`CATCH_UP`] more than one.
-    fn steps_due(&mut self, tick: &Tick) -> u64 {
-        let period = tick.period.as_nanos().max(1) as u64;
-        let elapsed = self.last_ns.map_or(period, |last| tick.time_ns.saturating_sub(last));
-        self.last_ns = Some(tick.time_ns);
-        // Rounded: triggered components see the publish times of others, which jitter.
-        ((elapsed + period / 2) / period).clamp(1, 1 + CATCH_UP)
     }
 }
 

@@ -12,8 +12,6 @@ pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsCo
 pub use couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
 pub use imitation::DemonstrationConfig;
 
-use std::time::Duration;
-
 use motorium::component::{Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::PoseTarget;
@@ -56,9 +54,6 @@ pub struct DmpPolicy {
     memory: Checkpoint,
     last_tick_ns: Option<u64>,
 }
-
-/// The longest time one step makes up for, in periods.
-const LONGEST_STEP: u32 = 2;
 
 impl Component for DmpPolicy {
     const KIND: &'static str = "policy.dmp";
@@ -127,11 +122,10 @@ impl Component for DmpPolicy {
             let Some(start) = self.start_pose.find()? else { return Ok(()) };
             self.begin(start)?;
         } else {
-            let elapsed = tick.time_ns.saturating_sub(self.last_tick_ns.unwrap_or(tick.time_ns));
             let measures = self.couplings.needs_end_effector();
             let end_effector = if measures { self.start_pose.end_effector() } else { None };
             self.rate = self.couplings.apply(&mut self.reach, end_effector);
-            let elapsed = Duration::from_nanos(elapsed).min(tick.period * LONGEST_STEP);
+            let elapsed = tick.period * tick.periods_since(self.last_tick_ns);
             self.reach.step(elapsed.mul_f64(self.rate));
         }
         self.last_tick_ns = Some(tick.time_ns);

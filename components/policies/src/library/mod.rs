@@ -73,8 +73,6 @@ pub struct LibraryPolicy {
     picture: Option<String>,
 }
 
-/// The longest time one step makes up for, in periods.
-const LONGEST_STEP: u32 = 2;
 /// Recognised movements that the result lists.
 const LISTED: usize = 64;
 
@@ -184,10 +182,9 @@ impl Component for LibraryPolicy {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some(pose) = self.read_state()? else { return Ok(()) };
-        let elapsed = tick.time_ns.saturating_sub(self.last_ns.unwrap_or(tick.time_ns));
-        self.last_ns = Some(tick.time_ns);
-        let longest = (tick.period * LONGEST_STEP).as_secs_f64();
-        let dt = self.speed.get() * (elapsed as f64 * 1e-9).min(longest);
+        let last_ns = self.last_ns.replace(tick.time_ns);
+        let periods = if last_ns.is_some() { tick.periods_since(last_ns) } else { 0 };
+        let dt = self.speed.get() * tick.dt() * f64::from(periods);
         self.advance(dt, &pose)?;
         self.publish()
     }

@@ -169,3 +169,32 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn while_the_next_command_is_late_positions_go_on_with_their_velocities_for_a_time_and_within_the_range() {
+    let mut arm = Arm::following();
+    let first = command([0.5, -0.5], [7.5 * DT, -12.5 * DT]);
+    assert_eq!(arm.offer(&first), Verdict::Applied);
+    let at = |arm: &Arm| arm.gate.setpoints().iter().map(|setpoint| setpoint.position).collect::<Vec<_>>();
+    for late in 1..=40 {
+        assert_eq!(arm.offer_again(&first), Verdict::Applied);
+        let time = f64::from(late.min(20)) * DT;
+        for (found, (from, velocity)) in at(&arm).iter().zip([(0.5, 7.5 * DT), (-0.5, -12.5 * DT)]) {
+            assert!((found - (from + velocity * time)).abs() < 1e-12, "{late} ms late: {found}");
+        }
+    }
+    assert!(arm.book.limited.borrow().is_empty(), "{:?}", arm.book.limited.borrow());
+
+    // a joint that moves towards the end of its range stops there
+    let mut arm = Arm::following();
+    arm.gate.reset();
+    (arm.position, arm.velocity) = ([1.999_95, -0.5], [0.0; 2]);
+    arm.silence();
+    let towards_the_end = command([1.999_95, -0.5], [7.5 * DT, 0.0]);
+    assert_eq!(arm.offer(&towards_the_end), Verdict::Applied);
+    // what is left of the difference at the beginning fades meanwhile
+    (0..150).for_each(|_| {
+        arm.offer_again(&towards_the_end);
+    });
+    assert_eq!(at(&arm), [2.0, -0.5]);
+}

@@ -84,9 +84,18 @@ fn command(position: [f64; 2], velocity: [f64; 2]) -> JointCommand {
 
 impl Arm {
     fn offer(&mut self, command: &JointCommand) -> Verdict {
+        self.offer_as(command, true)
+    }
+
+    /// Offers the command of the step before: the next one is late.
+    fn offer_again(&mut self, command: &JointCommand) -> Verdict {
+        self.offer_as(command, false)
+    }
+
+    fn offer_as(&mut self, command: &JointCommand, is_new: bool) -> Verdict {
         let mut gravity = |effort: &mut [f64]| effort.copy_from_slice(&GRAVITY);
         let measured = Measured { position: &self.position, velocity: &self.velocity, gravity: &mut gravity };
-        let offer = Offer { command, is_new: true, ahead: DT };
+        let offer = Offer { command, is_new, ahead: DT };
         let verdict = self.gate.offer(offer, measured, DT, &self.book);
         self.move_on();
         verdict

@@ -163,3 +163,26 @@ fn a_setpoint_without_its_gain_leaves_nothing_that_fades() {
     }
     assert_eq!(arm.gate.state(), GateState::Following);
 }
+
+#[test]
+fn the_way_back_from_a_joint_that_still_brakes_begins_without_a_jump_of_its_effort() {
+    let mut arm = Arm::following();
+    // Its drive pulls with 6 N m more than gravity, and goes on with that.
+    arm.position[0] = 0.49;
+    arm.silence();
+    (0..5).for_each(|_| {
+        arm.silence();
+    });
+    let last = arm.gate.setpoints()[0].effort;
+    assert!(last > 25.0, "{last}");
+    let far = command([1.5, -0.5], [0.0; 2]);
+    let mut before = last;
+    for step in 0..200 {
+        assert_eq!(arm.offer(&far), Verdict::Resuming);
+        let effort = arm.gate.setpoints()[0].effort;
+        // 6 N m in a third of 30 ms, at its fastest
+        assert!((effort - before).abs() <= 6.0 * DT / 0.03, "step {step}: from {before} to {effort} N m");
+        before = effort;
+    }
+    assert!((before - 21.0).abs() < 0.01, "{before}");
+}
