@@ -50,6 +50,14 @@ impl RunClock {
         clock.now_ns().saturating_sub(clock.start_ns())
     }
 
+    /// The time that a step computes for, ns on the clock of [`Tick::time_ns`], on the grid of the rate: that of the state it
+    /// has read, from [`Reading::time_ns`](crate::transport::Reading::time_ns), where a publication triggers the component,
+    /// else that of the tick. Between two steps it tells how far the robot has moved on, however late they were.
+    #[inline]
+    pub fn grid_ns(&self, tick: &Tick, state_ns: u64) -> u64 {
+        if self.context.causality().is_triggered() { state_ns } else { tick.time_ns }
+    }
+
     /// Time left until the deadline of a step, ns; 0 after it.
     #[inline]
     pub fn left_ns(&self, tick: &Tick) -> u64 {

@@ -96,23 +96,22 @@ impl Tick {
         self.period.as_secs_f64()
     }
 
-    /// Number of whole periods since the step that computed for `last_ns`: what a component that moves on with time makes
-    /// up for after it was held up. Rounded, for the times of triggered steps jitter. One period for the first step, and
-    /// after more than [`CATCH_UP`](Self::CATCH_UP) of them: then the machine, and with it the world, stood still.
+    /// Number of whole periods from the step that computed for `last_ns` to one for `now_ns`: what a component that moves on
+    /// with time makes up for after it was held up. Rounded, at least one; one for the first step, and after more than [`CATCH_UP`](Self::CATCH_UP) of them: then the machine, and with it the world, stood still.
     ///
     /// ```
     /// use motorium::component::Tick;
     /// use std::time::Duration;
     ///
     /// let tick = Tick::periodic(10, Duration::from_millis(1));
-    /// assert_eq!(tick.periods_since(Some(8_950_000)), 1);
-    /// assert_eq!(tick.periods_since(Some(7_000_000)), 3);
-    /// assert_eq!(tick.periods_since(Some(0)), 1);
-    /// assert_eq!(tick.periods_since(None), 1);
+    /// assert_eq!(tick.periods_since(Some(9_000_000), tick.time_ns), 1);
+    /// assert_eq!(tick.periods_since(Some(7_000_000), tick.time_ns), 3);
+    /// assert_eq!(tick.periods_since(Some(0), tick.time_ns), 1);
+    /// assert_eq!(tick.periods_since(None, tick.time_ns), 1);
     /// ```
-    pub fn periods_since(&self, last_ns: Option<u64>) -> u32 {
+    pub fn periods_since(&self, last_ns: Option<u64>, now_ns: u64) -> u32 {
         let period = u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX).max(1);
-        let elapsed = last_ns.map_or(period, |last| self.time_ns.saturating_sub(last));
+        let elapsed = last_ns.map_or(period, |last| now_ns.saturating_sub(last));
         match u32::try_from(elapsed.saturating_add(period / 2) / period) {
             Ok(periods) if periods <= Self::CATCH_UP => periods.max(1),
             _ => 1,

@@ -12,6 +12,7 @@ pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use tasks::*;
 pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
+use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::worker::Kind;
 use motorium_robots::{Gains, Kinematics, Model};
@@ -58,6 +59,10 @@ pub struct QpController {
     /// The setpoint before a crash.
     remembered: Option<Vec<f64>>,
     /// Time of the last step that commanded something, ns.
+    clock: RunClock,
+    /// Time that the newest joint state is for, ns.
+    state_ns: u64,
+    /// Time of the step before, ns.
     last_ns: Option<u64>,
     unsolved: u64,
     stale: u64,
@@ -138,6 +143,8 @@ impl Component for QpController {
             velocity_fraction: setup.parameter("velocity_fraction")?,
             remembered: checkpoint.resume(),
             checkpoint,
+            clock: setup.clock(),
+            state_ns: 0,
             last_ns: None,
             unsolved: 0,
             stale: 0,
@@ -150,13 +157,14 @@ impl Component for QpController {
             return Ok(());
         }
         let longest = self.state_timeout_ns.max(2 * period_ns(tick));
-        let unbroken = self.last_ns.replace(tick.time_ns);
-        let unbroken = unbroken.filter(|last| tick.time_ns.saturating_sub(*last) <= longest);
+        let now_ns = self.clock.grid_ns(tick, self.state_ns);
+        let unbroken = self.last_ns.replace(now_ns);
+        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
         if unbroken.is_none() {
             self.begin();
         }
         // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
-        let dt = tick.dt() * f64::from(tick.periods_since(unbroken));
+        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         self.prepare(dt);
         self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
@@ -201,6 +209,7 @@ impl QpController {
     /// Reads the newest joint state. False without a fresh one.
     fn read_state(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
+        self.state_ns = state.time_ns();
         if state.age_ns() > self.state_timeout_ns {
             self.stale += 1;
             self.last_ns = None;

@@ -160,7 +160,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let periods = tick.periods_since(self.last_ns.replace(tick.time_ns));
+        let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
         for _ in 0..periods {
             self.apply_commands(tick);
             let report =

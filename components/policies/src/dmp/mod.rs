@@ -12,7 +12,9 @@ pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsCo
 pub use couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
 pub use imitation::DemonstrationConfig;
 
-use motorium::component::{Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
+use motorium::component::{
+    Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, RunClock, Setup, Tick,
+};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::PoseTarget;
 use motorium::transport::{Output, Parameter};
@@ -52,7 +54,8 @@ pub struct DmpPolicy {
     /// Goals started for before a crash.
     goals_before: u64,
     memory: Checkpoint,
-    last_tick_ns: Option<u64>,
+    clock: RunClock,
+    last_ns: Option<u64>,
 }
 
 impl Component for DmpPolicy {
@@ -108,7 +111,8 @@ impl Component for DmpPolicy {
             speed: setup.parameter("speed")?,
             goals_before: 0,
             memory: setup.checkpoint(Memory::NUMBERS)?,
-            last_tick_ns: None,
+            clock: setup.clock(),
+            last_ns: None,
         })
     }
 
@@ -118,6 +122,9 @@ impl Component for DmpPolicy {
         if let Some(weights) = &mut self.weights {
             weights.apply(&mut self.reach, tick)?;
         }
+        let state_ns = self.start_pose.state_ns().unwrap_or(tick.time_ns);
+        let now_ns = self.clock.grid_ns(tick, state_ns);
+        let last_ns = self.last_ns.replace(now_ns);
         if self.reach.phase() == ReachPhase::Waiting {
             let Some(start) = self.start_pose.find()? else { return Ok(()) };
             self.begin(start)?;
@@ -125,10 +132,9 @@ impl Component for DmpPolicy {
             let measures = self.couplings.needs_end_effector();
             let end_effector = if measures { self.start_pose.end_effector() } else { None };
             self.rate = self.couplings.apply(&mut self.reach, end_effector);
-            let elapsed = tick.period * tick.periods_since(self.last_tick_ns);
+            let elapsed = tick.period * tick.periods_since(last_ns, now_ns);
             self.reach.step(elapsed.mul_f64(self.rate));
         }
-        self.last_tick_ns = Some(tick.time_ns);
         let segment = self.reach.segment();
         if self.reach.phase() == ReachPhase::Moving && self.record.has_path(segment) {
             let end_effector = self.start_pose.end_effector();
@@ -154,7 +160,7 @@ impl Component for DmpPolicy {
         self.weights.iter_mut().for_each(LiveWeights::reset);
         self.couplings.reset();
         self.rate = 1.0;
-        (self.exchanges, self.goals_before, self.last_tick_ns) = (0, 0, None);
+        (self.exchanges, self.goals_before, self.last_ns) = (0, 0, None);
         Ok(())
     }
 

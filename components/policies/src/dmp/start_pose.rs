@@ -82,6 +82,12 @@ impl StartPose {
         matches!(self, Self::Measured(_))
     }
 
+    /// Time that the newest measurement is for, ns, if the pose is measured.
+    pub(super) fn state_ns(&mut self) -> Option<u64> {
+        let Self::Measured(measured) = self else { return None };
+        measured.state.latest().map(|state| state.time_ns())
+    }
+
     /// Measured position of the end effector, m, if it is measured.
     pub(super) fn end_effector(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };

@@ -14,7 +14,7 @@ mod watch;
 pub use config::{EndEffectorConfig, LibraryPolicyConfig, RecognitionConfig};
 pub use messages::{MAX_LABEL, MAX_WEIGHTS, MovementRequest, Recognition};
 
-use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{JointState, PoseTarget};
 use motorium::transport::{Input, Output, Parameter};
@@ -68,6 +68,9 @@ pub struct LibraryPolicy {
     velocity: Vec<f64>,
     measured: Vec<f64>,
     labels: Vec<[u8; MAX_LABEL]>,
+    clock: RunClock,
+    /// Time that the newest joint state is for, ns.
+    state_ns: u64,
     last_ns: Option<u64>,
     seen: Vec<(u64, [u8; MAX_LABEL], f64)>,
     picture: Option<String>,
@@ -170,6 +173,8 @@ impl Component for LibraryPolicy {
             velocity: vec![0.0; dofs],
             measured: vec![0.0; dofs],
             labels: library.entries().iter().map(name).collect(),
+            clock: setup.clock(),
+            state_ns: 0,
             last_ns: None,
             seen: Vec::with_capacity(LISTED),
             picture: config.picture,
@@ -182,8 +187,9 @@ impl Component for LibraryPolicy {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some(pose) = self.read_state()? else { return Ok(()) };
-        let last_ns = self.last_ns.replace(tick.time_ns);
-        let periods = if last_ns.is_some() { tick.periods_since(last_ns) } else { 0 };
+        let now_ns = self.clock.grid_ns(tick, self.state_ns);
+        let last_ns = self.last_ns.replace(now_ns);
+        let periods = if last_ns.is_some() { tick.periods_since(last_ns, now_ns) } else { 0 };
         let dt = self.speed.get() * tick.dt() * f64::from(periods);
         self.advance(dt, &pose)?;
         self.publish()
@@ -223,6 +229,7 @@ impl LibraryPolicy {
     /// Reads the joint state: the pose of the end effector, or the identity without one, and the observed motion.
     fn read_state(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(None) };
+        self.state_ns = state.time_ns();
         let mut pose = Isometry3::identity();
         if let Some((end_effector, plane)) = &mut self.end_effector {
             pose = end_effector.pose(state.position()).ok_or(OTHER_ROBOT)?;

@@ -18,6 +18,12 @@ impl Causality {
         Self { triggered, source_ns: Cell::new(None), state_ns: Cell::new(None) }
     }
 
+    /// True if another component's publication triggers the steps.
+    #[inline]
+    pub(crate) fn is_triggered(&self) -> bool {
+        self.triggered
+    }
+
     /// Takes over the times of the input that causes this step's outputs.
     #[inline]
     pub(crate) fn propagate(&self, stamp: &Stamp) {
