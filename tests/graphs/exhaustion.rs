@@ -188,7 +188,7 @@ fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_polic
     let settings = format!("{restart}\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"");
     let (_folder, graph) = faulty("{ fault = \"devour\", at = 200, once = true }", &settings);
     let before = shared_memory();
-    let line = format!("ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 3s", graph.display());
+    let line = format!("ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 6s", graph.display());
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
