@@ -39,7 +39,7 @@ struct Reference {
     position: f64,
     velocity: f64,
     acceleration: f64,
-    /// What the feed-forward of the safe state had beyond gravity, and has not faded, N m or N.
+    /// Excess of the feed-forward of the safe state over gravity that has not faded yet, N m or N.
     effort: f64,
 }
 
