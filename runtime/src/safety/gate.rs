@@ -140,6 +140,7 @@ impl Gate {
         self.setpoints.fill(JointSetpoint::default());
         self.next.fill(JointSetpoint::default());
         self.gravity.fill(0.0);
+        (self.held_for, self.goes_on_for) = (0.0, 0.0);
     }
 
     /// The joints and their limits.
@@ -194,9 +195,7 @@ impl Gate {
         dt: f64,
         account: &impl Account,
     ) -> Verdict {
-        if offer.is_new {
-            (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
-        } else {
+        if !offer.is_new {
             self.held_for += dt;
         }
         if self.latched {
@@ -282,6 +281,9 @@ impl Gate {
         let (position, velocity, effort) = (command.position(), command.velocity(), command.effort());
         let (kp, kd) = (command.kp(), command.kd());
         let mut exceeds = false;
+        if offer.is_new {
+            (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
+        }
         let held_for = self.held_for.min(self.goes_on_for);
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
             if kp[i] < 0.0 || kd[i] < 0.0 {

@@ -62,7 +62,9 @@ pub struct CommandGate {
     /// The command offered last: publisher, number and the time its state is for.
     offered: Option<Stamp>,
     period_ns: u64,
+    /// Time of the last step whose duration was asked for, ns.
     stepped_ns: u64,
+    /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many periods it makes up for.
     checked_ns: u64,
     shown: Option<(GateState, Option<Latch>)>,
     /// The gates of the same actuator, and this one's place among them.

@@ -58,11 +58,10 @@ pub struct QpController {
     checkpoint: Checkpoint,
     /// The setpoint before a crash.
     remembered: Option<Vec<f64>>,
-    /// Time of the last step that commanded something, ns.
     clock: RunClock,
-    /// Time that the newest joint state is for, ns.
+    /// Time that the newest joint state is for, ns since the run began.
     state_ns: u64,
-    /// Time of the step before, ns.
+    /// Time that the last step that commanded something was for, ns since the run began.
     last_ns: Option<u64>,
     unsolved: u64,
     stale: u64,

@@ -55,6 +55,7 @@ pub struct DmpPolicy {
     goals_before: u64,
     memory: Checkpoint,
     clock: RunClock,
+    /// Time that the step before was for, ns since the run began.
     last_ns: Option<u64>,
 }
 

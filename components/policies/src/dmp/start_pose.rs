@@ -58,7 +58,7 @@ impl StartPose {
         reachable::check(waypoints, &loaded, frame, None, declare)?;
         declare.input::<JointState>(
             "joint_state",
-            "joint state, read once for the start pose of the end effector",
+            "joint state, for the start pose of the end effector and the time of each step",
         );
         Ok(())
     }
@@ -82,7 +82,7 @@ impl StartPose {
         matches!(self, Self::Measured(_))
     }
 
-    /// Time that the newest measurement is for, ns, if the pose is measured.
+    /// Time that the newest measurement is for, ns since the run began, if the pose is measured.
     pub(super) fn state_ns(&mut self) -> Option<u64> {
         let Self::Measured(measured) = self else { return None };
         measured.state.latest().map(|state| state.time_ns())

@@ -69,8 +69,9 @@ pub struct LibraryPolicy {
     measured: Vec<f64>,
     labels: Vec<[u8; MAX_LABEL]>,
     clock: RunClock,
-    /// Time that the newest joint state is for, ns.
+    /// Time that the newest joint state is for, ns since the run began.
     state_ns: u64,
+    /// Time that the step before was for, ns since the run began.
     last_ns: Option<u64>,
     seen: Vec<(u64, [u8; MAX_LABEL], f64)>,
     picture: Option<String>,
