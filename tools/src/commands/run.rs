@@ -1,6 +1,7 @@
 //! `motorium run`: launches a graph.
 
 use std::io::IsTerminal as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -13,6 +14,7 @@ use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
+use super::recording;
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
@@ -64,6 +66,12 @@ pub(crate) struct Run {
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
+    /// Record every sample into an MCAP file; one that is there is replaced
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
+    #[arg(long, value_name = "TIME", requires = "record")]
+    record_last: Option<String>,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -113,6 +121,9 @@ impl Run {
         }
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
+        }
+        if let Some(output) = &self.record {
+            self.graph.set.extend(recording::overrides(output, self.record_last.as_deref())?);
         }
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
