@@ -14,7 +14,7 @@ use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
-use super::recording;
+use super::recording::Overlay;
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
@@ -122,9 +122,10 @@ impl Run {
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
         }
-        if let Some(output) = &self.record {
-            self.graph.set.extend(recording::overrides(output, self.record_last.as_deref())?);
-        }
+        let recording =
+            self.record.as_ref().map(|output| Overlay::recording(output, self.record_last.as_deref()));
+        let recording = recording.transpose()?;
+        self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
             Ok(checked) => checked,

@@ -6,10 +6,9 @@ mod plot;
 mod recover;
 mod replay;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use motorium::graph::Override;
 
 pub(super) use export::Export;
 pub(super) use page::Report;
@@ -22,26 +21,41 @@ use crate::overheads;
 /// Name of the component that `motorium run --record` adds.
 const RECORDER: &str = "recorder";
 
-/// The settings of a graph that add a recorder of all its topics.
-pub(super) fn overrides(output: &Path, last: Option<&str>) -> anyhow::Result<Vec<Override>> {
-    let absolute = |path: &Path| -> anyhow::Result<String> {
-        let path = std::path::absolute(path).with_context(|| format!("finding {}", path.display()))?;
-        Ok(toml::Value::from(path.to_str().context("the name of the recording is not UTF-8")?).to_string())
-    };
-    let mut settings = vec![
-        ("kind", "\"log.record\"".to_string()),
-        ("rate", "\"10 Hz\"".to_string()),
-        ("schedule", "\"normal\"".to_string()),
+/// A file to lay over a graph that adds a recorder of all its topics. It is removed when this is dropped.
+pub(super) struct Overlay(PathBuf);
+
+impl Overlay {
+    /// Writes the file.
+    pub(super) fn recording(output: &Path, last: Option<&str>) -> anyhow::Result<Self> {
+        let absolute = |path: &Path| -> anyhow::Result<toml::Value> {
+            let path = std::path::absolute(path).with_context(|| format!("finding {}", path.display()))?;
+            Ok(path.to_str().context("the name of the recording is not UTF-8")?.into())
+        };
+        let mut config = toml::Table::from_iter([("output".to_string(), absolute(output)?)]);
+        if let Some(last) = last {
+            config.insert("last".to_string(), last.into());
+        }
+        if let Some(calibration) = overheads::file().filter(|file| file.exists()) {
+            config.insert("attach".to_string(), vec![absolute(&calibration)?].into());
+        }
         // What becomes of a recording is no concern of the robot.
-        ("on_failure", "\"ignore\"".to_string()),
-        ("config.output", absolute(output)?),
-    ];
-    if let Some(last) = last {
-        settings.push(("config.last", toml::Value::from(last).to_string()));
+        let text = format!(
+            "[component.{RECORDER}]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
+             on_failure = \"ignore\"\n\n[component.{RECORDER}.config]\n{config}"
+        );
+        let path = std::env::temp_dir().join(format!("motorium-record-{}.toml", std::process::id()));
+        std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
+        Ok(Self(path))
     }
-    if let Some(calibration) = overheads::file().filter(|file| file.exists()) {
-        settings.push(("config.attach", format!("[{}]", absolute(&calibration)?)));
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.0
     }
-    let with = |(key, value)| Override { path: format!("component.{RECORDER}.{key}"), value };
-    Ok(settings.into_iter().map(with).collect())
+}
+
+impl Drop for Overlay {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
 }
