@@ -42,9 +42,11 @@ impl Tap {
         // A try fails when the writer takes the slot; words that were damaged make all of them fail.
         for _ in 0..TRIES {
             let newest = self.memory.newest().number();
-            if self.last >= newest {
-                // Only a damaged word can have named a later one.
-                self.last = self.last.min(newest);
+            if self.last > newest {
+                // An episode has begun, which takes back what was published before, and numbers begin anew.
+                self.last = 0;
+            }
+            if self.last == newest {
                 return false;
             }
             let Some((number, slot)) = self.find(newest) else { continue };
