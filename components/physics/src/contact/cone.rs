@@ -396,8 +396,7 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
                 (pivot, largest) = (row, system[row * n + k].abs());
             }
         }
-        // Written so that NaN fails.
-        if !(largest > f64::MIN_POSITIVE) {
+        if largest.is_nan() || largest <= f64::MIN_POSITIVE {
             return false;
         }
         if pivot != k {
