@@ -14,6 +14,7 @@ mod cone_tests;
 mod detect;
 mod features;
 mod impulses;
+mod newton;
 mod objects;
 mod scene;
 
