@@ -67,7 +67,11 @@ impl View {
         };
         if let Err(problem) = programs::kinds(&program) {
             errln!("{}: {problem}", style::error("error"));
-            anyhow::bail!("install the `{}` that goes with this motorium: `{}`", sibling.program, sibling.install);
+            anyhow::bail!(
+                "install the `{}` that goes with this motorium: `{}`",
+                sibling.program,
+                sibling.install
+            );
         }
         let run = match &self.graph {
             Some(_) => None,

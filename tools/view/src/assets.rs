@@ -66,7 +66,8 @@ impl Assets {
 
     /// Reads a file that lies in a folder of packages, or below that of a robot's file or the two above it.
     fn read(&self, uri: &str, path: &Path) -> Result<Vec<u8>, AssetError> {
-        let failed = |reason: std::io::Error| AssetError::Read { uri: uri.to_string(), reason: reason.to_string() };
+        let failed =
+            |reason: std::io::Error| AssetError::Read { uri: uri.to_string(), reason: reason.to_string() };
         let path = path.canonicalize().map_err(failed)?;
         let folders = self.packages.folders.iter().chain(&self.packages.prefixes).map(PathBuf::as_path);
         let beside = self.robots.iter().flat_map(|file| file.ancestors().skip(1).take(3));

@@ -72,7 +72,9 @@ impl Browser {
     pub fn find() -> Option<PathBuf> {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
-        NAMES.iter().find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
+        NAMES
+            .iter()
+            .find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
     }
 
     /// Opens a page in a new browser with a window of this size, pixels.
@@ -83,7 +85,8 @@ impl Browser {
         let program = Self::find().ok_or(BrowserError::Missing)?;
         let failed = |reason: String| BrowserError::Start { program: program.clone(), reason };
         let io = |error: std::io::Error| failed(error.to_string());
-        let name: String = random_bytes::<8>().map_err(io)?.iter().map(|byte| format!("{byte:02x}")).collect();
+        let name: String =
+            random_bytes::<8>().map_err(io)?.iter().map(|byte| format!("{byte:02x}")).collect();
         let profile = std::env::temp_dir().join(format!("motorium-browser-{name}"));
         std::fs::DirBuilder::new().mode(0o700).create(&profile).map_err(io)?;
         let mut command = Command::new(&program);
@@ -144,7 +147,10 @@ impl Browser {
         let method = "Page.captureScreenshot";
         let answer = self.order(method, json!({ "format": "png" }))?;
         let data = answer["data"].as_str().and_then(|text| STANDARD.decode(text).ok());
-        data.ok_or_else(|| BrowserError::Refused { method: method.to_string(), reason: "no picture".to_string() })
+        data.ok_or_else(|| BrowserError::Refused {
+            method: method.to_string(),
+            reason: "no picture".to_string(),
+        })
     }
 
     /// Gives an order and waits for its answer.

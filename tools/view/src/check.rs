@@ -30,7 +30,12 @@ const NEAR: f64 = 1e-5;
 
 /// Opens the page, waits for the first picture of the robot, compares values on the page with those of the run, and writes a
 /// picture. `began_ms` is the time of the command, ms since 1970.
-pub(crate) fn check(address: &str, picture: &Path, began_ms: Option<u64>, over: &AtomicBool) -> anyhow::Result<()> {
+pub(crate) fn check(
+    address: &str,
+    picture: &Path,
+    began_ms: Option<u64>,
+    over: &AtomicBool,
+) -> anyhow::Result<()> {
     if let Some(folder) = picture.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
@@ -55,9 +60,15 @@ pub(crate) fn check(address: &str, picture: &Path, began_ms: Option<u64>, over: 
     let triangles = browser.evaluate("motorium.state().triangles")?;
     let rate = pictures / (after.1 - before.1).as_secs_f64();
     println!("{rate:.1} pictures a second of {triangles} triangles by {}", renderer.as_str().unwrap_or("?"));
-    let state = self::state(&mut browser)?;
+    // Joints and transforms come in two messages: now and then they are of one sample.
+    let state =
+        await_state(&mut browser, "joints and transforms of one sample", COMPARE_WITHIN, over, |state| {
+            let mut robots = state["robots"].as_array().into_iter().flatten();
+            robots.all(|robot| robot["deviation_m"].is_number())
+        })?;
     for robot in state["robots"].as_array().into_iter().flatten() {
-        let deviation = robot["deviation_m"].as_f64().context("the links of a robot are not in the picture")?;
+        let deviation =
+            robot["deviation_m"].as_f64().context("the links of a robot are not in the picture")?;
         ensure!(
             deviation < NEAR,
             "{}: a link is drawn {deviation:.1e} m from where the run's kinematics have it",
@@ -94,7 +105,8 @@ fn await_state(
         if is_so(&state) {
             return Ok(state);
         }
-        ensure!(!over.load(Relaxed), "{what}: the run ended before");
+        let ended = over.load(Relaxed) || state["run"]["state"] == "ended";
+        ensure!(!ended, "{what}: the run ended before");
         ensure!(began.elapsed() < within, "{what} within {} s; the page shows {state}", within.as_secs());
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -122,7 +134,8 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
         let (began, mut equal, mut last) = (Instant::now(), Vec::new(), 0);
         while equal.len() < SAMPLES {
             let shown = self::state(browser)?;
-            let found = shown["robots"].as_array().and_then(|all| all.iter().find(|it| it["name"] == robot["name"]));
+            let found =
+                shown["robots"].as_array().and_then(|all| all.iter().find(|it| it["name"] == robot["name"]));
             let found = found.context("the robot is no longer on the page")?;
             let sequence = found["sequence"].as_u64().unwrap_or(0);
             let of_run = seen.lock().unwrap_or_else(PoisonError::into_inner).get(&sequence).cloned();
@@ -132,11 +145,15 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
                     found["position"].as_array().into_iter().flatten().filter_map(Json::as_f64).collect();
                 if on_page != of_run {
                     done.store(true, Relaxed);
-                    bail!("{}, sample {sequence}: {on_page:?} on the page, {of_run:?} in the run", topic.name);
+                    bail!(
+                        "{}, sample {sequence}: {on_page:?} on the page, {of_run:?} in the run",
+                        topic.name
+                    );
                 }
                 equal.push(sequence);
             }
-            ensure!(!over.load(Relaxed), "the run ended before its values were compared");
+            let ended = over.load(Relaxed) || shown["run"]["state"] == "ended";
+            ensure!(!ended, "the run ended before its values were compared");
             ensure!(
                 began.elapsed() < COMPARE_WITHIN,
                 "only {} samples of {} were seen on both sides within {} s",
@@ -146,7 +163,8 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
             );
         }
         done.store(true, Relaxed);
-        let values = equal.len() * seen.lock().unwrap_or_else(PoisonError::into_inner).values().next().map_or(0, Vec::len);
+        let values = equal.len()
+            * seen.lock().unwrap_or_else(PoisonError::into_inner).values().next().map_or(0, Vec::len);
         if let Ok(Err(error)) = reader.join() {
             bail!(error);
         }

@@ -18,7 +18,12 @@ pub(crate) struct Started(Child);
 
 impl Started {
     /// Starts `motorium run GRAPH ARGUMENTS`. Its report goes to standard output unless `quiet`.
-    pub(crate) fn run(motorium: &Path, graph: &Path, arguments: &[String], quiet: bool) -> anyhow::Result<Self> {
+    pub(crate) fn run(
+        motorium: &Path,
+        graph: &Path,
+        arguments: &[String],
+        quiet: bool,
+    ) -> anyhow::Result<Self> {
         let mut command = Command::new(motorium);
         command.arg("run").arg(graph).args(arguments).stdin(Stdio::null());
         if quiet {

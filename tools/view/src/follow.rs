@@ -27,6 +27,9 @@ const LIFE_CHECK: Duration = Duration::from_millis(50);
 /// Time between two looks at parameters, which others may set, and between two reports of the state of the run.
 const SLOWLY: Duration = Duration::from_millis(500);
 
+/// Options of a run that is checked: it goes on for as long as that takes, and is ended then.
+const CHECKED_FOR: [&str; 3] = ["--for", "10min", "--no-expect"];
+
 /// Names of the channels that are there whatever runs.
 const RUN: &str = "/motorium/run";
 const TIMES: &str = "/motorium/top";
@@ -85,8 +88,13 @@ impl Follower {
     /// Starts the graph of the request, if it names one and it does not run.
     fn start(&mut self) -> anyhow::Result<()> {
         if let (Some(graph), None) = (&self.request.graph, &self.started) {
-            let quiet = self.request.headless_check.is_some();
-            self.started = Some(Started::run(&self.motorium, graph, &self.request.arguments, quiet)?);
+            let (checked, mut arguments) =
+                (self.request.headless_check.is_some(), self.request.arguments.clone());
+            let has_duration = arguments.iter().any(|argument| argument.starts_with("--for"));
+            if checked && !has_duration {
+                arguments.extend(CHECKED_FOR.map(str::to_string));
+            }
+            self.started = Some(Started::run(&self.motorium, graph, &arguments, checked)?);
         }
         Ok(())
     }
@@ -139,6 +147,7 @@ impl Follower {
             if self.graph.is_none() {
                 bail!("`motorium run` ended with {status} before its graph ran");
             }
+            eprintln!("the run is over; the page starts it again, Ctrl-C ends the viewer");
             self.tell_run(false);
         }
         if self.joined.is_none()
@@ -241,7 +250,8 @@ impl Follower {
     fn answer(&mut self, ask: Ask) {
         match ask {
             Ask::Get(names, responder) => {
-                let all = self.joined.as_ref().map_or_else(Vec::new, |joined| parameters::all(&joined.parameters));
+                let all =
+                    self.joined.as_ref().map_or_else(Vec::new, |joined| parameters::all(&joined.parameters));
                 let wanted = |parameter: &Parameter| names.is_empty() || names.contains(&parameter.name);
                 responder.respond(all.into_iter().filter(wanted).collect());
             }
@@ -275,7 +285,8 @@ impl Follower {
                 Ok((parameter.name.as_str(), value))
             })
             .collect();
-        let set = values.and_then(|values| joined.parameters.set_many(values).map_err(|error| error.to_string()));
+        let set =
+            values.and_then(|values| joined.parameters.set_many(values).map_err(|error| error.to_string()));
         if let Err(error) = set {
             client.send_error(error);
         }
@@ -298,7 +309,9 @@ impl Follower {
             } else if self.started.is_some() {
                 Err("the graph runs".to_string())
             } else {
-                self.start().map(|()| "the graph is started".to_string()).map_err(|error| format!("{error:#}"))
+                self.start()
+                    .map(|()| "the graph is started".to_string())
+                    .map_err(|error| format!("{error:#}"))
             };
             self.tell_run(false);
             return respond(responder, outcome);

@@ -11,7 +11,8 @@ use serde_json::{Value as Json, json};
 /// The robots of a plan, each once.
 pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
     let mut found: Vec<&RobotReference> = Vec::new();
-    for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots)) {
+    for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
+    {
         if !found.iter().any(|known| known.name == robot.name) {
             found.push(robot);
         }

@@ -218,6 +218,5 @@ pub(crate) fn named(id: &str) -> anyhow::Result<RunFolder> {
     RunFolder::find(id).with_context(|| format!("no run is called `{id}`"))
 }
 
-const TEXT: &str =
-    r#"{"type": "object", "required": ["data"], "properties": {"data": {"type": "string"}}}"#;
+const TEXT: &str = r#"{"type": "object", "required": ["data"], "properties": {"data": {"type": "string"}}}"#;
 const OBJECT: &str = r#"{"type": "object"}"#;

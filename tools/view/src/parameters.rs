@@ -7,9 +7,9 @@ use motorium::transport::ParameterTable;
 /// All parameters of a run, named `component.parameter`. Empty if the run is over.
 pub(crate) fn all(table: &ParameterTable) -> Vec<Parameter> {
     let listed = table.list().unwrap_or_default();
-    let shown = listed.into_iter().map(|(component, plan, value)| {
-        shown(format!("{component}.{}", plan.declaration.name), &value)
-    });
+    let shown = listed
+        .into_iter()
+        .map(|(component, plan, value)| shown(format!("{component}.{}", plan.declaration.name), &value));
     shown.collect()
 }
 
@@ -25,7 +25,10 @@ pub(crate) fn shown(name: String, value: &ParameterValue) -> Parameter {
 }
 
 /// The value of a parameter that a viewer sets, in the type that is declared where numbers could be of two.
-pub(crate) fn given(declaration: Option<&ParameterDeclaration>, parameter: &Parameter) -> Result<ParameterValue, String> {
+pub(crate) fn given(
+    declaration: Option<&ParameterDeclaration>,
+    parameter: &Parameter,
+) -> Result<ParameterValue, String> {
     let kind = declaration.map(|declaration| declaration.default.kind());
     let unknown = || format!("parameter `{}` has no value of a type that parameters have", parameter.name);
     Ok(match parameter.value.as_ref().ok_or_else(unknown)? {

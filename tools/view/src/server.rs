@@ -57,17 +57,28 @@ impl Server {
     /// after this.
     pub(crate) fn begin_session(&self, run: &str, packages: Vec<PathBuf>, files: Vec<PathBuf>) {
         self.handle.clear_session(Some(run.to_string()));
-        *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) = Assets::new(packages, files);
+        *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) =
+            Assets::new(packages, files);
     }
 
     /// Advertises a channel.
-    pub(crate) fn channel(&self, topic: &str, encoding: &str, schema: Schema) -> anyhow::Result<Arc<RawChannel>> {
+    pub(crate) fn channel(
+        &self,
+        topic: &str,
+        encoding: &str,
+        schema: Schema,
+    ) -> anyhow::Result<Arc<RawChannel>> {
         let builder = ChannelBuilder::new(topic).context(&self.context).message_encoding(encoding);
         builder.schema(schema).build_raw().with_context(|| format!("channel {topic}"))
     }
 
     /// Advertises a channel of JSON texts with this JSON Schema.
-    pub(crate) fn json_channel(&self, topic: &str, name: &str, schema: &str) -> anyhow::Result<Arc<RawChannel>> {
+    pub(crate) fn json_channel(
+        &self,
+        topic: &str,
+        name: &str,
+        schema: &str,
+    ) -> anyhow::Result<Arc<RawChannel>> {
         self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
     }
 
@@ -82,7 +93,8 @@ impl Server {
 fn service(command: Command, asks: Asks) -> Service {
     let nothing = || Schema::new("motorium.Nothing", "jsonschema", br#"{"type": "object"}"#.as_slice());
     let done = Schema::new("motorium.Outcome", "jsonschema", OUTCOME.as_bytes());
-    let schema = ServiceSchema::new("motorium.Command").with_request("json", nothing()).with_response("json", done);
+    let schema =
+        ServiceSchema::new("motorium.Command").with_request("json", nothing()).with_response("json", done);
     Service::builder(command.service(), schema).handler(ask::Service(command, asks))
 }
 

@@ -1,7 +1,8 @@
 //! The ground and the objects of a graph's world, as a scene for viewers.
 
 use foxglove::messages::{
-    Color, CubePrimitive, CylinderPrimitive, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Vector3,
+    Color, CubePrimitive, CylinderPrimitive, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive,
+    Vector3,
 };
 use foxglove::{Encode as _, Schema};
 use motorium::plan::Plan;
@@ -60,11 +61,8 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let mut entities: Vec<SceneEntity> = world.objects.iter().map(|object| entity(object, told)).collect();
     if let Some(Ground { height }) = world.ground {
         let position = [0.0, 0.0, height - 0.5 * GROUND[2]];
-        let cube = CubePrimitive {
-            pose: pose(position, [0.0; 3]),
-            size: Some(vector(GROUND)),
-            color: Some(EARTH),
-        };
+        let cube =
+            CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(GROUND)), color: Some(EARTH) };
         entities.push(SceneEntity {
             frame_id: WORLD.to_string(),
             id: "ground".to_string(),
@@ -126,7 +124,8 @@ mod tests {
 
     #[test]
     fn a_fixed_object_stands_in_the_world_and_a_free_one_in_its_own_frame() {
-        let table = object(r#"{"name": "table", "shape": {"box": {"size": [1, 2, 0.04]}}, "position": [0.4, 0, 0]}"#);
+        let table =
+            object(r#"{"name": "table", "shape": {"box": {"size": [1, 2, 0.04]}}, "position": [0.4, 0, 0]}"#);
         let ball = object(
             r#"{"name": "ball", "shape": {"sphere": {"radius": 0.1}}, "mass": 1, "position": [0, 0, 1], "friction": 1}"#,
         );
@@ -137,6 +136,9 @@ mod tests {
         assert_eq!(free.spheres[0].pose.unwrap().position.unwrap().z, 0.0);
         // nobody tells where it is
         let still = entity(&ball, false);
-        assert_eq!((still.frame_id.as_str(), still.spheres[0].pose.unwrap().position.unwrap().z), ("world", 1.0));
+        assert_eq!(
+            (still.frame_id.as_str(), still.spheres[0].pose.unwrap().position.unwrap().z),
+            ("world", 1.0)
+        );
     }
 }

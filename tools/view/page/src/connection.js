@@ -141,7 +141,6 @@ export class Connection extends EventTarget {
         this.#subscriptions.delete(this.#subscribed.get(topic));
         this.#subscribed.delete(topic);
       }
-      this.#emit("channels");
     });
     client.on("advertiseServices", (services) => {
       for (const service of services) this.#services.set(service.name, service);

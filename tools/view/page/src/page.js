@@ -63,7 +63,11 @@ function begin(about) {
     listen(robot.description, ({ data }) => shown.load(data));
     listen(robot.joints, (state) => shown.take(state));
     listen(robot.state, (state) => exact.set(robot.name, state));
-    for (const topic of [robot.transforms, robot.base]) listen(topic, (told) => frames.take(told));
+    listen(robot.base, (told) => frames.take(told));
+    listen(robot.transforms, (told) => {
+      frames.take(told);
+      shown.told(told);
+    });
     listen(robot.odometry, ({ frameId, bodyFrameId, pose }) => {
       // The true place of a base is better than the one that its wheels tell.
       if (robot.base || !pose) return;

@@ -3,7 +3,7 @@
 import uPlot from "uplot";
 
 const SECONDS = 10;
-const REDRAW_MS = 66;
+const REDRAW_MS = 100;
 const MOST = 8; // lines
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#17becf"];
 
@@ -93,7 +93,9 @@ export class Plot {
     if (names !== this.#fields) {
       this.#fields = names;
       this.fieldSelect.replaceChildren(...fields.map(({ name }) => new Option(name, name)));
-      const kept = fields.some(({ name }) => name === this.#field) ? this.#field : fields[0]?.name;
+      const known = (name) => fields.some((field) => field.name === name);
+      const first = fields.find(({ count }) => count > 1) ?? fields[0];
+      const kept = [this.#field, "position"].find((name) => name && known(name)) ?? first?.name;
       this.fieldSelect.value = kept;
       this.#begin(kept);
     }

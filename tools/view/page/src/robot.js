@@ -97,8 +97,19 @@ export class Robot {
     return new Box3().setFromObject(this.model);
   }
 
-  /** The largest distance between a link as it is drawn and where the run's kinematics have it, m. */
+  /** Takes the time of the transforms that were told last. */
+  told({ transforms }) {
+    this.toldAt = transforms.at(-1)?.timestamp;
+  }
+
+  /**
+   * The largest distance between a link as it is drawn and where the run's kinematics have it, m. Undefined while joints and
+   * transforms are of two samples.
+   */
   deviation(frames) {
+    const [one, other] = [this.state?.timestamp, this.toldAt];
+    if (!one || one.seconds !== other?.seconds || one.nanos !== other?.nanos) return undefined;
+    this.place(frames);
     if (!this.model?.visible) return undefined;
     this.model.updateMatrixWorld(true);
     let largest;

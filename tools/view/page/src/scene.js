@@ -53,13 +53,22 @@ function dispose(object) {
   });
 }
 
+/** True if the processor draws: smooth edges would cost most of its time. */
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const more = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl ? gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe/i.test(name);
+}
+
 export class View {
   #entities = new Map(); // by topic and id: the group and its frame
   #targets = new Map(); // by topic
 
   constructor(element) {
     this.element = element;
-    this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new WebGLRenderer({ antialias: !isSoftware() });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     element.append(this.renderer.domElement);
     this.scene = new Scene();

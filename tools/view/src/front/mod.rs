@@ -77,7 +77,8 @@ async fn answer(mut client: TcpStream, server: SocketAddr, token: &str) -> io::R
     let (asked, bytes) = timeout(PATIENCE, listen(&mut client)).await??;
     let (head, body) = match asked {
         Asked::WebSocket { token: given } => {
-            return hand_on(client, &bytes, server, given.filter(|given| rights::is_token(token, given))).await;
+            return hand_on(client, &bytes, server, given.filter(|given| rights::is_token(token, given)))
+                .await;
         }
         Asked::File { file, body } => (
             head::head(Status::Ok, file.content_type, file.content.len()),
