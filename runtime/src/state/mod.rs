@@ -19,6 +19,7 @@ mod learning;
 mod motion;
 mod numbers;
 mod people;
+mod read;
 mod sensing;
 mod stamp;
 
@@ -34,6 +35,7 @@ pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
+pub use read::from_bytes;
 pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
 pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 
