@@ -54,7 +54,6 @@ pub(crate) struct Follower {
     run_channel: Arc<RawChannel>,
     times_channel: Arc<RawChannel>,
     shown: Vec<Parameter>,
-    told: String,
 }
 
 impl Follower {
@@ -75,7 +74,6 @@ impl Follower {
             run_channel,
             times_channel,
             shown: Vec::new(),
-            told: String::new(),
         };
         if let Some(run) = &follower.request.run {
             let folder = named(run)?;
@@ -127,7 +125,7 @@ impl Follower {
                 slowly = now;
                 self.tell_parameters();
                 self.tell_times();
-                self.tell_run(true);
+                self.tell_run();
             }
         }
         if let Some(started) = &mut self.started {
@@ -140,7 +138,7 @@ impl Follower {
     fn check_life(&mut self) -> anyhow::Result<()> {
         if self.joined.as_ref().is_some_and(Joined::has_ended) {
             (self.joined, self.times) = (None, None);
-            self.tell_run(false);
+            self.tell_run();
         }
         if let Some(status) = self.started.as_mut().and_then(Started::ended) {
             self.started = None;
@@ -148,7 +146,7 @@ impl Follower {
                 bail!("`motorium run` ended with {status} before its graph ran");
             }
             eprintln!("the run is over; the page starts it again, Ctrl-C ends the viewer");
-            self.tell_run(false);
+            self.tell_run();
         }
         if self.joined.is_none()
             && let Some(folder) = self.next_run()
@@ -188,7 +186,7 @@ impl Follower {
         self.joined = Some(joined);
         self.shown.clear();
         self.tell_parameters();
-        self.tell_run(false);
+        self.tell_run();
         Ok(())
     }
 
@@ -213,13 +211,9 @@ impl Follower {
         .to_string()
     }
 
-    /// Tells of the state of the run: always, or only if it is another one.
-    fn tell_run(&mut self, if_changed: bool) {
-        let state = self.state();
-        if !if_changed || state != self.told {
-            self.run_channel.log(state.as_bytes());
-            self.told = state;
-        }
+    /// Tells of the state of the run: at once when it changes, and again and again, since a viewer that is slow loses messages.
+    fn tell_run(&self) {
+        self.run_channel.log(self.state().as_bytes());
     }
 
     /// Tells of parameters that have another value than before, whoever has set them.
@@ -313,7 +307,7 @@ impl Follower {
                     .map(|()| "the graph is started".to_string())
                     .map_err(|error| format!("{error:#}"))
             };
-            self.tell_run(false);
+            self.tell_run();
             return respond(responder, outcome);
         }
         let Some(joined) = &self.joined else {
@@ -332,6 +326,6 @@ impl Follower {
             };
             respond(responder, children::command(&motorium, words));
         });
-        self.tell_run(false);
+        self.tell_run();
     }
 }

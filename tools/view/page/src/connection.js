@@ -68,6 +68,16 @@ export class Connection extends EventTarget {
     this.#client?.unsubscribe(subscription);
   }
 
+  /** Asks for a message that never changes once more: a page that was busy for long may have lost it. */
+  again(topic) {
+    const subscription = this.#subscribed.get(topic);
+    if (subscription === undefined) return;
+    this.#subscribed.delete(topic);
+    this.#subscriptions.delete(subscription);
+    this.#client?.unsubscribe(subscription);
+    this.#subscribeTo(topic);
+  }
+
   setParameter(name, value, type) {
     this.#client?.setParameters([{ name, value, type }], `set ${++this.#number}`);
   }

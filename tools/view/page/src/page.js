@@ -140,6 +140,9 @@ connection.addEventListener("status", ({ detail: { level, message } }) => say(me
 connection.subscribe("/motorium/run", (state) => {
   run = state;
   showRun();
+  if (run.state !== "running") return;
+  if (graph?.run !== run.run) connection.again("/motorium/graph");
+  else for (const robot of robots.filter(({ model }) => !model)) connection.again(robot.about.description);
 });
 connection.subscribe("/motorium/graph", (about) => {
   if (about.run !== graph?.run || subscribed.size === 0) begin(about);
