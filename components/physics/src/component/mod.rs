@@ -3,6 +3,7 @@
 mod build;
 mod config;
 mod limits;
+mod pushes;
 mod truth;
 
 use core::ops::Range;
@@ -20,6 +21,8 @@ use crate::{Articulated, BuildWarning, JointCommand, Rapier, Simulation, Simulat
 pub use build::PhysicsEngine;
 use build::{Built, build};
 pub use config::PhysicsConfig;
+pub use pushes::PushConfig;
+use pushes::Pushes;
 use truth::Truth;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
@@ -42,6 +45,7 @@ pub struct PhysicsComponent<E> {
     base_state: Option<Output<BaseState>>,
     truth: Truth,
     simulation: Simulation<E>,
+    pushes: Pushes,
     dynamics: Dynamics,
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
@@ -96,6 +100,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         // Everything that could be refused later is refused now.
         let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
+        Pushes::new::<E>(&config.pushes, simulation.model())?;
         for warning in simulation.warnings() {
             // Links that are always close are how the robot is built: nothing that its user could mend.
             if !matches!(warning, BuildWarning::SelfCollisionOff { .. }) {
@@ -125,6 +130,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             let (q, v) = state.split_at(nq);
             simulation.reset(q, v).map_err(ConfigureError::failed)?;
         }
+        let pushes = Pushes::new::<E>(&config.pushes, simulation.model())?;
         let floating = simulation.model().base().floating;
         let names = simulation.joint_names();
         let limits =
@@ -159,6 +165,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             start_q,
             start_v,
             simulation,
+            pushes,
             checkpoint,
             last_ns: None,
             totals: Totals::NONE,
@@ -169,6 +176,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
         for _ in 0..periods {
             self.apply_commands(tick);
+            if !tick.settling {
+                self.pushes.apply(&mut self.simulation, tick.time_ns);
+            }
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
             if !tick.settling {
