@@ -21,6 +21,7 @@ mod motion;
 mod numbers;
 mod people;
 mod ranging;
+mod read;
 mod sensing;
 mod stamp;
 
@@ -38,6 +39,7 @@ pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget,
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
 pub use ranging::{Altitude, GeoFix, MAX_RANGES, MagneticField, Ranges};
+pub use read::from_bytes;
 pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
 pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 
