@@ -40,7 +40,7 @@ pub fn main() -> ExitCode {
     // This program is also the process of every built-in component, and the guard.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {
-            let registry = registry::with_benches();
+            let registry = registry::with_hidden();
             return run_worker(&folder, &component, |plan| match &plan.program {
                 motorium::plan::Program::Builtin { kind } => registry.find(kind).copied(),
                 motorium::plan::Program::Exec { .. } | motorium::plan::Program::Sibling { .. } => None,

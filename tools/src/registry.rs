@@ -15,9 +15,10 @@ pub(crate) fn registry() -> Registry {
     Registry::new(RobotSource { check: check_robot }, kinds()).with_siblings(SIBLINGS)
 }
 
-/// The kinds that a graph may use, and those that only the graphs of benchmarks are made of.
-pub(crate) fn with_benches() -> Registry {
-    let kinds = kinds().into_iter().chain([motorium_benches::relay::kind()]);
+/// The kinds that a graph may use, and those that only the graphs of benchmarks and replays are made of.
+pub(crate) fn with_hidden() -> Registry {
+    let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
+    let kinds = kinds().into_iter().chain(hidden);
     Registry::new(RobotSource { check: check_robot }, kinds)
 }
 

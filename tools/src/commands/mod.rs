@@ -16,6 +16,7 @@ mod new;
 mod param;
 mod primitive;
 mod qp;
+mod recording;
 mod reproduce;
 mod robot;
 mod run;
@@ -51,6 +52,11 @@ enum Command {
     Events(events::Events),
     Topic(topic::Topic),
     Param(param::Param),
+    Replay(recording::Replay),
+    Recover(recording::Recover),
+    Plot(recording::Plot),
+    Report(recording::Report),
+    Export(recording::Export),
     Stop(stop::Stop),
     Resume(stop::Resume),
     Step(step::Step),
@@ -80,6 +86,11 @@ impl Cli {
             Some(Command::Events(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
+            Some(Command::Replay(command)) => command.run(),
+            Some(Command::Recover(command)) => command.run(),
+            Some(Command::Plot(command)) => command.run(),
+            Some(Command::Report(command)) => command.run(),
+            Some(Command::Export(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),
             Some(Command::Step(command)) => command.run(),

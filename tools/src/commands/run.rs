@@ -1,6 +1,7 @@
 //! `motorium run`: launches a graph.
 
 use std::io::IsTerminal as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -13,6 +14,7 @@ use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
+use super::recording::Overlay;
 use crate::failure::{Failure, Kind};
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
@@ -65,6 +67,12 @@ pub(crate) struct Run {
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
+    /// Record every sample into an MCAP file; one that is there is replaced
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
+    #[arg(long, value_name = "TIME", requires = "record")]
+    record_last: Option<String>,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -115,6 +123,10 @@ impl Run {
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
         }
+        let recording =
+            self.record.as_ref().map(|output| Overlay::recording(output, self.record_last.as_deref()));
+        let recording = recording.transpose()?;
+        self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
             Ok(checked) => checked,

@@ -71,7 +71,7 @@ impl Latency {
     }
 
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let registry = registry::with_benches();
+        let registry = registry::with_hidden();
         let bench = Bench {
             program: std::env::current_exe().context("finding this program's own file")?,
             registry: &registry,

@@ -79,7 +79,7 @@ impl Calibrate {
         self.progress("measuring how this machine wakes threads and hands over ...");
         // As while the graph runs; where it is denied then, it is denied now.
         let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
-        let floor = machine::measure(&program, &registry::with_benches(), Duration::from_secs(2))?;
+        let floor = machine::measure(&program, &registry::with_hidden(), Duration::from_secs(2))?;
         drop(idle_limit);
         self.progress(&format!("running the graph for {duration} ..."));
         let options = Options::processes(program);
