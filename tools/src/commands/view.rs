@@ -15,7 +15,7 @@ use crate::{complete, exit, registry, style};
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
 
-/// Show a running graph: the robot in 3D, plots, components, parameters, a stop button.
+/// Show a running graph: the robot in 3D, plots, parameters, a stop button.
 ///
 /// With a graph it starts that; without one it shows a run that goes on, and whatever run of the same graph comes after it. The
 /// page and the WebSocket of Foxglove's protocol, for Foxglove and Lichtblick, are on one port of this machine. Who has the
