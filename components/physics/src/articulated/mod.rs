@@ -186,6 +186,7 @@ impl Engine for Articulated {
                 normal: point.normal,
                 depth: (-point.distance).max(0.0),
                 force,
+                friction: self.scene.impulses.vector(index) / self.h - point.normal * force,
             });
         }
     }
