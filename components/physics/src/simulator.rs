@@ -33,6 +33,8 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
+    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell it.
+    pub friction: Vector3<f64>,
 }
 
 /// The first point of something that a ray meets.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     ClockKind, DeclareWarning, Direction, ParameterDeclaration, ParameterValue, Placement, PortDeclaration,
-    RobotReference, TopicPattern,
+    RobotReference, Taps, TopicPattern,
 };
 use crate::state::{StateBuffer, TypeLayout};
 
@@ -30,6 +30,9 @@ pub struct Declaration {
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
+    /// Topics that it reads by taps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taps: Option<Taps>,
     /// Warnings about a configuration that works, and is probably not meant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
@@ -228,6 +231,21 @@ impl Declare {
     /// [`Setup::wake_on`](crate::component::Setup::wake_on).
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;
+    }
+
+    /// This component reads topics of the whole graph by taps ([`Setup::observer`](crate::component::Setup::observer)): the
+    /// graph keeps as many of their values as a tap may leave unread.
+    ///
+    /// ```
+    /// use motorium::declare::{Declare, Taps};
+    /// use std::time::Duration;
+    ///
+    /// let mut declare = Declare::new(None);
+    /// declare.taps(Taps::new(["panda/*"], Duration::from_millis(200)));
+    /// assert!(declare.into_declaration().taps.is_some());
+    /// ```
+    pub fn taps(&mut self, taps: Taps) {
+        self.declaration.taps = Some(taps);
     }
 
     /// A number that may change while the component runs, within `range`, in `unit`.

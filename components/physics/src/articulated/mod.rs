@@ -4,6 +4,7 @@
 mod implicit;
 mod integrator;
 mod laws;
+mod push;
 mod step;
 
 use motorium_robots::{Dynamics, Kinematics};
@@ -78,6 +79,8 @@ pub struct Articulated {
     rays: Rays,
     /// Generalized force of the rotors (nv).
     rotor_force: Vec<f64>,
+    /// Generalized force from outside during the next step (nv).
+    external: Vec<f64>,
     frame_jacobian: DMatrix<f64>,
     momentum_map: DMatrix<f64>,
     /// Length of the last integration step \[s\].
@@ -105,6 +108,7 @@ const INSIDE: f64 = 1e-3;
 pub struct ArticulatedState {
     modes: Vec<Mode>,
     scene: SceneState,
+    external: Vec<f64>,
     h: f64,
 }
 
@@ -130,6 +134,7 @@ impl Engine for Articulated {
             kinematics: Kinematics::new(model),
             scene: ContactScene::new(model, colliders, world),
             rotor_force: vec![0.0; model.nv()],
+            external: vec![0.0; model.nv()],
             frame_jacobian: DMatrix::zeros(6, model.nv()),
             momentum_map: DMatrix::zeros(6, model.nv()),
             h: 1e-3,
@@ -138,6 +143,7 @@ impl Engine for Articulated {
 
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
+        self.external.fill(0.0);
         self.scene.restart(world);
         self.scene.set_poses(&robot.kinematics, &robot.base_pose());
     }
@@ -159,13 +165,21 @@ impl Engine for Articulated {
     }
 
     fn commit(&mut self) {
+        self.external.fill(0.0);
         self.scene.objects.commit();
     }
 
-    fn discard(&mut self) {}
+    fn discard(&mut self) {
+        self.external.fill(0.0);
+    }
 
     fn save(&self) -> ArticulatedState {
-        ArticulatedState { modes: self.integrator.modes().to_vec(), scene: self.scene.save(), h: self.h }
+        ArticulatedState {
+            modes: self.integrator.modes().to_vec(),
+            scene: self.scene.save(),
+            external: self.external.clone(),
+            h: self.h,
+        }
     }
 
     fn restore(&mut self, _: &Robot, state: &ArticulatedState) -> bool {
@@ -173,6 +187,7 @@ impl Engine for Articulated {
             return false;
         }
         self.scene.restore(&state.scene);
+        self.external.copy_from_slice(&state.external);
         self.h = state.h;
         true
     }
@@ -211,6 +226,7 @@ impl Engine for Articulated {
                 normal: point.normal,
                 depth: (-point.distance).max(0.0),
                 force,
+                friction: self.scene.impulses.vector(index) / self.h - point.normal * force,
             });
         }
     }
