@@ -15,6 +15,7 @@ use motorium::worker::Registry;
 use super::check::problems;
 use super::loading::GraphArgs;
 use super::recording::Overlay;
+use crate::failure::{Failure, Kind};
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
@@ -138,7 +139,11 @@ impl Run {
             if !self.force {
                 errln!("{}", style::dim(format!("what the machine takes: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it all the same");
-                return Ok(exit::invalid());
+                let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
+                let told = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
+                return Ok(Failure::new(Kind::Invalid, told)
+                    .help("`--force` runs it all the same")
+                    .print_json());
             }
             errln!("started all the same (`--force`)");
         }
@@ -243,6 +248,7 @@ impl Run {
             return None;
         }
         errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
-        Some(exit::FAILED)
+        let told = format!("the graph does not hold its times beside {}", names.join(", "));
+        Some(Failure::new(Kind::Failed, told).help("stop the other runs, or `--force` it").print_json())
     }
 }

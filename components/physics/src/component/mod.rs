@@ -3,7 +3,9 @@
 mod build;
 mod config;
 mod limits;
+mod objects;
 mod pushes;
+mod truth;
 
 use core::ops::Range;
 
@@ -22,6 +24,7 @@ use build::{Built, build};
 pub use config::PhysicsConfig;
 pub use pushes::PushConfig;
 use pushes::Pushes;
+use truth::Truth;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
@@ -41,6 +44,7 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     base_state: Option<Output<BaseState>>,
+    truth: Truth,
     simulation: Simulation<E>,
     pushes: Pushes,
     dynamics: Dynamics,
@@ -112,6 +116,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         if simulation.model().base().floating {
             declare.output::<BaseState>("base_state", "pose and velocity of the base after the step");
         }
+        truth::declare(robots.len(), &config.world, declare);
         Ok(())
     }
 
@@ -150,8 +155,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
                 resuming: 0,
             });
         }
+        let truth = Truth::open(actuated.len(), &simulation, setup)?;
         Ok(Self {
             robots: actuated,
+            truth,
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
             dynamics: Dynamics::new(simulation.model()),
             gravity: vec![0.0; nv],
@@ -189,6 +196,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             base.angular_velocity.copy_from_slice(&v[3..6]);
             base.publish()?;
         }
+        self.truth.publish(&self.simulation)?;
         for robot in &mut self.robots {
             let (simulation, drives) = (&self.simulation, robot.drives.clone());
             let mut state = robot.state.loan()?;
@@ -228,6 +236,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "joint_position": self.simulation.positions(),
             "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
+        if let Some(objects) = objects::report(&self.simulation) {
+            result["objects"] = objects;
+        }
         for robot in &self.robots {
             let Some(name) = &robot.name else { continue };
             result["robots"][name] = json!({
