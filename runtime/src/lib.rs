@@ -23,9 +23,12 @@
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 //!
 //! [`graph`], [`schedule`], [`launcher`] and [`session`] come with the feature `launcher`, which is on by default. A program
-//! of components needs none of them: with `default-features = false` it is built in about half the time.
+//! of components needs none of them: with `default-features = false` they are not compiled.
 
-#![cfg_attr(not(feature = "launcher"), allow(dead_code, reason = "parts that only the launcher uses"))]
+#![cfg_attr(
+    not(feature = "launcher"),
+    allow(dead_code, unused_imports, reason = "parts that only the launcher uses")
+)]
 
 mod atomics;
 pub mod component;

@@ -110,15 +110,17 @@ fn print(answer: &impl serde::Serialize) -> ExitCode {
     }
 }
 
-/// Guards a run: only programs that can launch one are asked to.
+/// Guards a run.
+#[cfg(feature = "launcher")]
 fn guard(folder: &RunFolder) -> ExitCode {
-    #[cfg(feature = "launcher")]
-    return crate::launcher::guard::main(folder);
-    #[cfg(not(feature = "launcher"))]
-    {
-        eprintln!("this program has no launcher, and guards no run ({})", folder.id());
-        ExitCode::from(2)
-    }
+    crate::launcher::guard::main(folder)
+}
+
+/// Refuses to guard a run: only programs that can launch one are asked to.
+#[cfg(not(feature = "launcher"))]
+fn guard(folder: &RunFolder) -> ExitCode {
+    eprintln!("this program has no launcher, and guards no run ({})", folder.id());
+    ExitCode::from(2)
 }
 
 /// Frees the places of the dead processes of a run.

@@ -96,7 +96,13 @@ mod tests {
     fn without_sources_the_published_version_is_asked_for() {
         let made = files("my-controller", None);
         let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
-        assert!(manifest.contains(&format!("motorium = {{ version = \"={}\", default-features = false }}", env!("CARGO_PKG_VERSION"))), "{manifest}");
+        assert!(
+            manifest.contains(&format!(
+                "motorium = {{ version = \"={}\", default-features = false }}",
+                env!("CARGO_PKG_VERSION")
+            )),
+            "{manifest}"
+        );
         assert!(made.iter().all(|(name, _)| *name != "Cargo.lock"));
     }
 
