@@ -6,9 +6,18 @@ use motorium_robots::LoadError;
 
 /// The programs that host kinds which this one does not, because of what they depend on.
 const SIBLINGS: &[Sibling] = &[
-    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" },
+    VIEWER,
     Sibling { family: "bridge", program: "motorium-bridges", install: "cargo install motorium-bridges" },
 ];
+
+/// The program of `motorium view`.
+const VIEWER: Sibling =
+    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" };
+
+/// The program of `motorium view`.
+pub(crate) fn viewer() -> Sibling {
+    VIEWER
+}
 
 /// The kinds that a graph may use.
 pub(crate) fn registry() -> Registry {

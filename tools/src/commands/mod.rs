@@ -25,6 +25,7 @@ mod step;
 mod stop;
 mod top;
 mod topic;
+mod view;
 
 use std::process::ExitCode;
 
@@ -49,6 +50,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Top(top::Top),
+    View(view::View),
     Events(events::Events),
     Topic(topic::Topic),
     Param(param::Param),
@@ -83,6 +85,7 @@ impl Cli {
             Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Top(command)) => command.run(),
+            Some(Command::View(command)) => command.run(),
             Some(Command::Events(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),

@@ -1,10 +1,11 @@
 //! Assembly and solution of one tick of inverse dynamics.
 
 use motorium_robots::{Dynamics, Model, Twist};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use super::contact::{Contact, ContactPlace};
 use super::names::{Conflicting, Order};
+use super::outcome::{InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
 use super::relaxed::Relaxed;
 use super::tasks::AccelerationTask;
 use super::{JointAccelerationLimits, MotionState};
@@ -12,88 +13,8 @@ use crate::ik::IkError;
 use crate::levels::{Freedom, Level, LevelSolver, Rows};
 use crate::solver::{
     ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Side, Sides, Solution, SolveError,
-    Structure, UpdateError,
+    Structure,
 };
-
-/// Settings of [`InverseDynamics`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InverseDynamicsSettings {
-    /// Acceleration of free fall in the world \[m/s2\]. Default (0, 0, -9.81).
-    pub gravity: Vector3<f64>,
-    /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\]. Default 1e-7.
-    pub damping: f64,
-    /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes no motion to the levels
-    /// below. Default 1e-3.
-    pub force_weight: f64,
-    /// Rate at which the velocity of a contact that slips decays \[1/s\]. Default 20.
-    pub contact_damping: f64,
-    /// Limits of the joints.
-    pub joints: JointAccelerationLimits,
-    /// Fraction of the torque limits that may be used. Default 1.
-    pub torque_fraction: f64,
-    /// Weight with which contacts at rest and limits of the joints are kept where not all constraints can be: cost of an
-    /// acceleration beyond them \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are never relaxed:
-    /// they are what physics and drives can do, and always leave a solution. `None`: such a tick has no solution. Default 100.
-    pub relaxation: Option<f64>,
-}
-
-impl Default for InverseDynamicsSettings {
-    fn default() -> Self {
-        Self {
-            gravity: Vector3::new(0.0, 0.0, -9.81),
-            damping: 1e-7,
-            force_weight: 1e-3,
-            contact_damping: 20.0,
-            joints: JointAccelerationLimits::default(),
-            torque_fraction: 1.0,
-            relaxation: Some(100.0),
-        }
-    }
-}
-
-/// A tick without a solution.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum InverseDynamicsError {
-    /// The state, a target or a setting is not a number, or limits cross.
-    #[error("inverse dynamics cannot be posed: {0}")]
-    Pose(#[from] UpdateError),
-    /// The constraints contradict each other.
-    #[error("no motion satisfies all constraints; relax one of those that conflict")]
-    Infeasible(Conflicting),
-    /// The solver found no solution.
-    #[error("inverse dynamics has no solution: {0}")]
-    Solve(SolveError),
-}
-
-/// Amounts by which a relaxed tick misses its constraints.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Slack {
-    /// Largest acceleration of a contact beyond the one it was to have \[m/s2 or rad/s2\].
-    pub contact: f64,
-    /// Largest acceleration of a joint beyond its limits \[rad/s2 or m/s2\].
-    pub joint: f64,
-    /// The constraints that conflict.
-    pub conflict: Conflicting,
-}
-
-/// Accelerations, torques and contact forces of one tick.
-#[derive(Clone, Debug)]
-pub struct InverseDynamicsSolution {
-    /// Generalised accelerations, nv \[as `a` of [`motorium_robots`]\].
-    pub acceleration: DVector<f64>,
-    /// Torques of the drives, one per independent joint \[Nm or N\].
-    pub torque: DVector<f64>,
-    /// Contact forces: for each point of each contact two tangential components and the normal one \[N\].
-    pub forces: DVector<f64>,
-    /// What was relaxed, if anything had to be.
-    pub slack: Option<Slack>,
-    /// Iterations of the solver in the first level.
-    pub iterations: u32,
-    /// Levels below the first that were left undecided, for their solver reached its limit: they move nothing.
-    pub undecided: u32,
-    /// Constraints with a force on the solution: torque limits, faces of friction pyramids, bounds.
-    pub active: usize,
-}
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
 /// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
@@ -370,7 +291,7 @@ impl InverseDynamics {
         &self.mass
     }
 
-    /// Bias `C(q, v) v + g(q)` at the last [`begin`](Self::begin), nv.
+    /// Bias `C(q, v) v + g(q)`, and the damping of the joints as far as the settings count it, at the last [`begin`](Self::begin), nv.
     pub fn bias(&self) -> &DVector<f64> {
         &self.bias
     }

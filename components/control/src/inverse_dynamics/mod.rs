@@ -67,15 +67,15 @@ mod contact;
 mod control;
 mod joints;
 mod names;
+mod outcome;
 mod relaxed;
 pub mod tasks;
 
 pub use contact::{Contact, ContactError, ContactShape};
-pub use control::{
-    InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack,
-};
+pub use control::InverseDynamics;
 pub use joints::JointAccelerationLimits;
 pub use names::{Conflicting, ConstraintName};
+pub use outcome::{InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack};
 
 use motorium_robots::{Kinematics, Model};
 

@@ -1,7 +1,7 @@
 //! A tick whose constraints contradict each other: contacts and limits of the joints give way.
 
-use super::control::{InverseDynamicsError, Slack};
 use super::names::{Conflicting, Order};
+use super::outcome::{InverseDynamicsError, Slack};
 use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, Structure};
 
 /// The relaxed problem: contact motion as a cost, and the limits of the joints with a slack `s` each that costs as much.
