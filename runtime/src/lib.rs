@@ -21,11 +21,21 @@
 //! | [`launcher`], [`session`] | starting, watching and ending a run; a run that a program drives |
 //! | [`program`] | the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
+//!
+//! [`graph`], [`schedule`], [`launcher`] and [`session`] come with the feature `launcher`, which is on by default. A program
+//! of components needs none of them: with `default-features = false` they are not compiled.
+
+#![cfg_attr(
+    not(feature = "launcher"),
+    allow(dead_code, unused_imports, reason = "parts that only the launcher uses")
+)]
 
 mod atomics;
 pub mod component;
 pub mod declare;
+#[cfg(feature = "launcher")]
 pub mod graph;
+#[cfg(feature = "launcher")]
 pub mod launcher;
 #[cfg(test)]
 mod model;
@@ -37,7 +47,9 @@ pub mod program;
 pub mod region;
 pub mod run_folder;
 pub mod safety;
+#[cfg(feature = "launcher")]
 pub mod schedule;
+#[cfg(feature = "launcher")]
 pub mod session;
 pub mod severity;
 pub mod state;

@@ -53,7 +53,7 @@ pub fn main(kind: &Kind) -> ExitCode {
     match Program::from_arguments(&arguments) {
         Some(Program::Describe) => describe(core::slice::from_ref(kind)),
         Some(Program::Kinds) => list(core::slice::from_ref(kind)),
-        Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
+        Some(Program::Guard(folder)) => guard(&folder),
         Some(Program::Cleaner(folder)) => clean(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
         None => {
@@ -75,7 +75,7 @@ pub fn host(kinds: &[Kind]) -> ExitCode {
     match Program::from_arguments(&arguments) {
         Some(Program::Describe) => describe(kinds),
         Some(Program::Kinds) => list(kinds),
-        Some(Program::Guard(folder)) => crate::launcher::guard::main(&folder),
+        Some(Program::Guard(folder)) => guard(&folder),
         Some(Program::Cleaner(folder)) => clean(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |plan| {
             let (plan::Program::Sibling { kind, .. } | plan::Program::Builtin { kind }) = &plan.program
@@ -108,6 +108,19 @@ fn print(answer: &impl serde::Serialize) -> ExitCode {
         Ok(Ok(())) => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,
     }
+}
+
+/// Guards a run.
+#[cfg(feature = "launcher")]
+fn guard(folder: &RunFolder) -> ExitCode {
+    crate::launcher::guard::main(folder)
+}
+
+/// Refuses to guard a run: only programs that can launch one are asked to.
+#[cfg(not(feature = "launcher"))]
+fn guard(folder: &RunFolder) -> ExitCode {
+    eprintln!("this program has no launcher, and guards no run ({})", folder.id());
+    ExitCode::from(2)
 }
 
 /// Frees the places of the dead processes of a run.

@@ -90,7 +90,7 @@ pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) 
 
 /// The mean spread of recordings.
 fn mean_spread(recordings: &Recordings, spring: &SampledSpring) -> f64 {
-    let spreads = recordings.trajectories.iter().map(|t| Trajectory::spread(&t.resampled(spring.samples())));
+    let spreads = recordings.trajectories.iter().map(|t| Trajectory::spread(&t.sampled(spring)));
     spreads.sum::<f64>() / recordings.trajectories.len().max(1) as f64
 }
 

@@ -63,7 +63,7 @@ pub use movement::{Frame, Movement};
 pub use recognise::{Recognised, Recogniser};
 pub use recursive::RecursiveLibrary;
 pub use scatter::RecursiveScatter;
-pub use spring::{DAMPING, SampledSpring, SpringError};
+pub use spring::{DAMPING, Interpolation, SampledSpring, SpringError};
 pub use trace::{Trace, TraceErrors};
 pub use trajectory::{Recordings, Trajectory};
 pub use truncation::Truncation;

@@ -12,7 +12,9 @@ pub enum MergeError {
     #[error("{0} libraries, expected at least two")]
     TooFew(usize),
     /// They were made with different springs.
-    #[error("library {0} has another spring or number of samples than the first: build both with the same")]
+    #[error(
+        "library {0} has another spring, number of samples or interpolation than the first: build both with the same"
+    )]
     Spring(usize),
     /// They were made with different metrics.
     #[error("library {index} has the metric {found:?}, the first {expected:?}: build both with the same")]

@@ -49,7 +49,7 @@ impl Movement {
     /// The forces that make the spring follow a recording. The goal is the last sample, the start velocity that between
     /// the first two.
     pub fn of(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
-        let path = trajectory.resampled(spring.samples());
+        let path = trajectory.sampled(spring);
         let (forces_each, dofs) = (spring.forces(), path.ncols());
         let mut frame = Frame { duration: trajectory.duration, ..Frame::default() };
         let mut forces = vec![0.0; forces_each * dofs];

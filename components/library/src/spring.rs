@@ -21,6 +21,27 @@ pub struct SampledSpring {
     stiffness: f64,
     damping: f64,
     samples: usize,
+    /// Files of earlier versions name none.
+    #[serde(default = "Interpolation::of_old_files")]
+    interpolation: Interpolation,
+}
+
+/// The curve between the samples of a recording, on which a path is sampled anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// A natural cubic spline. Default: its second derivative, and with it the force, is continuous.
+    #[default]
+    Spline,
+    /// Straight lines, with a kink, which is a spike of force, at every sample.
+    Linear,
+}
+
+impl Interpolation {
+    /// That of library files that do not name one.
+    pub(crate) fn of_old_files() -> Self {
+        Self::Linear
+    }
 }
 
 /// The damping used where nothing else is said: `D = 25`, `K = 156.25`.
@@ -47,7 +68,19 @@ impl SampledSpring {
         if !(damping.is_finite() && damping > 0.0) || samples <= least {
             return Err(SpringError { samples, damping, least });
         }
-        Ok(Self { stiffness: 0.25 * damping * damping, damping, samples })
+        let interpolation = Interpolation::default();
+        Ok(Self { stiffness: 0.25 * damping * damping, damping, samples, interpolation })
+    }
+
+    /// The same, for paths that are sampled on another curve between the samples of a recording.
+    #[must_use]
+    pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
+        Self { interpolation, ..self }
+    }
+
+    /// The curve between the samples of a recording.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
     }
 
     /// Samples of a path, `T`.

@@ -5,6 +5,8 @@ use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use rand_pcg::Pcg64;
 
+use crate::{Interpolation, SampledSpring};
+
 /// A recorded movement: evenly spaced positions of every degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
@@ -28,6 +30,14 @@ pub struct Recordings {
 }
 
 impl Trajectory {
+    /// The path of a spring's samples: as many evenly spaced ones as it has, on the curve that it interpolates by.
+    pub fn sampled(&self, spring: &SampledSpring) -> DMatrix<f64> {
+        match spring.interpolation() {
+            Interpolation::Spline if self.positions.nrows() > 2 => self.splined(spring.samples()).positions,
+            Interpolation::Spline | Interpolation::Linear => self.resampled(spring.samples()),
+        }
+    }
+
     /// Resampled to `samples` evenly spaced samples, linearly.
     pub fn resampled(&self, samples: usize) -> DMatrix<f64> {
         let (rows, columns) = self.positions.shape();
@@ -217,6 +227,18 @@ mod tests {
         assert!(off(&many.positions) < 1e-4, "{}", off(&many.positions));
         assert!(off(&few.resampled(121)) > 50.0 * off(&many.positions));
         assert_eq!(few.splined(31), few);
+    }
+
+    #[test]
+    fn a_spring_samples_a_recording_on_the_curve_that_it_names() {
+        let wave = |t: f64| (3.0 * t).sin();
+        let positions = DMatrix::from_fn(31, 1, |k, _| wave(k as f64 * 0.1));
+        let few = Trajectory { id: "wave".into(), label: None, duration: 3.0, positions };
+        let spring = SampledSpring::new(121, crate::DAMPING).unwrap();
+        assert_eq!(few.sampled(&spring), few.splined(121).positions, "splines are the default");
+        let straight = spring.with_interpolation(Interpolation::Linear);
+        assert_eq!(few.sampled(&straight), few.resampled(121));
+        assert_ne!(few.sampled(&spring), few.sampled(&straight));
     }
 
     #[test]

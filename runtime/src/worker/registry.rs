@@ -9,7 +9,12 @@ use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 #[derive(Debug, Clone)]
 pub enum ConfigSource<'a> {
     /// The graph file: errors carry their place in it.
+    #[cfg(feature = "launcher")]
     Toml(toml::Spanned<toml::de::DeValue<'a>>),
+    /// Never: without a launcher there are no graph files.
+    #[cfg(not(feature = "launcher"))]
+    #[doc(hidden)]
+    Never(core::convert::Infallible, core::marker::PhantomData<&'a ()>),
     /// A resolved plan.
     Json(serde_json::Value),
 }
@@ -101,6 +106,9 @@ fn declare<C: Component>(
 ) -> Result<Declaration, ConfigProblem> {
     use serde::Deserialize as _;
     let config = match config {
+        #[cfg(not(feature = "launcher"))]
+        ConfigSource::Never(never, _) => match never {},
+        #[cfg(feature = "launcher")]
         ConfigSource::Toml(table) => {
             C::Config::deserialize(toml::de::ValueDeserializer::from(table)).map_err(|error| {
                 ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) }

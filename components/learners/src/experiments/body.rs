@@ -143,11 +143,11 @@ impl Body {
             let Some(lower) = lower else { continue };
             let (a, b) = (Movement::of(upper, spring), Movement::of(lower, spring));
             let mut forces = b.forces.clone();
-            let mut path = lower.resampled(spring.samples());
+            let mut path = lower.sampled(spring);
             for dof in &arms {
                 let of_dof = dof * steps..(dof + 1) * steps;
                 forces[of_dof.clone()].copy_from_slice(&a.forces[of_dof]);
-                path.set_column(*dof, &upper.resampled(spring.samples()).column(*dof));
+                path.set_column(*dof, &upper.sampled(spring).column(*dof));
             }
             goals.push(Goal { forces, spread: Trajectory::spread(&path) });
         }

@@ -30,7 +30,7 @@ pub struct Goal {
 impl Goal {
     /// The goal of reproducing a recorded movement.
     pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
-        let spread = Trajectory::spread(&trajectory.resampled(spring.samples()));
+        let spread = Trajectory::spread(&trajectory.sampled(spring));
         Self { forces: Movement::of(trajectory, spring).forces, spread }
     }
 }

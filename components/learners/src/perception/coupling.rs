@@ -89,7 +89,7 @@ impl Coupling {
         let curves: Vec<DMatrix<f64>> = letters
             .trajectories
             .iter()
-            .map(|letter| unit_extent(&even_speed(&letter.resampled(spring.samples()), spring.samples())))
+            .map(|letter| unit_extent(&even_speed(&letter.sampled(&spring), spring.samples())))
             .collect();
         let written = letters.trajectories.iter().zip(&curves);
         let trajectories =

@@ -12,7 +12,7 @@
 //! | 24 | 8 | length of the head |
 //! | 32 | 8 | XXH3 (64 bits, seed 0) of all bytes from 64 on |
 //! | 40 | 24 | 0 |
-//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `metric`, `ids`, `labels` and `sections` |
+//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `interpolation` (`spline` or `linear`; the latter if it is not there), `metric`, `ids`, `labels` and `sections` |
 //! | | | the sections, each as `[offset, count]` in the head |
 //!
 //! | section | shape, column by column | |
@@ -35,7 +35,7 @@ pub use write::{to_bytes, write};
 
 use serde::{Deserialize, Serialize};
 
-use crate::Metric;
+use crate::{Interpolation, Metric};
 
 const MAGIC: [u8; 8] = *b"MTLIB\r\n\x1a";
 const VERSION: u32 = 1;
@@ -48,6 +48,9 @@ struct Head {
     names: Vec<String>,
     samples: usize,
     damping: f64,
+    /// Absent in files of earlier versions, which were sampled along straight lines unless they were splined before.
+    #[serde(default = "Interpolation::of_old_files")]
+    interpolation: Interpolation,
     metric: Metric,
     ids: Vec<String>,
     labels: Vec<Option<String>>,

@@ -168,7 +168,9 @@ impl<'a> View<'a> {
     pub fn to_library(&self) -> Result<MotionLibrary, FileError> {
         let (dofs, rank) = (self.head.names.len(), self.singular.len());
         let movements = self.head.ids.len();
-        let spring = SampledSpring::new(self.head.samples, self.head.damping).map_err(BuildError::from)?;
+        let spring = SampledSpring::new(self.head.samples, self.head.damping)
+            .map_err(BuildError::from)?
+            .with_interpolation(self.head.interpolation);
         let layout = Layout::new(self.head.names.clone()).map_err(BuildError::from)?;
         let frames = self.frames.chunks_exact(3 * dofs + 1).map(|numbers| Frame {
             start: numbers[..dofs].to_vec(),

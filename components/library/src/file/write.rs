@@ -34,6 +34,7 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
             names: parts.layout.names().to_vec(),
             samples: parts.spring.samples(),
             damping: parts.spring.damping(),
+            interpolation: parts.spring.interpolation(),
             metric: parts.metric,
             ids: parts.entries.iter().map(|entry| entry.id.clone()).collect(),
             labels: parts.entries.iter().map(|entry| entry.label.clone()).collect(),

@@ -1,6 +1,8 @@
 //! The files of the motion library, and recordings read from files.
 
-use motorium_library::{BuildError, Metric, MotionLibrary, Recordings, Truncation, file};
+use motorium_library::{
+    BuildError, Interpolation, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, file,
+};
 use motorium_recordings::Selection;
 
 use crate::recorded::{golden, library, recordings, spring};
@@ -15,6 +17,31 @@ fn a_library_survives_its_file() {
         assert_eq!(file::read(&path).unwrap(), library);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+}
+
+#[test]
+fn a_library_remembers_how_it_samples_recordings_and_a_file_that_does_not_say_is_of_straight_lines() {
+    let linear = MotionLibrary::build(
+        &recordings(&golden()),
+        spring().with_interpolation(Interpolation::Linear),
+        Metric::Force,
+        Truncation::All,
+    )
+    .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("motions.library");
+    for (library, interpolation) in
+        [(library(Metric::Force), Interpolation::Spline), (linear.clone(), Interpolation::Linear)]
+    {
+        file::write(&library, &path).unwrap();
+        assert_eq!(file::read(&path).unwrap().spring().interpolation(), interpolation);
+    }
+    // as an earlier version wrote it: without the key
+    let written = serde_json::to_value(linear.spring()).unwrap();
+    let mut old = written.clone();
+    old.as_object_mut().unwrap().remove("interpolation");
+    let old: SampledSpring = serde_json::from_value(old).unwrap();
+    assert_eq!(old, *linear.spring());
 }
 
 #[test]

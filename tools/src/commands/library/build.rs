@@ -60,7 +60,7 @@ impl TruncationOptions {
 
 impl Build {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let recordings = self.shape.shaped(self.source.read()?);
+        let recordings = self.source.read()?;
         let (spring, metric) = (self.shape.spring()?, self.metric.into());
         let library = match self.balance {
             None => MotionLibrary::build(&recordings, spring, metric, self.truncation.truncation())?,

@@ -42,7 +42,7 @@ pub(super) struct Evaluate {
 
 impl Evaluate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let all = self.shape.shaped(self.source.read()?);
+        let all = self.source.read()?;
         let spring = self.shape.spring()?;
         let splits: Vec<(Recordings, Recordings)> = match self.splits {
             None => vec![all.hold_out(self.hold_out)],

@@ -72,6 +72,7 @@ fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_json::Value
         "names": library.layout().names(),
         "samples": library.spring().samples(),
         "damping": library.spring().damping(),
+        "interpolation": library.spring().interpolation(),
         "metric": library.metric(),
         "eigenforces": library.rank(),
         "movements": library.entries().len(),

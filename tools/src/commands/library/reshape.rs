@@ -10,7 +10,8 @@ use motorium_library::{
 
 use super::build::TruncationOptions;
 use super::source::Source;
-use crate::out::outln;
+use crate::out::{errln, outln};
+use crate::style;
 
 /// Take parts of a body out of a library of the whole, without the recordings.
 ///
@@ -133,11 +134,20 @@ impl Update {
             recordings.names.join(", "),
             library.layout().names().join(", ")
         );
+        let had = library.rank();
         let mut recursive = RecursiveLibrary::new(library, self.capacity, self.forgetting);
         for trajectory in &recordings.trajectories {
             recursive.add(trajectory)?;
         }
         let updated = recursive.into_library();
+        if had > self.capacity {
+            errln!(
+                "{}: {} of the {had} eigenforces of {} are kept; --capacity {had} keeps all",
+                style::warning("warning"),
+                updated.rank(),
+                self.file.display()
+            );
+        }
         super::write(&updated, &self.output)?;
         super::show(&updated, Some(&self.output), self.json)
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use motorium_library::{DAMPING, Metric, Recordings, SampledSpring};
+use motorium_library::{DAMPING, Interpolation, Metric, Recordings, SampledSpring};
 use motorium_recordings::Selection;
 
 /// Options that name recordings, and how to read them.
@@ -56,24 +56,33 @@ pub(super) struct Shape {
     /// Damping D of the spring; its stiffness is D^2 / 4
     #[arg(long, default_value_t = DAMPING)]
     damping: f64,
-    /// Between the samples of a recording, follow a cubic spline instead of straight lines
-    #[arg(long)]
-    spline: bool,
+    /// The curve between the samples of a recording; stored in the library, for `recognise` and `update`
+    #[arg(long, value_enum, default_value = "spline")]
+    interpolation: InterpolationName,
 }
 
 impl Shape {
     pub(super) fn spring(&self) -> anyhow::Result<SampledSpring> {
-        Ok(SampledSpring::new(self.samples, self.damping)?)
+        let spring = SampledSpring::new(self.samples, self.damping)?;
+        Ok(spring.with_interpolation(self.interpolation.into()))
     }
+}
 
-    /// The recordings, prepared for the conversion into forces.
-    pub(super) fn shaped(&self, mut recordings: Recordings) -> Recordings {
-        if self.spline {
-            for trajectory in &mut recordings.trajectories {
-                *trajectory = trajectory.splined(self.samples);
-            }
+/// Curve between the samples of a recording.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum InterpolationName {
+    /// A natural cubic spline
+    Spline,
+    /// Straight lines
+    Linear,
+}
+
+impl From<InterpolationName> for Interpolation {
+    fn from(name: InterpolationName) -> Self {
+        match name {
+            InterpolationName::Spline => Self::Spline,
+            InterpolationName::Linear => Self::Linear,
         }
-        recordings
     }
 }
 

@@ -23,8 +23,8 @@ pub(super) enum WriteError {
 
 /// All files of a crate of this name.
 pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
-    let [dependency, testing] =
-        ["", ", features = [\"testing\"]"].map(|features| dependency(sources, features));
+    let [dependency, testing] = [", default-features = false", ", features = [\"testing\"]"]
+        .map(|features| dependency(sources, features));
     let fill = |template: &str| {
         template
             .replace("{{name}}", name)
@@ -46,7 +46,7 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
 }
 
 /// The crate's dependency on motorium: on sources of this machine, or on the published version of this program. `features` is
-/// empty, or the rest of the table that asks for them.
+/// the rest of the table, which asks for its features.
 fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match sources {
@@ -55,7 +55,6 @@ fn dependency(sources: Option<&Sources>, features: &str) -> String {
             let path = serde_json::Value::String(sources.runtime().to_string_lossy().into_owned());
             format!("{{ version = \"{version}\", path = {path}{features} }}")
         }
-        None if features.is_empty() => format!("\"={version}\""),
         None => format!("{{ version = \"={version}\"{features} }}"),
     }
 }
@@ -97,7 +96,13 @@ mod tests {
     fn without_sources_the_published_version_is_asked_for() {
         let made = files("my-controller", None);
         let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
-        assert!(manifest.contains(&format!("motorium = \"={}\"", env!("CARGO_PKG_VERSION"))), "{manifest}");
+        assert!(
+            manifest.contains(&format!(
+                "motorium = {{ version = \"={}\", default-features = false }}",
+                env!("CARGO_PKG_VERSION")
+            )),
+            "{manifest}"
+        );
         assert!(made.iter().all(|(name, _)| *name != "Cargo.lock"));
     }
 
