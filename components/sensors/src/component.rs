@@ -4,6 +4,7 @@ pub mod contact;
 pub mod estimator;
 pub mod imu;
 pub mod merge;
+pub mod place;
 mod readings;
 mod robot;
 
@@ -169,5 +170,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<imu::Imu>(),
         Kind::of::<contact::FootContactSensor>(),
         Kind::of::<estimator::BaseEstimator>(),
+        Kind::of::<place::AtPlace<place::Altimeter>>(),
+        Kind::of::<place::AtPlace<place::Magnetometer>>(),
+        Kind::of::<place::AtPlace<place::Gps>>(),
     ]
 }

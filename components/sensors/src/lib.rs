@@ -3,10 +3,12 @@
 //! - [`encoder`]: the joint sensors of a robot.
 //! - [`imu`]: gyroscopes and accelerometers. [`contact`]: the contact sensors of feet.
 //! - [`channel`]: the errors of a measured quantity: noise, bias, scale, resolution, range.
+//! - [`geodesy`]: places on the earth.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
-//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`.
+//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`,
+//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
@@ -37,6 +39,7 @@ pub mod contact;
 pub mod delay;
 pub mod encoder;
 pub mod estimation;
+pub mod geodesy;
 pub mod imu;
 pub mod noise;
 

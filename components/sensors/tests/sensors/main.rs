@@ -8,5 +8,6 @@ mod encoder;
 mod estimator;
 mod imu;
 mod invariant;
+mod place;
 
 motorium::count_allocations!();
