@@ -10,9 +10,10 @@ use serde::Deserialize;
 /// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own included.
 /// A change that needs more says so here, and why it is worth it. The last were `shlex` and `is_executable`, with which shells
 /// complete runs, topics and parameters; the channels and queues of crossbeam (three crates in place of one), which the
-/// launcher, the printers and programs that drive several sessions share; and a crate of the project, the drives on CAN
-/// buses, a wing of their own.
-const CEILING: usize = 230;
+/// launcher, the printers and programs that drive several sessions share; a crate of the project, the drives on CAN buses, a
+/// wing of their own; and `socketcan` with which these reach the kernel's buses (seven: itself, `embedded-can`, `hex`,
+/// `memoffset`, `nb`, `nix` and `socket2`).
+const CEILING: usize = 237;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
 fn cargo(arguments: &[&str]) -> String {
