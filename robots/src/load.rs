@@ -33,6 +33,27 @@ pub struct Loaded {
     pub path: Option<PathBuf>,
 }
 
+impl Loaded {
+    /// The text of its file, URDF or MJCF; `None` if it was not loaded from one.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
+    /// assert!(panda.text()?.unwrap().contains("<robot name=\"panda\""));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read any more.
+    pub fn text(&self) -> io::Result<Option<String>> {
+        match (&self.entry, &self.path) {
+            (Some(entry), _) => Ok(Some(entry.urdf.to_string())),
+            (None, Some(path)) => std::fs::read_to_string(path).map(Some),
+            (None, None) => Ok(None),
+        }
+    }
+}
+
 /// Treatment of the root link: fixed to the world, or free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {

@@ -19,6 +19,7 @@ mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod programs;
+mod recording;
 mod runs;
 mod sessions;
 mod siblings;

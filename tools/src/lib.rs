@@ -5,6 +5,7 @@ mod commands;
 mod complete;
 mod draw;
 mod exit;
+mod failure;
 mod gate;
 mod metrics;
 mod out;
@@ -16,28 +17,16 @@ mod robots;
 mod runs;
 mod screen;
 mod style;
+mod wrap;
 
 use std::process::ExitCode;
 
-use crate::out::errln;
 use clap::Parser as _;
 use motorium::program::{Program, run_worker};
 
 /// The description of the command line: every command, option and help text.
 pub fn command() -> clap::Command {
     <commands::Cli as clap::CommandFactory>::command()
-}
-
-/// An error and its causes in one line. Messages that hold the words of their cause are not followed by it.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |told, cause| {
-        let cause = cause.to_string();
-        match told.as_str() {
-            "" => cause,
-            before if before.contains(&cause) => told,
-            _ => format!("{told}: {cause}"),
-        }
-    })
 }
 
 /// The kinds of components and the robots that the command knows.
@@ -51,7 +40,7 @@ pub fn main() -> ExitCode {
     // This program is also the process of every built-in component, and the guard.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {
-            let registry = registry::with_benches();
+            let registry = registry::with_hidden();
             return run_worker(&folder, &component, |plan| match &plan.program {
                 motorium::plan::Program::Builtin { kind } => registry.find(kind).copied(),
                 motorium::plan::Program::Exec { .. } | motorium::plan::Program::Sibling { .. } => None,
@@ -67,23 +56,10 @@ pub fn main() -> ExitCode {
     motorium::transport::quieten();
     // Where a shell asks for completions, they are printed, and that is all.
     clap_complete::CompleteEnv::with_factory(command).complete();
-    let command = commands::Cli::parse();
-    match command.run() {
-        Ok(code) => code,
-        Err(error) => {
-            errln!("{}: {}", style::error("error"), told(&error));
-            exit::FAILED
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn a_cause_that_the_message_names_already_is_not_told_twice() {
-        let cause = || std::io::Error::from_raw_os_error(28);
-        let error =
-            anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");
-        assert_eq!(super::told(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
-    }
+    failure::arrange(&arguments);
+    let command = match commands::Cli::try_parse() {
+        Ok(command) => command,
+        Err(error) => return failure::usage(&error),
+    };
+    command.run().unwrap_or_else(|error| failure::Failure::of(&error).report())
 }

@@ -37,9 +37,14 @@ pub(crate) fn print(text: Arguments<'_>) {
     }
 }
 
-/// Prints to standard error, without colours where it is not a terminal. Failures are ignored.
+/// Prints to standard error, without colours where it is not a terminal, and broken between words where that is narrow.
+/// Failures are ignored.
 pub(crate) fn print_error(text: Arguments<'_>) {
-    let _ = anstream::stderr().lock().write_fmt(text);
+    let mut stream = anstream::stderr().lock();
+    let _ = match crate::wrap::width() {
+        Some(width) => stream.write_all(crate::wrap::wrapped(&text.to_string(), width).as_bytes()),
+        None => stream.write_fmt(text),
+    };
 }
 
 /// Success if the text was written, or if its reader has closed the pipe.

@@ -6,18 +6,28 @@ use motorium_robots::LoadError;
 
 /// The programs that host kinds which this one does not, because of what they depend on.
 const SIBLINGS: &[Sibling] = &[
-    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" },
+    VIEWER,
     Sibling { family: "bridge", program: "motorium-bridges", install: "cargo install motorium-bridges" },
 ];
+
+/// The program of `motorium view`.
+const VIEWER: Sibling =
+    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" };
+
+/// The program of `motorium view`.
+pub(crate) fn viewer() -> Sibling {
+    VIEWER
+}
 
 /// The kinds that a graph may use.
 pub(crate) fn registry() -> Registry {
     Registry::new(RobotSource { check: check_robot }, kinds()).with_siblings(SIBLINGS)
 }
 
-/// The kinds that a graph may use, and those that only the graphs of benchmarks are made of.
-pub(crate) fn with_benches() -> Registry {
-    let kinds = kinds().into_iter().chain([motorium_benches::relay::kind()]);
+/// The kinds that a graph may use, and those that only the graphs of benchmarks and replays are made of.
+pub(crate) fn with_hidden() -> Registry {
+    let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
+    let kinds = kinds().into_iter().chain(hidden);
     Registry::new(RobotSource { check: check_robot }, kinds)
 }
 

@@ -13,6 +13,7 @@ use ratatui::widgets::{Paragraph, Row, Table, Widget as _};
 use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 
 use crate::report::microseconds;
+use crate::wrap::wrapped;
 
 /// True if standard error is a terminal that can be drawn on: one with a size, which a serial console has not.
 pub(crate) fn is_drawable() -> bool {
@@ -41,10 +42,14 @@ impl Screen {
 
     /// Prints a line above it.
     pub(crate) fn line(&mut self, line: &str) {
-        let plain = anstream::adapter::strip_str(line).to_string();
+        let mut plain = anstream::adapter::strip_str(line).to_string();
+        if let Ok(size) = self.terminal.size() {
+            plain = wrapped(&plain, usize::from(size.width.max(1)));
+        }
+        let height = plain.lines().count().max(1) as u16;
         let _ = self
             .terminal
-            .insert_before(1, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
+            .insert_before(height, |buffer| Paragraph::new(Text::from(plain)).render(buffer.area, buffer));
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 /// The arm that the README's first command moves.
-const PANDA: &str = include_str!("../../../graphs/panda-reach.toml");
+const PANDA: &str = include_str!("panda-reach.toml");
 
 fn head(name: &str, rate_hz: u32, seconds: u32, core: usize) -> String {
     format!(

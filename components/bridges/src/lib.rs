@@ -3,7 +3,9 @@
 //! A bridge is a component of the graph: what goes out is a copy, what comes in is checked, limited and stamped by the
 //! bridge. No other component meets a value of a foreign program.
 
+pub mod foxglove;
 mod iceoryx2;
+pub mod recording;
 
 use motorium::worker::Kind;
 
@@ -13,8 +15,8 @@ pub use iceoryx2::{Feed, FeedError, Iceoryx2Bridge, Iceoryx2BridgeConfig, Inboun
 ///
 /// ```
 /// let names: Vec<_> = motorium_bridges::kinds().iter().map(|kind| kind.name).collect();
-/// assert!(names.contains(&"bridge.iceoryx2"));
+/// assert!(names.contains(&"bridge.iceoryx2") && names.contains(&"log.record"));
 /// ```
-pub fn kinds() -> [Kind; 1] {
-    [Kind::of::<Iceoryx2Bridge>()]
+pub fn kinds() -> [Kind; 2] {
+    [Kind::of::<Iceoryx2Bridge>(), Kind::of::<recording::Record>()]
 }

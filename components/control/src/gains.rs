@@ -42,7 +42,7 @@ impl GainsError {
 /// [`GainsError`] names the first gain that fails.
 pub fn check_gains(model: &Model, gains: &Gains) -> Result<(), GainsError> {
     for (gain, values) in [("kp", &gains.kp), ("kd", &gains.kd)] {
-        let (found, expected) = (values.len(), model.nv());
+        let (found, expected) = (values.len(), model.joint_count());
         if found != expected {
             return Err(GainsError::Length { gain, found, expected });
         }

@@ -122,7 +122,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, *first),
             levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
-            solvers: below.iter().map(|_| LevelSolver::new(variables)).collect(),
+            solvers: below.iter().map(|_| LevelSolver::new(variables, 0)).collect(),
             freedom: Freedom::new(variables, rows.iter().copied().max().unwrap_or_default()),
         });
         self
@@ -206,15 +206,15 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Moves the velocity of the first level by what the levels below decide.
     fn solve_below(&mut self) -> Result<(), IkError> {
         let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        let limits = (&self.problem.lower, &self.problem.upper);
         freedom.open();
         let mut above = &*first;
         for (level, solver) in levels.iter_mut().zip(solvers) {
             freedom.close(above);
-            solver.solve(level, freedom, limits, &mut self.velocity)?;
+            solver.solve(level, freedom, &self.problem, &mut self.velocity)?;
             above = &level.rows;
         }
-        for (v, (lower, upper)) in self.velocity.iter_mut().zip(limits.0.iter().zip(limits.1)) {
+        let limits = self.problem.lower.iter().zip(&self.problem.upper);
+        for (v, (lower, upper)) in self.velocity.iter_mut().zip(limits) {
             *v = v.clamp(*lower, *upper);
         }
         Ok(())

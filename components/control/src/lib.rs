@@ -14,6 +14,8 @@
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
+//! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
+//!
 //! Bases move by [`wheels`], robots on rotors by [`multirotor`].
 //!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
@@ -63,6 +65,7 @@ mod feed_forward;
 mod gains;
 mod goals;
 mod ik;
+pub mod inverse_dynamics;
 mod levels;
 pub mod limits;
 pub mod multirotor;

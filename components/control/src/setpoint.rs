@@ -32,6 +32,13 @@ impl JointSetpoint {
         }
     }
 
+    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places them.
+    pub fn of_joints(model: &Model) -> Self {
+        let zeros = DVector::zeros(model.joint_count());
+        let (lower, upper) = (model.lower().clone(), model.upper().clone());
+        Self { position: zeros.clone(), velocity: zeros, lower, upper }
+    }
+
     /// At rest at `q`, wherever it was. A joint measured outside its limits by no more than a millionth of a rad or m is
     /// taken to be at the limit: nothing else would lead it back so short a way.
     ///

@@ -9,6 +9,6 @@ pub struct RobotState<'a> {
     pub model: &'a Model,
     /// Updated at `q`; poses and Jacobians are read from here.
     pub kinematics: &'a Kinematics,
-    /// Joint positions \[rad or m\], one per independent joint.
+    /// Configuration, nq long: the joint positions \[rad or m\], after the pose of a floating base.
     pub q: &'a [f64],
 }

@@ -29,7 +29,7 @@ pub use articulated::{
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, RapierPhysics, kinds,
+    ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, PushConfig, RapierPhysics, kinds,
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;

@@ -31,6 +31,8 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
+    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell it.
+    pub friction: Vector3<f64>,
 }
 
 /// Counts of a step: joints at their limits, contacts.

@@ -1,6 +1,11 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+pub mod contact;
+pub mod estimator;
+pub mod imu;
 pub mod merge;
+mod readings;
+mod robot;
 
 use std::time::Duration;
 
@@ -10,6 +15,7 @@ use motorium::worker::Kind;
 use motorium_robots::RobotSource;
 
 use crate::encoder::{EncoderModel, EncoderSettings, StateTimes};
+pub use robot::Mount;
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
@@ -156,6 +162,12 @@ fn build(
 /// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"sensor.joint_encoder"));
 /// ```
-pub fn kinds() -> [Kind; 2] {
-    [Kind::of::<JointEncoder>(), Kind::of::<merge::JointMerge>()]
+pub fn kinds() -> Vec<Kind> {
+    vec![
+        Kind::of::<JointEncoder>(),
+        Kind::of::<merge::JointMerge>(),
+        Kind::of::<imu::Imu>(),
+        Kind::of::<contact::FootContactSensor>(),
+        Kind::of::<estimator::BaseEstimator>(),
+    ]
 }

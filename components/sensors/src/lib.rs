@@ -1,9 +1,13 @@
 //! Sensor models for motorium: noise, resolution, latency.
 //!
 //! - [`encoder`]: the joint sensors of a robot.
+//! - [`imu`]: gyroscopes and accelerometers. [`contact`]: the contact sensors of feet.
+//! - [`channel`]: the errors of a measured quantity: noise, bias, scale, resolution, range.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
-//! - [`component`]: `sensor.joint_encoder`, the encoder as a component of a graph.
+//! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
+//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`.
+//! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
 //! The models are plain libraries: of the runtime they use only its unit of time, and only construction allocates.
@@ -27,9 +31,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod channel;
 pub mod component;
+pub mod contact;
 pub mod delay;
 pub mod encoder;
+pub mod estimation;
+pub mod imu;
 pub mod noise;
 
 pub use component::merge::JointMerge;

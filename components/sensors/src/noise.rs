@@ -1,7 +1,7 @@
 //! Reproducible Gaussian noise.
 
 use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 
 /// A source of standard normal numbers: the same seed and channel give the same sequence.
@@ -22,12 +22,21 @@ impl Noise {
         Self { generator: Pcg64::from_rng(&mut seeds) }
     }
 
+    /// The next standard normal number.
+    pub fn normal(&mut self) -> f64 {
+        StandardNormal.sample(&mut self.generator)
+    }
+
+    /// The next number between 0 and 1, evenly distributed; 1 never comes.
+    pub fn uniform(&mut self) -> f64 {
+        StandardUniform.sample(&mut self.generator)
+    }
+
     /// Adds noise of the given standard deviation to every value. Draws nothing for a deviation of 0.
     pub fn add(&mut self, deviations: &[f64], values: &mut [f64]) {
         for (value, deviation) in values.iter_mut().zip(deviations) {
             if *deviation > 0.0 {
-                let standard: f64 = StandardNormal.sample(&mut self.generator);
-                *value += deviation * standard;
+                *value += deviation * self.normal();
             }
         }
     }

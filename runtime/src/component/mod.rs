@@ -13,6 +13,7 @@ mod checkpoint;
 mod clock;
 mod error;
 mod helper;
+mod observer;
 mod setup;
 mod weights;
 
@@ -23,6 +24,7 @@ pub use clock::RunClock;
 pub use error::ConfigureError;
 pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
+pub use observer::Observer;
 pub(crate) use setup::Prepared;
 pub use setup::{EpisodeEnd, Setup};
 pub use weights::{TakeWeights, WeightsInput};

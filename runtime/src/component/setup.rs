@@ -44,6 +44,7 @@ use crate::transport::{
 pub struct Setup {
     plan: Plan,
     index: usize,
+    run: RunFolder,
     domain: Domain,
     node: Node<Shared>,
     context: Rc<Context>,
@@ -85,6 +86,7 @@ impl Setup {
         Ok(Self {
             plan: plan.clone(),
             index,
+            run: folder.clone(),
             domain,
             node,
             context,
@@ -103,6 +105,10 @@ impl Setup {
 
     pub(crate) fn plan(&self) -> &Plan {
         &self.plan
+    }
+
+    pub(super) fn run(&self) -> &RunFolder {
+        &self.run
     }
 
     pub(crate) fn context(&self) -> &Rc<Context> {

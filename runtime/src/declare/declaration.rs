@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     ClockKind, DeclareWarning, Direction, ParameterDeclaration, ParameterValue, Placement, PortDeclaration,
-    RobotReference, TopicPattern,
+    RobotReference, Taps, TopicPattern,
 };
 use crate::state::{StateBuffer, TypeLayout};
 
@@ -33,6 +33,9 @@ pub struct Declaration {
     /// Longest time for which a step waits for an answer from outside, without the core, ns; 0 for a step that never waits.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub waits_ns: u64,
+    /// Topics that it reads by taps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taps: Option<Taps>,
     /// Warnings about a configuration that works, and is probably not meant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
@@ -250,6 +253,21 @@ impl Declare {
     /// ```
     pub fn waits(&mut self, longest: Duration) {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
+    }
+
+    /// This component reads topics of the whole graph by taps ([`Setup::observer`](crate::component::Setup::observer)): the
+    /// graph keeps as many of their values as a tap may leave unread.
+    ///
+    /// ```
+    /// use motorium::declare::{Declare, Taps};
+    /// use std::time::Duration;
+    ///
+    /// let mut declare = Declare::new(None);
+    /// declare.taps(Taps::new(["panda/*"], Duration::from_millis(200)));
+    /// assert!(declare.into_declaration().taps.is_some());
+    /// ```
+    pub fn taps(&mut self, taps: Taps) {
+        self.declaration.taps = Some(taps);
     }
 
     /// A number that may change while the component runs, within `range`, in `unit`.

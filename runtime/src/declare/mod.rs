@@ -6,6 +6,7 @@ mod parameter;
 mod placement;
 mod port;
 mod robot;
+mod taps;
 mod warning;
 
 pub use declaration::{Declaration, Declare};
@@ -14,4 +15,5 @@ pub use parameter::{MAX_PARAMETER_NUMBERS, ParameterDeclaration, ParameterKind, 
 pub use placement::{ClockKind, Placement};
 pub use port::{Direction, PortDeclaration, TopicPattern};
 pub use robot::{BasePose, RobotReference};
+pub use taps::Taps;
 pub use warning::DeclareWarning;

@@ -13,7 +13,7 @@ use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::latest::{StateReader, TopicMemory};
-use crate::transport::{Context, Output, Shared, first_place};
+use crate::transport::{Context, Output, Shared, Tap, first_place};
 
 /// A value of a topic as it was when the session read it.
 ///
@@ -68,6 +68,28 @@ impl Session<'_> {
         let (_, reader, _) = &mut self.ports.readers[place];
         reader.look();
         Ok(reader.current::<T>().map(|(stamp, value)| Value { stamp: *stamp, value: *value }))
+    }
+
+    /// A reader of every value of a topic from now on, in order: in lockstep of those of the steps that follow. It belongs to
+    /// the thread that opens it.
+    ///
+    /// ```no_run
+    /// # use motorium::session::{Session, SessionError};
+    /// fn count(session: &mut Session<'_>) -> Result<u64, SessionError> {
+    ///     let mut tap = session.tap("panda/joint_state")?;
+    ///     session.step()?;
+    ///     let mut values = 0;
+    ///     while tap.read(|_, _| values += 1) {}
+    ///     Ok(values)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The graph has no such topic, it carries slices, or four others look on already.
+    pub fn tap(&self, topic: &str) -> Result<Tap, SessionError> {
+        let index = self.topic(topic)?;
+        let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
+        Ok(Tap::open(&domain, &self.launch.plan().topics[index])?)
     }
 
     /// Publishes a value in the place of the component that writes the topic, at the present time of the run.

@@ -16,9 +16,12 @@ mod field;
 mod joint;
 mod layout;
 mod learning;
+mod legs;
 mod motion;
 mod numbers;
 mod people;
+mod ranging;
+mod read;
 mod sensing;
 mod stamp;
 
@@ -31,9 +34,12 @@ pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Reward, Weights};
+pub use legs::{BaseEstimate, FootContacts, MAX_FEET};
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
+pub use ranging::{Altitude, GeoFix, MAX_RANGES, MagneticField, Ranges};
+pub use read::from_bytes;
 pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
 pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 
@@ -174,8 +180,10 @@ mod tests {
             include_str!("emergency.rs"),
             include_str!("joint.rs"),
             include_str!("learning.rs"),
+            include_str!("legs.rs"),
             include_str!("motion.rs"),
             include_str!("people.rs"),
+            include_str!("ranging.rs"),
             include_str!("sensing.rs"),
         ]
         .concat();

@@ -2,9 +2,10 @@
 //! by it.
 
 use super::{
-    Action, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, Controls, EmergencyStop, Event, ImageInfo,
-    ImuSample, JointCommand, JointState, ObjectPoses, Observation, Odometry, Phase, PoseTarget, Reward,
-    StateBuffer, Text, TwistTarget, TypeLayout, Weights, Wrench,
+    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, Controls,
+    EmergencyStop, Event, FootContacts, GeoFix, ImageInfo, ImuSample, JointCommand, JointState,
+    MagneticField, ObjectPoses, Observation, Odometry, Phase, PoseTarget, Ranges, Reward, StateBuffer, Text,
+    TwistTarget, TypeLayout, Weights, Wrench,
 };
 
 macro_rules! numbers {
@@ -75,6 +76,12 @@ numbers! {
     21 Text,
     22 Event,
     23 Odometry,
+    24 FootContacts,
+    25 BaseEstimate,
+    26 Ranges,
+    27 GeoFix,
+    28 Altitude,
+    29 MagneticField,
 }
 
 #[cfg(test)]

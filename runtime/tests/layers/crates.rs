@@ -47,7 +47,9 @@ fn may_use(from: &str, to: &str) -> bool {
         // the command is the last but one: whole graphs are tested with it
         (None, _) => match from {
             "benches" => to != "tools" && to != "tests",
-            "tools" => to != "tests",
+            "tools" => to != "tests" && to != "tools/view",
+            // a program of its own beside the command, which starts it
+            "tools/view" => to != "tests" && to != "tools",
             _ => from == "tests",
         },
     }

@@ -1,11 +1,13 @@
 //! Charts as SVG: lines with error bars, paths in tiles, and latencies against percentiles.
 
+mod braille;
 mod latency;
 
 use std::fmt::Write as _;
 
 use crate::draw::escape;
 
+pub(crate) use braille::braille;
 pub(crate) use latency::plot;
 
 /// One line of a chart.

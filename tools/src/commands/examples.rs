@@ -11,7 +11,7 @@ struct ExampleGraph {
 
 macro_rules! examples {
     ($($name:literal),+ $(,)?) => {
-        &[$(ExampleGraph { name: $name, text: include_str!(concat!("../../../graphs/", $name, ".toml")) }),+]
+        &[$(ExampleGraph { name: $name, text: include_str!(concat!("../../graphs/", $name, ".toml")) }),+]
     };
 }
 

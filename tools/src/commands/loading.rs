@@ -8,8 +8,9 @@ use motorium::graph::{self, Checked, Machine, Override};
 use motorium::worker::Registry;
 
 use super::examples;
-use crate::out::{errln, outln};
-use crate::{complete, exit};
+use crate::complete;
+use crate::failure::Failure;
+use crate::out::errln;
 
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
@@ -54,8 +55,8 @@ impl GraphArgs {
         })
     }
 
-    /// Loads and checks the graph. Its errors go to standard error, or as JSON to standard output; `Err` is then the
-    /// exit code.
+    /// Loads and checks the graph. Its errors go to standard error, and as JSON to standard output; `Err` is then
+    /// the exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();
@@ -76,12 +77,8 @@ impl GraphArgs {
                 Ok(checked)
             }
             Err(error) => {
-                if json {
-                    outln!("{}", serde_json::json!({ "valid": false, "diagnostics": error.reports() }));
-                } else {
-                    errln!("{}", error.render(colour));
-                }
-                Err(exit::invalid())
+                errln!("{}", error.render(colour));
+                Err(Failure::of_graph(error.reports()).print_json())
             }
         }
     }

@@ -17,6 +17,7 @@ mod new;
 mod param;
 mod primitive;
 mod qp;
+mod recording;
 mod reproduce;
 mod robot;
 mod run;
@@ -25,6 +26,7 @@ mod step;
 mod stop;
 mod top;
 mod topic;
+mod view;
 
 use std::process::ExitCode;
 
@@ -49,9 +51,15 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Graph(draw::Draw),
     Top(top::Top),
+    View(view::View),
     Events(events::Events),
     Topic(topic::Topic),
     Param(param::Param),
+    Replay(recording::Replay),
+    Recover(recording::Recover),
+    Plot(recording::Plot),
+    Report(recording::Report),
+    Export(recording::Export),
     Stop(stop::Stop),
     Resume(stop::Resume),
     Step(step::Step),
@@ -79,9 +87,15 @@ impl Cli {
             Some(Command::Calibrate(command)) => command.run(),
             Some(Command::Graph(command)) => command.run(),
             Some(Command::Top(command)) => command.run(),
+            Some(Command::View(command)) => command.run(),
             Some(Command::Events(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
+            Some(Command::Replay(command)) => command.run(),
+            Some(Command::Recover(command)) => command.run(),
+            Some(Command::Plot(command)) => command.run(),
+            Some(Command::Report(command)) => command.run(),
+            Some(Command::Export(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),
             Some(Command::Step(command)) => command.run(),

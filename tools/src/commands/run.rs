@@ -1,6 +1,7 @@
 //! `motorium run`: launches a graph.
 
 use std::io::IsTerminal as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -13,6 +14,8 @@ use motorium::worker::Registry;
 
 use super::check::problems;
 use super::loading::GraphArgs;
+use super::recording::Overlay;
+use crate::failure::{Failure, Kind};
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
@@ -65,6 +68,12 @@ pub(crate) struct Run {
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
+    /// Record every sample into an MCAP file; one that is there is replaced
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
+    #[arg(long, value_name = "TIME", requires = "record")]
+    record_last: Option<String>,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -115,6 +124,10 @@ impl Run {
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
         }
+        let recording =
+            self.record.as_ref().map(|output| Overlay::recording(output, self.record_last.as_deref()));
+        let recording = recording.transpose()?;
+        self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
         let checked = match self.graph.load(&registry, self.json) {
             Ok(checked) => checked,
@@ -127,7 +140,11 @@ impl Run {
             if !self.force {
                 errln!("{}", style::dim(format!("what the machine takes: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it all the same");
-                return Ok(exit::invalid());
+                let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
+                let told = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
+                return Ok(Failure::new(Kind::Invalid, told)
+                    .help("`--force` runs it all the same")
+                    .print_json());
             }
             errln!("started all the same (`--force`)");
         }
@@ -236,6 +253,7 @@ impl Run {
             return None;
         }
         errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
-        Some(exit::FAILED)
+        let told = format!("the graph does not hold its times beside {}", names.join(", "));
+        Some(Failure::new(Kind::Failed, told).help("stop the other runs, or `--force` it").print_json())
     }
 }

@@ -5,11 +5,15 @@ mod results;
 use std::fmt::Write as _;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use motorium::launcher::{Exit, Report};
+use motorium::launcher::{ComponentReport, Exit, Report};
 use motorium::plan::ClockKind;
 use motorium::telemetry::Percentiles;
 
+use crate::wrap::wrapped;
 use crate::{gate, style};
+
+/// Columns that a summary takes at most.
+const WIDTH: usize = 80;
 
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
@@ -83,7 +87,7 @@ pub(crate) fn summary(report: &Report) -> String {
     };
     let _ = write!(text, "\n{} {how} after {:.1} s", style::strong(&report.graph), report.duration_s);
     if report.clock == ClockKind::Lockstep {
-        let _ = write!(text, " of simulated time, {:.1} times faster than real time", report.realtime_factor);
+        let _ = write!(text, " of simulated time in {:.1} s", report.duration_s / report.realtime_factor);
     }
     if let Some(hash) = &report.state_hash {
         let _ = write!(text, ", state hash {hash}");
@@ -99,23 +103,7 @@ pub(crate) fn summary(report: &Report) -> String {
         text.push('\n');
     }
     let realtime = report.clock == ClockKind::Realtime;
-    let mut components = match realtime {
-        true => table(["component", "steps", "Hz", "late us p50/p99/max", "step us p50/p99/max", "missed"]),
-        false => table(["component", "steps", "step us p50/p99/max"]),
-    };
-    for c in &report.components {
-        let mut row = vec![c.name.clone(), c.steps.to_string()];
-        if realtime {
-            row.extend([format!("{:.1}", c.rate_hz), short_percentiles(&c.lateness_ns)]);
-        }
-        row.push(short_percentiles(&c.execution_ns));
-        if realtime {
-            row.push(c.misses.missed().to_string());
-        }
-        components.add_row(row);
-    }
-    right_from(&mut components, 1);
-    let _ = writeln!(text, "{}", components.trim_fmt());
+    text.push_str(&components(report, realtime));
     counters(report, &mut text);
     missed_steps(report, &mut text);
     for c in &report.components {
@@ -124,7 +112,8 @@ pub(crate) fn summary(report: &Report) -> String {
         }
     }
     interrupted(report, &mut text);
-    for latency in &report.latencies {
+    // a lockstep run has no latency: simulated time stands still while components step
+    for latency in report.latencies.iter().filter(|_| realtime) {
         let _ = writeln!(
             text,
             "latency {} -> {}: {} us (p50/p99/p99.9/max), budget {} us, missed {} of {}",
@@ -141,9 +130,38 @@ pub(crate) fn summary(report: &Report) -> String {
         let _ = writeln!(text, "expectations: {met} of {} met", report.expectations.len());
     }
     for (name, result) in &report.results {
-        let _ = writeln!(text, "{} {}", style::strong(format!("{name}:")), results::lines(result));
+        let lines = results::lines(name.chars().count() + 2, result);
+        let _ = writeln!(text, "{} {lines}", style::strong(format!("{name}:")));
     }
-    text
+    wrapped(&text, WIDTH)
+}
+
+/// The table of components, of at most [`WIDTH`] columns: where their times do not fit beside their steps, two tables.
+fn components(report: &Report, realtime: bool) -> String {
+    type Cell = fn(&ComponentReport) -> String;
+    const STEPS: (&str, Cell) = ("steps", |c| c.steps.to_string());
+    const RATE: (&str, Cell) = ("Hz", |c| format!("{:.1}", c.rate_hz));
+    const LATE: (&str, Cell) = ("late us p50/p99/max", |c| short_percentiles(&c.lateness_ns));
+    const STEP: (&str, Cell) = ("step us p50/p99/max", |c| short_percentiles(&c.execution_ns));
+    const MISSED: (&str, Cell) = ("missed", |c| c.misses.missed().to_string());
+    let rendered = |columns: &[(&str, Cell)]| {
+        let mut rows = Table::new();
+        rows.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled);
+        rows.set_header(core::iter::once("component").chain(columns.iter().map(|(name, _)| *name)));
+        for c in &report.components {
+            rows.add_row(core::iter::once(c.name.clone()).chain(columns.iter().map(|(_, cell)| cell(c))));
+        }
+        right_from(&mut rows, 1);
+        format!("{}\n", rows.trim_fmt())
+    };
+    if !realtime {
+        return rendered(&[STEPS, STEP]);
+    }
+    let one = rendered(&[STEPS, RATE, LATE, STEP, MISSED]);
+    match one.lines().all(|line| line.chars().count() <= WIDTH) {
+        true => one,
+        false => rendered(&[STEPS, RATE, MISSED]) + "\n" + &rendered(&[LATE, STEP]),
+    }
 }
 
 /// Interrupts on cores whose steps were too long: the kernel books the time of interrupts on the step.
@@ -186,5 +204,46 @@ fn missed_steps(report: &Report, text: &mut String) {
         if !causes.is_empty() {
             let _ = writeln!(text, "{}: {}", c.name, causes.join(", "));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A report with the longest names and the largest figures that are met.
+    fn large(clock: &str, figure: u64) -> Report {
+        let times =
+            serde_json::json!({ "p50": figure, "p99": figure * 10, "p999": figure * 10, "max": figure * 90 });
+        let mut report: serde_json::Value = serde_json::from_str(include_str!("large.json")).expect("JSON");
+        report["clock"] = clock.into();
+        for component in report["components"].as_array_mut().expect("components") {
+            component["lateness_ns"] = times.clone();
+            component["execution_ns"] = times.clone();
+        }
+        report["latencies"][0]["latency_ns"] = times;
+        serde_json::from_value(report).expect("a report")
+    }
+
+    #[test]
+    fn no_line_of_a_summary_is_wider_than_80_columns() {
+        for clock in ["realtime", "lockstep"] {
+            for figure in [900, 90_000, 9_000_000, 900_000_000] {
+                let text = anstream::adapter::strip_str(&summary(&large(clock, figure))).to_string();
+                for line in text.lines() {
+                    assert!(line.chars().count() <= WIDTH, "{clock}, {figure} ns: {line}");
+                }
+                assert!(text.contains("left_shoulder_controller") && text.contains("steps"), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_run_in_simulated_time_has_no_latencies_and_no_missed_steps() {
+        let text = summary(&large("lockstep", 900));
+        for word in ["latency", "late us", "missed", "Hz", "real time", "0.000"] {
+            assert!(!text.contains(word), "{word}: {text}");
+        }
+        assert!(summary(&large("realtime", 900)).contains("latency"));
     }
 }

@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
-/// Width of a line, in characters.
-const WIDTH: usize = 80;
+use super::WIDTH;
+
 /// Values of a list that are printed; the rest are counted.
 const LISTED: usize = 8;
 
@@ -21,18 +21,19 @@ const UNITS: [(&str, &str); 9] = [
 ];
 
 /// A result of a component, by figures: values within values by their paths. Counters that are zero and figures without a
-/// value are left out. Lines after the first begin with blanks.
-pub(super) fn lines(result: &Value) -> String {
+/// value are left out. Lines after the first begin with blanks; the first has `heading` columns before it.
+pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut figures = Vec::new();
     collect("", result, &mut figures);
     let mut text = String::new();
-    let mut used = 0;
+    let mut used = heading;
     for figure in figures {
         let length = figure.chars().count();
-        if used > 0 && used + length + 2 > WIDTH {
-            text.push_str(",\n    ");
+        // a comma follows
+        if used > 4 && used + length + 3 > WIDTH {
+            text.push_str(if text.is_empty() { "\n    " } else { ",\n    " });
             used = 4;
-        } else if used > 0 {
+        } else if !text.is_empty() {
             text.push_str(", ");
             used += 2;
         }
@@ -155,9 +156,9 @@ mod tests {
     fn lists_with_a_number_for_each_joint_name_the_joints() {
         let result =
             json!({ "joints": ["hip", "knee"], "joint_position": [0.5, 0.0], "base": [1.0, 2.0, 3.0] });
-        assert_eq!(lines(&result), "base [1, 2, 3], joint_position: hip 0.5, knee 0");
+        assert_eq!(lines(0, &result), "base [1, 2, 3], joint_position: hip 0.5, knee 0");
         let result = json!({ "joints": [0.5, 0.25] });
-        assert_eq!(lines(&result), "joints [0.5, 0.25]", "numbers are no names");
+        assert_eq!(lines(0, &result), "joints [0.5, 0.25]", "numbers are no names");
     }
 
     #[test]
@@ -167,7 +168,7 @@ mod tests {
             "tasks": { "hand": { "angle_rad": 0.5, "refused": 0 } }, "path": [{ "terms": 3 }, { "terms": 5 }],
             "joints": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9], "warnings": [], "finished": true,
         });
-        let text = lines(&result);
+        let text = lines(0, &result);
         for figure in [
             "position_error 0.0123 m",
             "goals_reached 4",

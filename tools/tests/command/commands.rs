@@ -205,3 +205,110 @@ fn closed_from_the_start_neither_stream_is_a_reason_to_panic() {
         assert_eq!(status.code(), Some(if arguments[0] == "check" { 3 } else { 0 }), "{arguments:?}");
     }
 }
+
+/// Arguments with which a command cannot succeed, and does not begin anything that takes long.
+fn hopeless(words: &str, command: &clap::Command) -> Vec<String> {
+    let mut arguments: Vec<String> = words.split(' ').map(str::to_string).collect();
+    let mut options = Vec::new();
+    for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
+        let takes_value = matches!(argument.get_action(), ArgAction::Set | ArgAction::Append);
+        match (argument.get_long(), takes_value) {
+            (None, _) if argument.is_positional() => {
+                let count = argument.get_num_args().map_or(1, |range| range.min_values().max(1));
+                arguments.extend(std::iter::repeat_n("no-such/Thing".to_string(), count));
+            }
+            (Some("run" | "only" | "data" | "states" | "example"), true) => {
+                let option = argument.get_long().expect("it has one");
+                options.extend([format!("--{option}"), "no-such-thing".to_string()]);
+            }
+            (Some(option), true) if argument.is_required_set() => {
+                options.extend([format!("--{option}"), "/no-such/folder/file".to_string()]);
+            }
+            _ => {}
+        }
+    }
+    // an example is named in place of a graph
+    if words != "graph" && options.iter().any(|option| option == "--example") {
+        options.retain(|option| option != "--example" && option != "no-such-thing");
+    }
+    arguments.into_iter().chain(options).chain(["--json".to_string()]).collect()
+}
+
+#[test]
+fn with_json_every_command_that_fails_prints_one_object_of_the_schema_of_errors() {
+    let schema = crate::program::json(&["schema", "error"]);
+    let validator = jsonschema::validator_for(&schema).expect("a schema");
+    let read = |arguments: &[String]| {
+        let output = run(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let told = format!("{arguments:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
+        // an answer, with the code of what it found: the doctor's 5
+        if matches!(output.status.code(), Some(0 | 4..)) {
+            return (0, serde_json::Value::Null, told);
+        }
+        let object: serde_json::Value =
+            serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {told}"));
+        assert_eq!(text.lines().count(), 1, "{told}");
+        let errors: Vec<String> = validator.iter_errors(&object).map(|error| error.to_string()).collect();
+        assert!(errors.is_empty(), "{errors:?}: {told}");
+        let code = output.status.code().expect("an exit code");
+        assert_eq!(object["exit_code"], code, "{told}");
+        assert!(object["error"].as_str().is_some_and(|error| !error.is_empty()), "{told}");
+        assert!(!output.stderr.is_empty(), "people are told, too: {told}");
+        (code, object, told)
+    };
+    let (mut tried, mut succeeded) = (0, Vec::new());
+    for (words, command) in commands() {
+        if !command.get_arguments().any(|argument| argument.get_long() == Some("json")) {
+            continue;
+        }
+        tried += 1;
+        let wrong: Vec<String> =
+            words.split(' ').chain(["--json", "--no-such-option"]).map(str::to_string).collect();
+        let (code, object, told) = read(&wrong);
+        assert_eq!((code, &object["kind"]), (2, &"usage".into()), "{told}");
+        assert_eq!(object["found"], "--no-such-option", "{told}");
+        // what looks at the machine alone has nothing to fail on
+        let (code, object, told) = read(&hopeless(&words, &command));
+        match code {
+            0 => succeeded.push(words),
+            1 => assert_eq!(object["kind"], "failed", "{told}"),
+            2 => assert_eq!(object["kind"], "usage", "{told}"),
+            _ => assert_eq!((code, &object["kind"]), (3, &"invalid".into()), "{told}"),
+        }
+    }
+    assert!(tried > 30, "{tried} commands print JSON");
+    assert!(succeeded.len() <= 4, "these should have failed: {succeeded:?}");
+}
+
+#[test]
+fn an_error_in_json_names_its_place_its_values_and_what_to_try() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("written");
+        path.to_str().expect("a path of text").to_string()
+    };
+    let error = |arguments: &[&str]| -> serde_json::Value {
+        let output = run(&[arguments, &["--json"]].concat());
+        serde_json::from_slice(&output.stdout).expect("one object")
+    };
+    let graph = path(
+        "graph.toml",
+        "name = \"x\"\nclokc = \"lockstep\"\n\n[component.a]\nkind = \"physics.articulated\"\nrate = \"1 kHz\"\n",
+    );
+    let found = error(&["check", &graph]);
+    assert_eq!((&found["line"], &found["column"]), (&2.into(), &1.into()), "{found}");
+    assert_eq!((&found["file"], &found["kind"]), (&graph.clone().into(), &"invalid".into()), "{found}");
+    assert!(found["help"].as_str().is_some_and(|help| help.contains("did you mean `clock`?")), "{found}");
+    assert!(found["diagnostics"].as_array().is_some_and(|all| !all.is_empty()), "{found}");
+    let recording = path("shown.csv", "time_s,x\n0.0,1\n0.1,one\n0.2,3\n");
+    let found = error(&["primitive", "fit", &recording, "--output", "/no-such/file.json"]);
+    assert_eq!((&found["line"], &found["column"]), (&3.into(), &2.into()), "{found}");
+    assert!(found["found"].as_str().is_some_and(|text| text.contains("one")), "{found}");
+    assert!(found["expected"].as_str().is_some_and(|text| text.contains("number")), "{found}");
+    let found = error(&["robot", "show", "pandda"]);
+    assert_eq!((&found["found"], &found["help"]), (&"pandda".into(), &"did you mean `panda`?".into()));
+    let found = error(&["run", "--clokc", "lockstep"]);
+    assert!(found["help"].as_str().is_some_and(|help| help.contains("--clock")), "{found}");
+}

@@ -33,6 +33,11 @@ fn the_schema_of_benchmarks_is_current() {
 }
 
 #[test]
+fn the_schema_of_errors_is_current() {
+    is_current("error");
+}
+
+#[test]
 fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
     let schema = crate::program::json(&["schema"]);
     let kinds = schema["definitions"]["Component"]["properties"]["kind"]["oneOf"].as_array().expect("kinds");

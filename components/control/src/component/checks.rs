@@ -21,8 +21,8 @@ pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Res
 
 /// A list with one finite number for each independent joint of `model`.
 pub(super) fn per_joint(key: &str, values: &[f64], model: &Model) -> Result<DVector<f64>, ConfigError> {
-    if values.len() != model.nv() {
-        let message = format!("{} numbers, expected {}: one per joint", values.len(), model.nv());
+    if values.len() != model.joint_count() {
+        let message = format!("{} numbers, expected {}: one per joint", values.len(), model.joint_count());
         return Err(ConfigError::key(key, message)
             .advise(format!("in this order: {}", model.joint_names().join(", "))));
     }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::tasks::TaskConfig;
+use super::torque::InverseDynamicsConfig;
 use crate::limits::{PositionLimit, VelocityLimit};
 
 /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay empty.
@@ -24,6 +25,8 @@ pub struct QpControllerConfig {
     pub tasks: Vec<TaskConfig>,
     /// Limits of the commanded motion.
     pub limits: LimitsConfig,
+    /// With this table the controller computes torques, by whole-body inverse dynamics. Robots with a floating base need it.
+    pub inverse_dynamics: Option<InverseDynamicsConfig>,
     /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: that of the robot's
     /// profile.
     pub kp: Option<PerJoint>,
@@ -55,6 +58,7 @@ impl Default for QpControllerConfig {
         Self {
             tasks: Vec::new(),
             limits: LimitsConfig::default(),
+            inverse_dynamics: None,
             kp: None,
             kd: None,
             gravity_compensation: true,

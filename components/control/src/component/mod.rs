@@ -1,76 +1,48 @@
-//! `control.qp`: a controller that moves a robot towards the targets of its tasks by differential inverse kinematics.
+//! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by torques.
 
 mod checks;
 mod config;
 mod multirotor;
 mod setup;
 mod tasks;
+mod torque;
+mod velocity;
 mod wheels;
 
 pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use tasks::*;
+pub use torque::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
 pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
-use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::worker::Kind;
-use motorium_robots::{Gains, Kinematics, Model};
-use nalgebra::DVector;
 
-use crate::{
-    DifferentialIk, FeedForward, GoalSummary, IkSettings, JointSetpoint, RobotState,
-    limits::{PositionLimit, VelocityLimit},
-    solver::{ActiveSetSettings, ActiveSetSolver},
-};
+use crate::GoalSummary;
 use setup::ControllerSetup;
+use torque::TorqueController;
+use velocity::VelocityController;
 
-/// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
+/// A controller that turns targets into joint commands, once per step: by differential inverse kinematics
+/// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
+/// ([`InverseDynamics`](crate::inverse_dynamics::InverseDynamics)).
 ///
 /// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
 /// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
 /// state by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that
-/// tick.
-pub struct QpController {
-    joint_state: Input<JointState>,
-    joint_command: Output<JointCommand>,
-    model: Model,
-    /// At the joint positions the tasks are evaluated at.
-    kinematics: Kinematics,
-    /// At the measured joint positions.
-    measured: Kinematics,
-    q: DVector<f64>,
-    /// In the order of the configuration.
-    tasks: Vec<Held>,
-    position: PositionLimit,
-    velocity: VelocityLimit,
-    ik: DifferentialIk,
-    setpoint: JointSetpoint,
-    gains: Gains,
-    feed_forward: FeedForward,
-    feedback: Feedback,
-    max_lead: f64,
-    state_timeout_ns: u64,
-    target_timeout_ns: u64,
-    kp_scale: Parameter<f64>,
-    kd_scale: Parameter<f64>,
-    velocity_fraction: Parameter<f64>,
-    checkpoint: Checkpoint,
-    /// The setpoint before a crash.
-    remembered: Option<Vec<f64>>,
-    clock: RunClock,
-    /// Time that the newest joint state is for, ns since the run began.
-    state_ns: u64,
-    /// Time that the last step that commanded something was for, ns since the run began.
-    last_ns: Option<u64>,
-    unsolved: u64,
-    stale: u64,
+/// tick; torques follow the policy of the graph.
+pub struct QpController(Formulation);
+
+/// What it computes.
+enum Formulation {
+    Velocity(Box<VelocityController>),
+    Torque(Box<TorqueController>),
 }
 
 impl Component for QpController {
     const KIND: &'static str = "control.qp";
     const SUMMARY: &'static str =
-        "differential inverse kinematics: pose targets to joint commands, within limits";
+        "whole-body control: targets of tasks to joint commands, by inverse kinematics or inverse dynamics";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = QpControllerConfig;
@@ -82,6 +54,9 @@ impl Component for QpController {
         })?;
         let parts = ControllerSetup::new(config, robot)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
+        if parts.model.base().floating {
+            declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
+        }
         declare.output::<JointCommand>(
             "joint_command",
             "setpoints, feed-forward efforts and gains of all joints",
@@ -100,202 +75,62 @@ impl Component for QpController {
             "",
             "fraction of the velocity limits that is used",
         );
+        if let Some(dynamics) = &config.inverse_dynamics {
+            TorqueController::declare(dynamics, &parts, declare)?;
+        }
         Ok(())
     }
 
     fn configure(config: QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let robot = setup.robot()?.clone();
-        let parts = ControllerSetup::new(&config, &robot)?;
-        let mut tasks = parts
-            .tasks(setup.period().as_secs_f64())
-            .map(|(place, task)| {
-                let level = parts.levels().filter(|level| *level < task.level()).count();
-                Ok(Held { name: task.name().to_owned(), level, task: task.configure(&place, setup)? })
-            })
-            .collect::<Result<Vec<_>, ConfigureError>>()?;
-        let mut rows = vec![0; parts.levels().count()];
-        for Held { level, task, .. } in &mut tasks {
-            rows[*level] += task.task().rows();
-        }
-        let ControllerSetup { model, gains, feed_forward, .. } = parts;
-        let mut checkpoint = setup.checkpoint(model.nv())?;
-        let solver = ActiveSetSolver::new(DifferentialIk::structure(&model), ActiveSetSettings::default());
-        Ok(Self {
-            joint_state: setup.input("joint_state")?,
-            joint_command: setup.output("joint_command")?,
-            kinematics: Kinematics::new(&model),
-            measured: Kinematics::new(&model),
-            q: DVector::zeros(model.nv()),
-            tasks,
-            position: config.limits.position,
-            velocity: config.limits.velocity,
-            ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }).levels(&rows),
-            setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
-            gains,
-            feed_forward,
-            feedback: config.feedback,
-            max_lead: config.max_lead,
-            state_timeout_ns: config.state_timeout.ns,
-            target_timeout_ns: config.target_timeout.ns,
-            kp_scale: setup.parameter("kp_scale")?,
-            kd_scale: setup.parameter("kd_scale")?,
-            velocity_fraction: setup.parameter("velocity_fraction")?,
-            remembered: checkpoint.resume(),
-            checkpoint,
-            clock: setup.clock(),
-            state_ns: 0,
-            last_ns: None,
-            unsolved: 0,
-            stale: 0,
-            model,
-        })
+        let formulation = match &config.inverse_dynamics {
+            None => Formulation::Velocity(Box::new(VelocityController::configure(config, setup)?)),
+            Some(_) => Formulation::Torque(Box::new(TorqueController::configure(&config, setup)?)),
+        };
+        Ok(Self(formulation))
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if !self.read_state()? {
-            return Ok(());
+        match &mut self.0 {
+            Formulation::Velocity(controller) => controller.step(tick),
+            Formulation::Torque(controller) => controller.step(tick),
         }
-        let longest = self.state_timeout_ns.max(2 * period_ns(tick));
-        let now_ns = self.clock.grid_ns(tick, self.state_ns);
-        let unbroken = self.last_ns.replace(now_ns);
-        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
-        if unbroken.is_none() {
-            self.begin();
-        }
-        // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
-        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        self.prepare(dt);
-        self.solve(dt);
-        let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
-        for held in &mut self.tasks {
-            held.task.record(&measured, dt);
-        }
-        self.checkpoint.save(self.setpoint.position().iter().copied());
-        self.publish(dt)
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        self.tasks.iter_mut().for_each(|held| held.task.reset());
-        self.ik.reset();
-        (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
+        match &mut self.0 {
+            Formulation::Velocity(controller) => controller.reset(),
+            Formulation::Torque(controller) => controller.reset(),
+        }
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut goals = GoalSummary::default();
-        let mut tasks = serde_json::Map::new();
-        for Held { name, task, .. } in &self.tasks {
-            if let Some(record) = task.goals() {
-                goals = goals.merge(record.summary());
-            }
-            if let Some(result) = task.result() {
-                tasks.insert(name.clone(), result);
-            }
-        }
-        Some(serde_json::json!({
-            "position_error_m": goals.worst.map(|error| error.position),
-            "orientation_error_rad": goals.worst.and_then(|error| error.orientation),
-            "goals_reached": goals.reached,
-            "goals_missed": goals.missed,
-            "tasks": tasks,
-            "steps_without_solution": self.unsolved,
-            "steps_without_fresh_state": self.stale,
-        }))
+        Some(match &self.0 {
+            Formulation::Velocity(controller) => controller.result(),
+            Formulation::Torque(controller) => controller.result(),
+        })
     }
 }
 
-impl QpController {
-    /// Reads the newest joint state. False without a fresh one.
-    fn read_state(&mut self) -> Result<bool, StepError> {
-        let Some(state) = self.joint_state.latest() else { return Ok(false) };
-        self.state_ns = state.time_ns();
-        if state.age_ns() > self.state_timeout_ns {
-            self.stale += 1;
-            self.last_ns = None;
-            return Ok(false);
+/// The goals of the tasks, and the result of each.
+fn results(held: &[Held]) -> serde_json::Value {
+    let mut goals = GoalSummary::default();
+    let mut tasks = serde_json::Map::new();
+    for Held { name, task, .. } in held {
+        if let Some(record) = task.goals() {
+            goals = goals.merge(record.summary());
         }
-        if state.count() != self.model.nv() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
-        }
-        self.q.copy_from_slice(state.position());
-        self.measured.update(&self.model, self.q.as_slice());
-        Ok(true)
-    }
-
-    /// Begins at the measured positions, or at the setpoint before a crash.
-    fn begin(&mut self) {
-        let near = |setpoint: &Vec<f64>| {
-            setpoint.iter().zip(&self.q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
-        };
-        let remembered = self.remembered.as_ref().filter(|setpoint| near(setpoint));
-        self.setpoint.reset(remembered.map_or(self.q.as_slice(), Vec::as_slice));
-        // it is stale from now on; emptied in place, for its memory is not to be given back within a step
-        if let Some(remembered) = &mut self.remembered {
-            remembered.fill(f64::NAN);
-        }
-        self.feed_forward.reset();
-        let start = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
-        for held in &mut self.tasks {
-            held.task.begin(&start);
+        if let Some(result) = task.result() {
+            tasks.insert(name.clone(), result);
         }
     }
-
-    /// Applies the current parameters and targets.
-    fn prepare(&mut self, dt: f64) {
-        let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
-        for held in &mut self.tasks {
-            held.task.prepare(&bounds);
-        }
-        self.velocity.fraction = self.velocity_fraction.get();
-    }
-
-    /// Moves the setpoint by one tick.
-    fn solve(&mut self, dt: f64) {
-        let (kinematics, q) = match self.feedback {
-            Feedback::Measured => (&self.measured, self.q.as_slice()),
-            Feedback::Setpoint => {
-                self.kinematics.update(&self.model, self.setpoint.position());
-                (&self.kinematics, self.setpoint.position())
-            }
-        };
-        let state = RobotState { model: &self.model, kinematics, q };
-        self.ik.begin();
-        for held in &mut self.tasks {
-            self.ik.add_task(&state, held.level, held.task.task());
-        }
-        self.ik.add_limit(&state, &self.position, dt);
-        self.ik.add_limit(&state, &self.velocity, dt);
-        match self.ik.solve() {
-            Ok(v) => self.setpoint.integrate(v, dt),
-            Err(_) => {
-                self.unsolved += 1;
-                self.setpoint.hold();
-            }
-        }
-        self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
-    }
-
-    fn publish(&mut self, dt: f64) -> Result<(), StepError> {
-        let setpoint = &self.setpoint;
-        self.feed_forward.update(setpoint, dt);
-        let mut command = self.joint_command.loan()?;
-        command.set_count(self.model.nv());
-        command.position_mut().copy_from_slice(setpoint.position());
-        command.velocity_mut().copy_from_slice(setpoint.velocity());
-        command.effort_mut().copy_from_slice(self.feed_forward.effort(
-            &self.model,
-            self.q.as_slice(),
-            setpoint,
-        ));
-        let scale = |gains: &DVector<f64>, scale: f64, scaled: &mut [f64]| {
-            scaled.iter_mut().zip(gains).for_each(|(scaled, gain)| *scaled = scale * gain);
-        };
-        scale(&self.gains.kp, self.kp_scale.get(), command.kp_mut());
-        scale(&self.gains.kd, self.kd_scale.get(), command.kd_mut());
-        command.publish()
-    }
+    serde_json::json!({
+        "position_error_m": goals.worst.map(|error| error.position),
+        "orientation_error_rad": goals.worst.and_then(|error| error.orientation),
+        "goals_reached": goals.reached,
+        "goals_missed": goals.missed,
+        "tasks": tasks,
+    })
 }
 
 fn period_ns(tick: &Tick) -> u64 {

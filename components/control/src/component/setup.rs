@@ -6,7 +6,7 @@ use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
 use super::config::QpControllerConfig;
-use super::tasks::{CartesianConfig, PostureConfig, TaskConfig, TaskKind, TaskPlace};
+use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskKind, TaskPlace};
 use crate::{FeedForward, check_gains};
 
 /// Time constant of the acceleration that is fed forward, s.
@@ -18,7 +18,8 @@ const LEVELS: u32 = 8;
 /// A robot, the tasks it is given, and the gains and efforts of its drives.
 pub(super) struct ControllerSetup {
     pub(super) model: Model,
-    profile: Option<Profile>,
+    pub(super) profile: Option<Profile>,
+    torque: bool,
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
     pub(super) feed_forward: FeedForward,
@@ -37,20 +38,23 @@ impl ControllerSetup {
         };
         let Loaded { model, profile, .. } =
             source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
-        if model.base().floating {
+        if model.base().floating && config.inverse_dynamics.is_none() {
             let message = format!(
-                "robot `{}` has a floating base, and this controller moves robots whose base is fixed",
+                "robot `{}` has a floating base, which joint velocities alone do not move",
                 robot.name
             );
             let advice =
-                "drive its joints with a policy such as policy.cpg, or fix the base in its URDF or profile";
+                "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile";
             return Err(ConfigError::key("robot", message).advise(advice));
         }
-        if model.nv() > MAX_JOINTS {
-            let joints = model.nv();
+        if model.joint_count() > MAX_JOINTS {
+            let joints = model.joint_count();
             return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
         }
         check_numbers(config)?;
+        if config.inverse_dynamics.is_some() {
+            refuse_velocity_keys(config)?;
+        }
         let gains = gains(config, &model, profile.as_ref())?;
         let gravity = config.gravity_compensation.then(|| Vector3::from(config.gravity));
         let feed_forward = FeedForward::new(&model, gravity);
@@ -59,7 +63,8 @@ impl ControllerSetup {
             false => feed_forward,
         };
         let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
-        let setup = Self { model, profile, tasks, gains, feed_forward };
+        let torque = config.inverse_dynamics.is_some();
+        let setup = Self { model, profile, torque, tasks, gains, feed_forward };
         setup.check_tasks()?;
         Ok(setup)
     }
@@ -69,7 +74,16 @@ impl ControllerSetup {
         self.tasks.iter().enumerate().map(move |(index, task)| {
             let (key, kind) = task.kind();
             let (model, profile) = (&self.model, self.profile.as_ref());
-            (TaskPlace { model, profile, period, path: format!("tasks[{index}].{key}") }, kind)
+            (
+                TaskPlace {
+                    model,
+                    profile,
+                    period,
+                    torque: self.torque,
+                    path: format!("tasks[{index}].{key}"),
+                },
+                kind,
+            )
         })
     }
 
@@ -79,7 +93,7 @@ impl ControllerSetup {
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
-        let (mut names, mut targets) = (Vec::new(), vec!["joint_state"]);
+        let (mut names, mut targets) = (Vec::new(), vec!["joint_state", "base_state"]);
         for (place, kind) in self.tasks(0.0) {
             let name = kind.name();
             if !is_name(name) || names.contains(&name) {
@@ -93,13 +107,21 @@ impl ControllerSetup {
                     format!("level {} of task `{name}`, where 1 to {LEVELS} are possible", kind.level());
                 return Err(ConfigError::key(place.key("level"), message).advise("1 is the highest priority"));
             }
+            let refused = match kind.formulations() {
+                Formulations::Velocity if self.torque => Some("has no acceleration"),
+                Formulations::Torque if !self.torque => Some("needs `inverse_dynamics`"),
+                _ => None,
+            };
+            if let Some(reason) = refused {
+                return Err(ConfigError::key(&place.path, format!("task `{name}` {reason}")));
+            }
             let Some(target) = kind.target() else { continue };
-            if targets[1..].contains(&target) {
+            if targets[2..].contains(&target) {
                 let message = format!("two tasks take their target from `{target}`");
                 return Err(ConfigError::key(place.key("target"), message)
                     .advise("give each its own input, such as `target = \"left_target\"`"));
             }
-            if target == targets[0] || !is_name(target) {
+            if targets[..2].contains(&target) || !is_name(target) {
                 let message = format!("`{target}` cannot be the name of an input");
                 return Err(ConfigError::key(place.key("target"), message)
                     .advise("use lower-case letters, digits and underscores, such as `target`"));
@@ -127,6 +149,22 @@ fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
     Ok(())
 }
 
+/// Refuses keys that inverse dynamics has no use for.
+fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> {
+    let default = QpControllerConfig::default();
+    let given = [
+        ("feedback", config.feedback != default.feedback),
+        ("gravity_compensation", config.gravity_compensation != default.gravity_compensation),
+        ("inertia_compensation", config.inertia_compensation != default.inertia_compensation),
+        ("limits.position.rate", config.limits.position.rate != default.limits.position.rate),
+    ];
+    match given.into_iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((key, _)) => Err(ConfigError::key(key, "with `inverse_dynamics`, which has no use for it")
+            .advise("leave it out: torques balance gravity and inertia, and joints brake at `inverse_dynamics.braking`")),
+    }
+}
+
 /// The gains of the configuration, or else those of the profile.
 fn gains(
     config: &QpControllerConfig,
@@ -138,7 +176,7 @@ fn gains(
         given,
         &of_profile,
     ) {
-        (Some(PerJoint::All(gain)), _) => Ok(DVector::repeat(model.nv(), *gain)),
+        (Some(PerJoint::All(gain)), _) => Ok(DVector::repeat(model.joint_count(), *gain)),
         (Some(PerJoint::Each(gains)), _) => per_joint(name, gains, model),
         (None, Some(Ok(gains))) => Ok(pick(gains).clone()),
         (None, Some(Err(error))) => Err(ConfigError::new(format!("no `{name}` is given, and {error}"))),

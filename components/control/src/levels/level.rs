@@ -37,7 +37,7 @@ impl Level {
 ///
 /// ```text
 /// minimise   1/2 z' (Z'PZ) z + (Z'(P v + q))' z
-/// subject to lower - v <= Z z <= upper - v
+/// subject to lower - v <= Z z <= upper - v,   lg - G v <= G Z z <= ug - G v
 /// ```
 ///
 /// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size, whatever is
@@ -50,20 +50,24 @@ pub(crate) struct LevelSolver {
     product: DVector<f64>,
     /// `P v + q`.
     slope: DVector<f64>,
+    /// `G v`.
+    rows: DVector<f64>,
 }
 
 impl LevelSolver {
-    pub(crate) fn new(variables: usize) -> Self {
-        let structure = Structure::new(variables).rows(variables, Sides::Both);
+    /// For `variables` unknowns within bounds, and `rows` more limits of their combinations.
+    pub(crate) fn new(variables: usize, rows: usize) -> Self {
+        let structure = Structure::new(variables).rows(variables + rows, Sides::Both);
         Self {
             problem: Problem::new(&structure),
             solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()),
             product: DVector::zeros(variables),
             slope: DVector::zeros(variables),
+            rows: DVector::zeros(rows),
         }
     }
 
-    /// Adds to `velocity` the motion that is best for the level.
+    /// Adds to `velocity` the motion that is best for the level, within the bounds and rows of `limits`.
     ///
     /// # Errors
     /// The level has no solution; `velocity` is that of the levels above.
@@ -71,7 +75,7 @@ impl LevelSolver {
         &mut self,
         level: &mut Level,
         freedom: &Freedom,
-        limits: (&DVector<f64>, &DVector<f64>),
+        limits: &Problem,
         velocity: &mut [f64],
     ) -> Result<(), IkError> {
         let open = freedom.count();
@@ -96,11 +100,27 @@ impl LevelSolver {
             }
             problem.gradient[j] = direction.dot(&self.slope);
         }
-        problem.row_matrix.copy_from(freedom.basis());
+        let (variables, rows) = (velocity.len(), limits.row_matrix.nrows());
+        problem.row_matrix.rows_mut(0, variables).copy_from(freedom.basis());
         for (joint, velocity) in velocity.iter().enumerate() {
             // what rounding took out of the limits is taken back
-            problem.row_lower[joint] = (limits.0[joint] - velocity).min(0.0);
-            problem.row_upper[joint] = (limits.1[joint] - velocity).max(0.0);
+            problem.row_lower[joint] = (limits.lower[joint] - velocity).min(0.0);
+            problem.row_upper[joint] = (limits.upper[joint] - velocity).max(0.0);
+        }
+        if rows > 0 {
+            self.rows.fill(0.0);
+            for (column, velocity) in limits.row_matrix.column_iter().zip(&*velocity) {
+                self.rows.axpy(*velocity, &column, 1.0);
+            }
+            problem.row_matrix.view_mut((variables, open), (rows, variables - open)).fill(0.0);
+            for (j, direction) in basis.column_iter().enumerate() {
+                let mut column = problem.row_matrix.column_mut(j);
+                column.rows_mut(variables, rows).gemv(1.0, &limits.row_matrix, &direction, 0.0);
+            }
+            for (row, value) in self.rows.iter().enumerate() {
+                problem.row_lower[variables + row] = (limits.row_lower[row] - value).min(0.0);
+                problem.row_upper[variables + row] = (limits.row_upper[row] - value).max(0.0);
+            }
         }
         self.solver.update(problem)?;
         let solution = self.solver.solve()?;

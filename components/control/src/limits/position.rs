@@ -34,12 +34,14 @@ impl Limit for PositionLimit {
     fn intersect(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem) {
         let rate = self.rate.min(dt.recip());
         let (lower, upper) = (state.model.lower(), state.model.upper());
-        for (joint, q) in state.q.iter().enumerate() {
+        let first = state.model.nv() - state.model.joint_count();
+        for (joint, q) in state.model.joints_of_q(state.q).iter().enumerate() {
             let margin = self.margin.min(0.5 * (upper[joint] - lower[joint]));
             let below = rate * (lower[joint] + margin - q);
             let above = rate * (upper[joint] - margin - q);
-            problem.lower[joint] = problem.lower[joint].max(below.min(0.0));
-            problem.upper[joint] = problem.upper[joint].min(above.max(0.0));
+            let variable = first + joint;
+            problem.lower[variable] = problem.lower[variable].max(below.min(0.0));
+            problem.upper[variable] = problem.upper[variable].min(above.max(0.0));
         }
     }
 }

@@ -26,10 +26,11 @@ impl Default for VelocityLimit {
 
 impl Limit for VelocityLimit {
     fn intersect(&self, state: &RobotState<'_>, _dt: f64, problem: &mut Problem) {
+        let first = state.model.nv() - state.model.joint_count();
         for (joint, limit) in state.model.velocity_limit().iter().enumerate() {
-            let limit = self.fraction * limit;
-            problem.lower[joint] = problem.lower[joint].max(-limit);
-            problem.upper[joint] = problem.upper[joint].min(limit);
+            let (variable, limit) = (first + joint, self.fraction * limit);
+            problem.lower[variable] = problem.lower[variable].max(-limit);
+            problem.upper[variable] = problem.upper[variable].min(limit);
         }
     }
 }

@@ -28,7 +28,7 @@ impl Default for PostureSettings {
 /// 1/2 |weight S (v - b)|^2,   b = gain (q* - q)
 /// ```
 ///
-/// with `S` a diagonal of shares, one per joint. In a sum with other tasks it decides what they leave open. Where it
+/// with `S` a diagonal of shares, one per joint; a floating base is left alone. In a sum with other tasks it decides what they leave open. Where it
 /// disagrees with them it wins a share: at rest a Cartesian task of weight `w` and gain `g` keeps an error of about
 /// `(weight^2 gain) / (w^2 g)` times the posture's own.
 #[derive(Clone, Debug)]
@@ -37,6 +37,8 @@ pub struct PostureTask {
     target: DVector<f64>,
     shares: DVector<f64>,
     error: DVector<f64>,
+    /// The unknown of the first joint: those of a floating base come before it.
+    first: usize,
 }
 
 impl PostureTask {
@@ -45,12 +47,14 @@ impl PostureTask {
     /// # Panics
     /// If `target` has not one entry per independent joint.
     pub fn new(model: &Model, target: &[f64]) -> Self {
-        assert_eq!(target.len(), model.nv(), "length of the posture");
+        let joints = model.joint_count();
+        assert_eq!(target.len(), joints, "length of the posture");
         Self {
             settings: PostureSettings::default(),
             target: DVector::from_column_slice(target),
-            shares: DVector::repeat(model.nv(), 1.0),
-            error: DVector::zeros(model.nv()),
+            shares: DVector::repeat(joints, 1.0),
+            error: DVector::zeros(joints),
+            first: model.nv() - joints,
         }
     }
 
@@ -104,7 +108,9 @@ impl Task for PostureTask {
     }
 
     fn update(&mut self, state: &RobotState<'_>) {
-        for (error, (target, q)) in self.error.iter_mut().zip(self.target.iter().zip(state.q)) {
+        for (error, (target, q)) in
+            self.error.iter_mut().zip(self.target.iter().zip(state.model.joints_of_q(state.q)))
+        {
             *error = target - q;
         }
     }
@@ -112,14 +118,15 @@ impl Task for PostureTask {
     fn add_to(&self, problem: &mut Problem) {
         for (joint, error) in self.error.iter().enumerate() {
             let weight = self.settings.weight * self.shares[joint];
-            problem.hessian[(joint, joint)] += weight * weight;
-            problem.gradient[joint] -= weight * weight * self.settings.gain * error;
+            let variable = self.first + joint;
+            problem.hessian[(variable, variable)] += weight * weight;
+            problem.gradient[variable] -= weight * weight * self.settings.gain * error;
         }
     }
 
     fn write_rows(&self, rows: &mut Rows) {
         for (joint, share) in self.shares.iter().enumerate() {
-            rows.push()[joint] = self.settings.weight * share;
+            rows.push()[self.first + joint] = self.settings.weight * share;
         }
     }
 }

@@ -14,6 +14,7 @@ mod recorded_problems;
 mod robot;
 mod setpoint;
 mod tasks;
+mod torque;
 mod wheels;
 
 motorium::count_allocations!();

@@ -4,6 +4,7 @@
 mod implicit;
 mod integrator;
 mod laws;
+mod push;
 mod step;
 
 use motorium_robots::{Dynamics, Kinematics};
@@ -75,6 +76,8 @@ pub struct Articulated {
     scene: ContactScene,
     /// Generalized force of the rotors (nv).
     rotor_force: Vec<f64>,
+    /// Generalized force from outside during the next step (nv).
+    external: Vec<f64>,
     frame_jacobian: DMatrix<f64>,
     momentum_map: DMatrix<f64>,
     /// Length of the last integration step \[s\].
@@ -115,6 +118,7 @@ impl Engine for Articulated {
             kinematics: Kinematics::new(model),
             scene: ContactScene::new(model, colliders, world),
             rotor_force: vec![0.0; model.nv()],
+            external: vec![0.0; model.nv()],
             frame_jacobian: DMatrix::zeros(6, model.nv()),
             momentum_map: DMatrix::zeros(6, model.nv()),
             h: 1e-3,
@@ -123,6 +127,7 @@ impl Engine for Articulated {
 
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
+        self.external.fill(0.0);
         self.scene.restart(world);
         self.scene.set_poses(&robot.kinematics, &robot.base_pose());
     }
@@ -144,10 +149,13 @@ impl Engine for Articulated {
     }
 
     fn commit(&mut self) {
+        self.external.fill(0.0);
         self.scene.objects.commit();
     }
 
-    fn discard(&mut self) {}
+    fn discard(&mut self) {
+        self.external.fill(0.0);
+    }
 
     fn diverged_object(&self) -> Option<usize> {
         self.scene.objects.diverged()
@@ -178,6 +186,7 @@ impl Engine for Articulated {
                 normal: point.normal,
                 depth: (-point.distance).max(0.0),
                 force,
+                friction: self.scene.impulses.vector(index) / self.h - point.normal * force,
             });
         }
     }

@@ -51,7 +51,7 @@ impl Articulated {
         self.scene.prepare(model, kinematics, &state.v_next, (gravity, h, margin));
         let (commands, rotor_commands) = commands.split_at(model.joint_count());
         let (tau, thrusts) = state.tau_next.split_at_mut(model.joint_count());
-        self.rotor_force.fill(0.0);
+        self.rotor_force.copy_from_slice(&self.external);
         for ((rotor, command), thrust) in rotors.iter().zip(rotor_commands).zip(thrusts) {
             *thrust = rotor.thrust(command);
             kinematics.jacobian(model, rotor.frame, Reference::Local, &mut self.frame_jacobian);
@@ -59,7 +59,8 @@ impl Articulated {
                 *force += *thrust * (column[2] + rotor.torque_per_thrust * column[5]);
             }
         }
-        let in_the_air = model.base().floating && rotors.is_empty() && !self.scene.between_robot_and_world();
+        let alone = rotors.is_empty() && self.external.iter().all(|force| *force == 0.0);
+        let in_the_air = model.base().floating && alone && !self.scene.between_robot_and_world();
         let before = in_the_air.then(|| self.dynamics.momentum(model, &state.q_next, &state.v_next));
         let events = self.integrator.advance_among(
             model,

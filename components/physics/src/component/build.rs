@@ -5,8 +5,8 @@ use core::ops::Range;
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
-use motorium_robots::{BasePose, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
-use nalgebra::{Isometry3, Translation3};
+use motorium_robots::{BasePose, FrameId, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::config::{self, PhysicsConfig};
 use crate::{Articulated, Engine, Rapier, RobotSetup, Simulation};
@@ -188,6 +188,12 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One line on the kind.
     const SUMMARY: &'static str;
 
+    /// True if it can apply forces from outside.
+    const PUSHES: bool;
+
+    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step, if it can.
+    fn push(simulation: &mut Simulation<Self>, link: FrameId, point: Point3<f64>, force: Vector3<f64>);
+
     /// Prepares a new simulation for its component; `placed_anywhere` when the configuration does not say where a
     /// floating base starts.
     fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool);
@@ -196,6 +202,11 @@ pub trait PhysicsEngine: Engine + Send + 'static {
 impl PhysicsEngine for Articulated {
     const KIND: &'static str = "physics.articulated";
     const SUMMARY: &'static str = "simulates robots in a world of simple objects, with contacts";
+    const PUSHES: bool = true;
+
+    fn push(simulation: &mut Simulation<Self>, link: FrameId, point: Point3<f64>, force: Vector3<f64>) {
+        simulation.apply_force(link, point, force);
+    }
 
     fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
         if placed_anywhere {
@@ -207,6 +218,9 @@ impl PhysicsEngine for Articulated {
 impl PhysicsEngine for Rapier {
     const KIND: &'static str = "physics.rapier";
     const SUMMARY: &'static str = "simulates robots with fixed bases by the rapier engine";
+    const PUSHES: bool = false;
+
+    fn push(_: &mut Simulation<Self>, _: FrameId, _: Point3<f64>, _: Vector3<f64>) {}
 
     fn prepare(simulation: &mut Simulation<Self>, _: bool) {
         simulation.enclose_rapier(|call| set_apart(call));

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::pushes::PushConfig;
 use crate::{BuildError, Options, World};
 
 /// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
@@ -33,6 +34,8 @@ pub struct PhysicsConfig {
     pub start: BTreeMap<String, RobotStart>,
     /// Gravity, ground and objects around the robot, in a graph without a `[world]`.
     pub world: World,
+    /// Pushes from outside at stated times; `physics.articulated` alone applies them.
+    pub pushes: Vec<PushConfig>,
     /// Settings of the engine.
     pub solver: Options,
     /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as

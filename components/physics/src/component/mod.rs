@@ -3,6 +3,8 @@
 mod build;
 mod config;
 mod limits;
+mod pushes;
+mod truth;
 
 use core::ops::Range;
 
@@ -19,6 +21,9 @@ use crate::{Articulated, BuildWarning, JointCommand, Rapier, Simulation, Simulat
 pub use build::PhysicsEngine;
 use build::{Built, build};
 pub use config::PhysicsConfig;
+pub use pushes::PushConfig;
+use pushes::Pushes;
+use truth::Truth;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
@@ -38,7 +43,9 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     base_state: Option<Output<BaseState>>,
+    truth: Truth,
     simulation: Simulation<E>,
+    pushes: Pushes,
     dynamics: Dynamics,
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
@@ -93,6 +100,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         // Everything that could be refused later is refused now.
         let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
+        Pushes::new::<E>(&config.pushes, simulation.model())?;
         for warning in simulation.warnings() {
             // Links that are always close are how the robot is built: nothing that its user could mend.
             if !matches!(warning, BuildWarning::SelfCollisionOff { .. }) {
@@ -107,6 +115,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         if simulation.model().base().floating {
             declare.output::<BaseState>("base_state", "pose and velocity of the base after the step");
         }
+        truth::declare(robots.len(), &config.world, declare);
         Ok(())
     }
 
@@ -121,6 +130,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             let (q, v) = state.split_at(nq);
             simulation.reset(q, v).map_err(ConfigureError::failed)?;
         }
+        let pushes = Pushes::new::<E>(&config.pushes, simulation.model())?;
         let floating = simulation.model().base().floating;
         let names = simulation.joint_names();
         let limits =
@@ -144,8 +154,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
                 resuming: 0,
             });
         }
+        let truth = Truth::open(actuated.len(), &simulation, setup)?;
         Ok(Self {
             robots: actuated,
+            truth,
             base_state: if floating { Some(setup.output("base_state")?) } else { None },
             dynamics: Dynamics::new(simulation.model()),
             gravity: vec![0.0; nv],
@@ -153,6 +165,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             start_q,
             start_v,
             simulation,
+            pushes,
             checkpoint,
             last_ns: None,
             totals: Totals::NONE,
@@ -163,6 +176,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
         for _ in 0..periods {
             self.apply_commands(tick);
+            if !tick.settling {
+                self.pushes.apply(&mut self.simulation, tick.time_ns);
+            }
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
             if !tick.settling {
@@ -179,6 +195,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             base.angular_velocity.copy_from_slice(&v[3..6]);
             base.publish()?;
         }
+        self.truth.publish(&self.simulation)?;
         for robot in &mut self.robots {
             let (simulation, drives) = (&self.simulation, robot.drives.clone());
             let mut state = robot.state.loan()?;

@@ -211,6 +211,7 @@ impl Scene {
                         normal: convert::vector_back(manifold.data.normal),
                         depth: (-point.dist).max(0.0),
                         force: point.data.impulse / (MILLIGRAMS * dt),
+                        friction: nalgebra::Vector3::zeros(),
                     });
                 }
             }

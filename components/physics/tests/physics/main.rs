@@ -15,6 +15,7 @@ mod gait;
 mod integrator;
 mod legged;
 mod panda;
+mod pushes;
 mod several_robots;
 mod standing;
 mod world_file;

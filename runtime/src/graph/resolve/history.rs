@@ -2,7 +2,7 @@
 
 use super::Draft;
 use super::wiring::Wiring;
-use crate::declare::{Direction, TopicPattern};
+use crate::declare::{Direction, Taps, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::good;
@@ -10,6 +10,8 @@ use crate::nearest::{list, nearest};
 
 /// The largest history, values.
 const LARGEST: usize = 10_000;
+/// The largest history that a component with taps brings about, bytes.
+const LARGEST_TAPPED: usize = 64 << 20;
 
 /// The history of each topic, in the order of the topics.
 pub(super) fn resolve(
@@ -51,5 +53,44 @@ pub(super) fn resolve(
             histories[topic] = values;
         }
     }
+    for draft in drafts {
+        if let Some(taps) = draft.declaration.as_ref().and_then(|declaration| declaration.taps.as_ref()) {
+            tapped(draft, taps, drafts, wiring, &mut histories, report);
+        }
+    }
     histories
+}
+
+/// Lengthens the histories of what a component taps, so that it may leave them unread for as long as it says.
+fn tapped(
+    draft: &Draft<'_, '_>,
+    taps: &Taps,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    histories: &mut [usize],
+    report: &mut Report,
+) {
+    if let Some(pattern) = taps.unmatched(&wiring.topics)
+        && !wiring.incomplete
+    {
+        let known = list(wiring.topics.iter().map(String::as_str));
+        report
+            .error(format!("component `{}` reads `{pattern}`, which no component publishes", draft.name))
+            .at(&draft.place, "an unknown topic")
+            .advise(format!("the topics of this graph are {known}; `*` stands for any characters"));
+    }
+    for (topic, history) in histories.iter_mut().enumerate() {
+        let Some(writer) = wiring.writer(topic).filter(|_| taps.includes(&wiring.topics[topic])) else {
+            continue;
+        };
+        let port =
+            writer.index.and_then(|index| drafts[writer.component].ports(Direction::Output).nth(index));
+        let period = drafts[writer.component].placement.period.filter(|period| !period.is_zero());
+        let (Some(port), Some(period)) = (port, period) else { continue };
+        if port.pattern == TopicPattern::State {
+            let values = taps.bridges.as_nanos().div_ceil(period.as_nanos());
+            let fitting = (LARGEST_TAPPED / port.layout.size.max(1)).clamp(1, LARGEST);
+            *history = usize::try_from(values).unwrap_or(usize::MAX).min(fitting).max(*history);
+        }
+    }
 }

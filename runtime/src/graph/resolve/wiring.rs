@@ -244,7 +244,7 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
 /// Warns of a component without a wired port.
 fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
     let Some(declaration) = &draft.declaration else { return };
-    if wiring.wires.iter().any(|wire| wire.component == component) {
+    if declaration.taps.is_some() || wiring.wires.iter().any(|wire| wire.component == component) {
         return;
     }
     if declaration.ports.is_empty() {

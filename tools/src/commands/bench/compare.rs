@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use comfy_table::CellAlignment;
 use motorium_benches::latency::{Change, Comparison, Direction, Written, compare};
 
-use crate::out::{errln, out, outln};
+use crate::failure::Failure;
+use crate::out::{out, outln};
 use crate::{exit, report, style};
 
 /// Compare two files of `motorium bench latency --json`.
@@ -42,8 +43,7 @@ impl Compare {
         let (old, new) = match sides {
             Ok(sides) => sides,
             Err(error) => {
-                errln!("{} {error}", style::error("error:"));
-                return Ok(exit::invalid());
+                return Ok(Failure::of_error(&error).report());
             }
         };
         let seen = compare(&old, &new);

@@ -26,14 +26,15 @@ const FIFO: u8 = 80;
 /// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them, and
 /// reports which targets are met. No sample is dropped: the maximum is the longest of all.
 ///
-/// Example: motorium bench latency --json --output bench.json --plot bench.svg
+/// Example: motorium bench latency --output bench.json --plot bench.svg
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latency {
-    /// Print the raw histograms, the machine and the table of targets as JSON; the tables then go to standard error
+    /// Print the raw histograms, the machine and the table of targets as JSON (to the file of `--output`, if that is
+    /// given); the tables then go to standard error
     #[arg(long)]
     json: bool,
-    /// Write the JSON to this file and leave the tables on standard output
-    #[arg(long, short, value_name = "FILE", requires = "json")]
+    /// Write the JSON to this file; the tables stay on standard output
+    #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Draw latency against percentile into this file
     #[arg(long, value_name = "FILE.svg")]
@@ -70,7 +71,7 @@ impl Latency {
     }
 
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let registry = registry::with_benches();
+        let registry = registry::with_hidden();
         let bench = Bench {
             program: std::env::current_exe().context("finding this program's own file")?,
             registry: &registry,
@@ -132,7 +133,7 @@ impl Latency {
             for (case, measured) in turns.iter().zip(measured) {
                 match measured {
                     Ok(measurement) => keep(&mut written.measurements, measurement, core, text),
-                    Err(MeasureError::Interrupted) => return Ok(exit::FAILED),
+                    Err(MeasureError::Interrupted) => anyhow::bail!("interrupted: nothing was written"),
                     Err(error) => written.skipped.push(skipped(&case.name, &error.to_string())),
                 }
             }
@@ -147,7 +148,7 @@ impl Latency {
         written.denied = denied(&written.measurements);
         written.targets = targets(&written.measurements);
         text.print(format_args!("{}", table::closing(&written)));
-        if self.json {
+        if self.json || output.is_some() {
             let json = format!("{}\n", serde_json::to_string(&written)?);
             match output {
                 Some(file) => fill(file, &json).context("writing the JSON file")?,

@@ -19,9 +19,10 @@ use serde::Serialize;
 use self::budgets::{Cover, Proposal};
 use super::check;
 use super::loading::GraphArgs;
+use crate::failure::{Failure, Kind};
 use crate::out::{err, errln, out, outln};
 use crate::runs::event_line;
-use crate::{exit, overheads, registry, style};
+use crate::{overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
 ///
@@ -78,7 +79,7 @@ impl Calibrate {
         self.progress("measuring how this machine wakes threads and hands over ...");
         // As while the graph runs; where it is denied then, it is denied now.
         let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
-        let floor = machine::measure(&program, &registry::with_benches(), Duration::from_secs(2))?;
+        let floor = machine::measure(&program, &registry::with_hidden(), Duration::from_secs(2))?;
         drop(idle_limit);
         self.progress(&format!("running the graph for {duration} ..."));
         let options = Options::processes(program);
@@ -89,8 +90,7 @@ impl Calibrate {
             }
         })?;
         if let Exit::SafeStop { reason } = &report.exit {
-            errln!("{}: safe stop: {reason}", style::error("error"));
-            return Ok(exit::safe_stop());
+            return Ok(Failure::new(Kind::SafeStop, format!("safe stop: {reason}")).report());
         }
         let answer = self.conclude(checked.plan, &report, &floor);
         if self.json {

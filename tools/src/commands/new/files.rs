@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::checkout::Checkout;
+use super::sources::Sources;
 use crate::registry;
 
 /// Path of a file in the crate, and its text.
@@ -22,9 +22,9 @@ pub(super) enum WriteError {
 }
 
 /// All files of a crate of this name.
-pub(super) fn files(name: &str, checkout: Option<&Checkout>) -> Vec<File> {
+pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
     let [dependency, testing] =
-        ["", ", features = [\"testing\"]"].map(|features| dependency(checkout, features));
+        ["", ", features = [\"testing\"]"].map(|features| dependency(sources, features));
     let fill = |template: &str| {
         template
             .replace("{{name}}", name)
@@ -41,18 +41,18 @@ pub(super) fn files(name: &str, checkout: Option<&Checkout>) -> Vec<File> {
         (".gitignore", include_str!("../../../templates/gitignore.in").to_string()),
     ];
     // The versions that the runtime was built and tested with; cargo drops those that the crate does not need.
-    files.extend(checkout.and_then(Checkout::lock).map(|lock| ("Cargo.lock", lock)));
+    files.extend(sources.and_then(Sources::lock).map(|lock| ("Cargo.lock", lock)));
     files
 }
 
-/// The crate's dependency on motorium: on this checkout, or on the published version of this program. `features` is
+/// The crate's dependency on motorium: on sources of this machine, or on the published version of this program. `features` is
 /// empty, or the rest of the table that asks for them.
-fn dependency(checkout: Option<&Checkout>, features: &str) -> String {
+fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
-    match checkout {
+    match sources {
         // A path as a TOML string: quoted and escaped as JSON is.
-        Some(checkout) => {
-            let path = serde_json::Value::String(checkout.runtime().to_string_lossy().into_owned());
+        Some(sources) => {
+            let path = serde_json::Value::String(sources.runtime().to_string_lossy().into_owned());
             format!("{{ version = \"{version}\", path = {path}{features} }}")
         }
         None if features.is_empty() => format!("\"={version}\""),
@@ -86,15 +86,15 @@ mod tests {
 
     #[test]
     fn no_placeholder_is_left_in_any_file() {
-        for checkout in [None, Checkout::find()] {
-            for (name, text) in files("my-controller", checkout.as_ref()) {
+        for sources in [None, Sources::find()] {
+            for (name, text) in files("my-controller", sources.as_ref()) {
                 assert!(!text.contains("{{"), "{name}");
             }
         }
     }
 
     #[test]
-    fn away_from_a_checkout_the_published_version_is_asked_for() {
+    fn without_sources_the_published_version_is_asked_for() {
         let made = files("my-controller", None);
         let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
         assert!(manifest.contains(&format!("motorium = \"={}\"", env!("CARGO_PKG_VERSION"))), "{manifest}");

@@ -1,8 +1,8 @@
 //! `motorium new`: a component crate and a graph that build and run at once.
 
-mod checkout;
 mod files;
 mod name;
+mod sources;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::out::outln;
 use crate::style;
-use checkout::Checkout;
+use sources::Sources;
 
 /// Make a component crate and a graph that build and run at once.
 ///
@@ -39,8 +39,8 @@ struct Made {
 impl New {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         name::check(&self.name)?;
-        let checkout = Checkout::find();
-        let files = files::files(&self.name, checkout.as_ref());
+        let sources = Sources::find();
+        let files = files::files(&self.name, sources.as_ref());
         let folder = files::write(&self.path, &self.name, &files)?;
         let made = Made { name: self.name, folder, files: files.into_iter().map(|(name, _)| name).collect() };
         if self.json {

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::out::{errln, outln};
 use crate::runs::{LivingRun, RunArg};
-use crate::{exit, style};
+use crate::style;
 use render::Row;
 
 /// Show and change the parameters of a running graph.
@@ -209,13 +209,9 @@ impl Set {
         let new = match (set, wanted.as_slice()) {
             (Ok(new), _) => new,
             (Err(error), [(row, _)]) => {
-                errln!("{}: {error}; it stays {}", style::error("error"), row.with_unit(&row.value));
-                return Ok(exit::FAILED);
+                anyhow::bail!("{error}; it stays {}", row.with_unit(&row.value));
             }
-            (Err(error), _) => {
-                errln!("{}: {error}; nothing was set", style::error("error"));
-                return Ok(exit::FAILED);
-            }
+            (Err(error), _) => anyhow::bail!("{error}; nothing was set"),
         };
         let changes = wanted.iter().zip(&new).map(|((row, _), new)| Change {
             name: &row.name,

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use motorium_robots::{Loaded, MimicMode, Model};
 use serde_json::json;
 
-use super::source::{RobotArgs, code, explain, position_of};
+use super::source::RobotArgs;
 use super::{facts, facts::short};
 use crate::out::{errln, outln};
 use crate::{exit, style};
@@ -30,45 +30,28 @@ pub(super) struct Check {
 
 impl Check {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let loaded = self.robot.load(MimicMode::Follow);
-        let refused = loaded.as_ref().err().map(code);
-        let warned = loaded.as_ref().is_ok_and(|robot| !robot.warnings.is_empty());
+        let loaded = match self.robot.open(MimicMode::Follow) {
+            Ok(loaded) => loaded,
+            Err(code) => return Ok(code),
+        };
         if self.json {
-            outln!("{}", serde_json::to_string_pretty(&report(loaded))?);
+            outln!("{}", serde_json::to_string_pretty(&report(&loaded))?);
         } else {
-            match loaded {
-                Ok(robot) => print(&robot, &self.robot.robot),
-                Err(error) => errln!("{}: {}", style::error("error"), explain(&error)),
-            }
+            print(&loaded, &self.robot.robot);
         }
-        Ok(match refused {
-            Some(code) => code,
-            None if warned && self.strict => exit::invalid(),
-            None => ExitCode::SUCCESS,
-        })
+        let refused = self.strict && !loaded.warnings.is_empty();
+        Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
 }
 
-fn report(loaded: Result<Loaded, motorium_robots::LoadError>) -> serde_json::Value {
-    match loaded {
-        Ok(robot) => json!({
-            "valid": true,
-            "name": robot.model.name(),
-            "file": robot.path,
-            "size": facts::size(&robot.model),
-            "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        }),
-        Err(error) => {
-            let (_, at) = position_of(&error);
-            json!({
-                "valid": false,
-                "error": error.to_string(),
-                "line": at.map(|at| at.line),
-                "column": at.map(|at| at.column),
-                "warnings": [],
-            })
-        }
-    }
+fn report(robot: &Loaded) -> serde_json::Value {
+    json!({
+        "valid": true,
+        "name": robot.model.name(),
+        "file": robot.path,
+        "size": facts::size(&robot.model),
+        "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
 }
 
 fn print(robot: &Loaded, asked: &str) {

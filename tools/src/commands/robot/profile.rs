@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium_robots::{Loaded, MimicMode, ProfileChoice, draft_profile};
 
-use super::source::{RobotArgs, code, explain};
+use super::source::RobotArgs;
 use crate::out::{errln, out, outln};
 use crate::style;
 
@@ -30,12 +30,9 @@ pub(super) struct Profile {
 
 impl Profile {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let robot = match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without) {
+        let robot = match self.robot.open_with(MimicMode::Follow, ProfileChoice::Without) {
             Ok(robot) => robot,
-            Err(error) => {
-                errln!("{}: {}", style::error("error"), explain(&error));
-                return Ok(code(&error));
-            }
+            Err(code) => return Ok(code),
         };
         for warning in &robot.warnings {
             errln!("{}: {warning}", style::warning("warning"));

@@ -7,8 +7,9 @@ use motorium_robots::{
     BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, ProfileChoice, load_with,
 };
 
+use crate::failure::Failure;
 use crate::out::errln;
-use crate::{exit, style};
+use crate::style;
 
 /// A robot and how to read it.
 #[derive(Debug, Clone, clap::Args)]
@@ -34,7 +35,7 @@ impl RobotArgs {
     }
 
     /// The same with another profile, or without one.
-    pub(super) fn load_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, LoadError> {
+    fn load_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, LoadError> {
         let base = match (self.floating_base, self.fixed_base) {
             (true, _) => BaseMode::Floating,
             (_, true) => BaseMode::Fixed,
@@ -46,25 +47,20 @@ impl RobotArgs {
 
     /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
     pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
-        self.load(mimic).map_err(|error| {
+        self.open_with(mimic, ProfileChoice::Own)
+    }
+
+    /// The same with another profile, or without one.
+    pub(super) fn open_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, ExitCode> {
+        self.load_with(mimic, profile).map_err(|error| {
             errln!("{}: {}", style::error("error"), explain(&error));
-            code(&error)
+            Failure::of_error(&error).print_json()
         })
     }
 }
 
-/// The exit code of the error: 3 for an invalid file, 1 for one that cannot be read.
-pub(super) fn code(error: &LoadError) -> ExitCode {
-    match error {
-        LoadError::Urdf(_) | LoadError::Mjcf(_) | LoadError::NotText { .. } | LoadError::Profile { .. } => {
-            exit::invalid()
-        }
-        _ => exit::FAILED,
-    }
-}
-
 /// The message, with the place in the file where there is one.
-pub(super) fn explain(error: &LoadError) -> String {
+fn explain(error: &LoadError) -> String {
     let message = error.to_string();
     let (Some(file), Some(at)) = position_of(error) else { return message };
     let excerpt = std::fs::read_to_string(file).ok().and_then(|text| excerpt(&text, at));
@@ -72,7 +68,7 @@ pub(super) fn explain(error: &LoadError) -> String {
 }
 
 /// File and place of a fault, where they are known.
-pub(super) fn position_of(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
+fn position_of(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
     match error {
         LoadError::Urdf(urdf) => (urdf.file.as_ref(), urdf.at),
         LoadError::Mjcf(mjcf) => (mjcf.file.as_ref(), Some(mjcf.at)),

@@ -7,11 +7,7 @@ use roxmltree::{Document, Node};
 
 /// The URDF text of a loaded robot.
 pub(super) fn text(robot: &Loaded) -> anyhow::Result<String> {
-    match (&robot.entry, &robot.path) {
-        (Some(entry), _) => Ok(entry.urdf.to_string()),
-        (None, Some(path)) => Ok(std::fs::read_to_string(path)?),
-        (None, None) => anyhow::bail!("the robot comes from nowhere"),
-    }
+    robot.text()?.ok_or_else(|| anyhow::anyhow!("the robot comes from nowhere"))
 }
 
 fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Item = Node<'a, 'b>> {

@@ -10,10 +10,12 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
 use super::top::Data as Top;
+use crate::failure::Failure;
 use crate::out::outln;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, of what `top` prints, or of a benchmark, or the types for Python.
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, of a benchmark, or of an error, or the types
+/// for Python.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -33,6 +35,8 @@ enum Document {
     Top,
     /// The measurements, as `motorium bench latency --json` prints them
     Bench,
+    /// The object that a command that fails prints with `--json`
+    Error,
     /// The built-in states as a Python module, for programs that a bridge serves
     Python,
 }
@@ -44,6 +48,7 @@ impl Schema {
             Document::Report => written::<Report>(),
             Document::Top => written::<Top>(),
             Document::Bench => written::<Bench>(),
+            Document::Error => written::<Failure>(),
             Document::Python => {
                 outln!("{}", python::module()?.trim_end());
                 return Ok(ExitCode::SUCCESS);

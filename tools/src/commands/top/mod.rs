@@ -126,7 +126,7 @@ fn once(
     let before = Sample::take(run);
     match wait(run, interval, interrupted) {
         None => {}
-        Some(End::Asked) => return Ok(crate::exit::FAILED),
+        Some(End::Asked) => anyhow::bail!("interrupted before the interval was over"),
         Some(End::RunOver) => anyhow::bail!("run {} ended while it was looked at", run.folder.id()),
     }
     let top = Data::between(run, &before, &Sample::take(run));

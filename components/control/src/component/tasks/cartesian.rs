@@ -6,7 +6,9 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::feedback;
 use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -125,7 +127,9 @@ impl TaskKind for CartesianConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(Cartesian {
+            acceleration: place.torque.then_some(twin),
             task,
             input,
             gain: parameter("gain")?,
@@ -141,6 +145,7 @@ impl TaskKind for CartesianConfig {
 /// A frame that follows the poses of one input.
 struct Cartesian {
     task: CartesianTask,
+    acceleration: Option<CartesianAcceleration>,
     input: Input<PoseTarget>,
     gain: Parameter<f64>,
     position_weight: Parameter<f64>,
@@ -155,7 +160,11 @@ struct Cartesian {
 impl HeldTask for Cartesian {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.current.is_none() {
-            self.task.set_target(start.kinematics.pose(start.model, self.task.frame()));
+            let pose = start.kinematics.pose(start.model, self.task.frame());
+            self.task.set_target(pose);
+            if let Some(twin) = &mut self.acceleration {
+                twin.set_target(pose);
+            }
         }
     }
 
@@ -171,6 +180,16 @@ impl HeldTask for Cartesian {
             orientation_weight: self.orientation_weight.get(),
             ..*self.task.settings()
         });
+        if let Some(twin) = &mut self.acceleration {
+            let settings = self.task.settings();
+            let weights = CartesianWeights {
+                position: settings.position_weight,
+                orientation: settings.orientation_weight,
+                max_linear_speed: settings.max_linear_speed,
+                max_angular_speed: settings.max_angular_speed,
+            };
+            twin.set(feedback(settings.gain), weights);
+        }
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let [x, y, z, w] = target.orientation;
@@ -184,12 +203,20 @@ impl HeldTask for Cartesian {
             angular: Vector3::from(target.angular_velocity),
         };
         let pose = Isometry3::from_parts(Translation3::from(target.position), rotation);
-        self.task.set_moving_target(pose, if fresh { velocity } else { Twist::zero() });
+        let velocity = if fresh { velocity } else { Twist::zero() };
+        self.task.set_moving_target(pose, velocity);
+        if let Some(twin) = &mut self.acceleration {
+            twin.set_moving_target(pose, velocity, Twist::zero());
+        }
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> &mut dyn Task {
-        &mut self.task
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        Some(&mut self.task)
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

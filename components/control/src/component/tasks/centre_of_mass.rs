@@ -5,7 +5,9 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::feedback;
 use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::{AccelerationTask, CentreOfMassAcceleration};
 use crate::tasks::{CentreOfMassSettings, CentreOfMassTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -103,7 +105,11 @@ impl TaskKind for CentreOfMassConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let twin = CentreOfMassAcceleration::new(place.model, feedback(self.gain))
+            .shares(self.shares)
+            .max_speed(task.settings().max_speed);
         Ok(Box::new(CentreOfMass {
+            acceleration: place.torque.then_some(twin),
             task,
             input,
             gain: parameter("gain")?,
@@ -121,6 +127,7 @@ impl TaskKind for CentreOfMassConfig {
 /// A centre of mass that follows the positions of one input.
 struct CentreOfMass {
     task: CentreOfMassTask,
+    acceleration: Option<CentreOfMassAcceleration>,
     input: Input<PoseTarget>,
     gain: Parameter<f64>,
     weight: Parameter<f64>,
@@ -133,7 +140,11 @@ struct CentreOfMass {
 impl HeldTask for CentreOfMass {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.current.is_none() {
-            self.task.set_target(start.kinematics.centre_of_mass(start.model).position);
+            let position = start.kinematics.centre_of_mass(start.model).position;
+            self.task.set_target(position);
+            if let Some(twin) = &mut self.acceleration {
+                twin.set_target(position);
+            }
         }
     }
 
@@ -148,15 +159,26 @@ impl HeldTask for CentreOfMass {
             weight: self.weight.get(),
             ..*self.task.settings()
         });
+        if let Some(twin) = &mut self.acceleration {
+            twin.set(feedback(self.task.settings().gain), self.task.settings().weight);
+        }
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };
-        self.task.set_moving_target(Vector3::from(target.position), velocity);
+        let position = Vector3::from(target.position);
+        self.task.set_moving_target(position, velocity);
+        if let Some(twin) = &mut self.acceleration {
+            twin.set_moving_target(position, velocity, Vector3::zeros());
+        }
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> &mut dyn Task {
-        &mut self.task
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        Some(&mut self.task)
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

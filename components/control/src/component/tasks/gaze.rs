@@ -5,7 +5,7 @@ use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
 use crate::tasks::{GazeSettings, GazeTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -84,6 +84,10 @@ impl TaskKind for GazeConfig {
 
     fn level(&self) -> u32 {
         self.level
+    }
+
+    fn formulations(&self) -> Formulations {
+        Formulations::Velocity
     }
 
     fn target(&self) -> Option<&str> {
@@ -165,8 +169,8 @@ impl HeldTask for Gaze {
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> &mut dyn Task {
-        &mut self.task
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        Some(&mut self.task)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

@@ -6,11 +6,13 @@
 mod cartesian;
 mod centre_of_mass;
 mod gaze;
+mod momentum;
 mod posture;
 
 pub use cartesian::CartesianConfig;
 pub use centre_of_mass::CentreOfMassConfig;
 pub use gaze::GazeConfig;
+pub use momentum::MomentumConfig;
 pub use posture::PostureConfig;
 
 use core::ops::RangeInclusive;
@@ -21,7 +23,11 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::checks;
-use crate::{GoalRecord, RobotState, tasks::Task};
+use crate::{
+    GoalRecord, RobotState,
+    inverse_dynamics::tasks::{AccelerationTask, Feedback},
+    tasks::Task,
+};
 
 /// Range of every gain, 1/s.
 const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
@@ -55,6 +61,8 @@ task_kinds! {
     "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
     /// An axis of a frame points at a point.
     "gaze" => Gaze(GazeConfig),
+    /// The momentum about the centre of mass comes to rest; torques only.
+    "momentum" => Momentum(MomentumConfig),
     /// The joints keep a posture.
     "posture" => Posture(PostureConfig),
 }
@@ -72,6 +80,11 @@ pub(super) trait TaskKind {
         None
     }
 
+    /// The formulations that the task has.
+    fn formulations(&self) -> Formulations {
+        Formulations::Both
+    }
+
     /// Checks the configuration, and declares input and parameters.
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError>;
 
@@ -83,12 +96,30 @@ pub(super) trait TaskKind {
     ) -> Result<Box<dyn HeldTask>, ConfigureError>;
 }
 
+/// The formulations of the controller that a kind of task has a cost for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Formulations {
+    /// Velocities and torques.
+    Both,
+    /// Velocities alone.
+    Velocity,
+    /// Torques alone.
+    Torque,
+}
+
+/// Feedback at acceleration level of a task whose error is to decay at the rate `gain` \[1/s\].
+fn feedback(gain: f64) -> Feedback {
+    Feedback::critical(gain)
+}
+
 /// The robot a task is for, and the place of the task in the configuration.
 pub(super) struct TaskPlace<'a> {
     pub(super) model: &'a Model,
     pub(super) profile: Option<&'a Profile>,
     /// Time between two steps, s; 0 while a graph is checked.
     pub(super) period: f64,
+    /// True if the controller computes torques.
+    pub(super) torque: bool,
     /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
     pub(super) path: String,
 }
@@ -153,8 +184,21 @@ pub(super) trait HeldTask {
     /// Applies the current parameters and the newest target, once per step.
     fn prepare(&mut self, bounds: &TaskBounds);
 
-    /// The cost of the task.
-    fn task(&mut self) -> &mut dyn Task;
+    /// The cost of the task on velocities; `None` for a task of inverse dynamics alone.
+    fn task(&mut self) -> Option<&mut dyn Task>;
+
+    /// The cost of the task on accelerations or contact forces, where the controller computes torques and the task can.
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        None
+    }
+
+    /// The number of rows of its cost.
+    fn rows(&mut self) -> usize {
+        if let Some(task) = self.acceleration() {
+            return task.rows();
+        }
+        self.task().map_or(0, |task| task.rows())
+    }
 
     /// Records the error of the measured robot after a step of `dt` seconds.
     fn record(&mut self, _measured: &RobotState<'_>, _dt: f64) {}

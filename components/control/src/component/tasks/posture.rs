@@ -6,9 +6,11 @@ use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::feedback;
 use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
 use crate::RobotState;
 use crate::component::checks::per_joint;
+use crate::inverse_dynamics::tasks::{AccelerationTask, PostureAcceleration};
 use crate::tasks::{PostureSettings, PostureTask, Task};
 
 /// A posture task: the joints keep a posture.
@@ -55,13 +57,13 @@ impl PostureConfig {
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
             (None, Some(positions), _) => {
                 let positions = match positions {
-                    PerJoint::All(position) => vec![*position; model.nv()],
+                    PerJoint::All(position) => vec![*position; model.joint_count()],
                     PerJoint::Each(positions) => positions.clone(),
                 };
                 (per_joint(&place.key("positions"), &positions, model)?, false)
             }
             (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
-            (None, None, None) => (DVector::zeros(model.nv()), true),
+            (None, None, None) => (DVector::zeros(model.joint_count()), true),
         };
         let settings = PostureSettings {
             gain: place.in_range("gain", self.gain, GAINS)?,
@@ -96,7 +98,9 @@ impl TaskKind for PostureConfig {
         let (task, from_start) = self.build(place)?;
         let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
         let takes_start = from_start;
+        let twin = PostureAcceleration::new(place.model, task.target(), feedback(self.gain));
         Ok(Box::new(Posture {
+            acceleration: place.torque.then_some(twin),
             task,
             takes_start,
             from_start,
@@ -109,6 +113,7 @@ impl TaskKind for PostureConfig {
 /// A posture that the joints keep.
 struct Posture {
     task: PostureTask,
+    acceleration: Option<PostureAcceleration>,
     /// True if the posture is that of the first joint state.
     takes_start: bool,
     /// True until the posture is taken from the first joint state.
@@ -120,7 +125,11 @@ struct Posture {
 impl HeldTask for Posture {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.from_start {
-            self.task.set_target(start.q);
+            let joints = start.model.joints_of_q(start.q);
+            self.task.set_target(joints);
+            if let Some(twin) = &mut self.acceleration {
+                twin.set_target(joints);
+            }
             self.from_start = false;
         }
     }
@@ -131,10 +140,18 @@ impl HeldTask for Posture {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         let gain = self.gain.get().min(bounds.max_gain);
-        self.task.set_settings(PostureSettings { gain, weight: self.weight.get() });
+        let weight = self.weight.get();
+        self.task.set_settings(PostureSettings { gain, weight });
+        if let Some(twin) = &mut self.acceleration {
+            twin.set(feedback(gain), weight);
+        }
     }
 
-    fn task(&mut self) -> &mut dyn Task {
-        &mut self.task
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        Some(&mut self.task)
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
     }
 }

@@ -142,6 +142,13 @@ impl ActiveSetSolver {
     }
 }
 
+impl ActiveSetSolver {
+    /// The solution of the last [`solve`](QpSolver::solve) that had one.
+    pub fn solution(&self) -> &Solution {
+        &self.solution
+    }
+}
+
 impl QpSolver for ActiveSetSolver {
     fn structure(&self) -> &Structure {
         &self.structure

@@ -1,0 +1,101 @@
+//! The channels of a plan.
+
+use motorium::declare::TopicPattern;
+use motorium::plan::Plan;
+use motorium::state::{Stamp, TypeLayout};
+
+use super::{Derived, DerivedError, Drawing, DrawnError, Schema};
+
+/// A sequence of messages of one schema, made of the samples of one topic.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    /// Its name: that of the topic, for a drawn channel with `/` and what it draws behind it.
+    pub name: String,
+    /// Index of its topic in the plan.
+    pub topic: usize,
+    /// Its messages.
+    pub content: Content,
+}
+
+/// The messages of a channel.
+#[derive(Debug, Clone)]
+pub enum Content {
+    /// Every field and the stamp of each sample.
+    Exact(Derived),
+    /// Messages of Foxglove, for viewers.
+    Drawn(Box<Drawing>),
+}
+
+impl Channel {
+    /// The schema of its messages.
+    pub fn schema(&self) -> &Schema {
+        match &self.content {
+            Content::Exact(derived) => derived.schema(),
+            Content::Drawn(drawing) => drawing.schema(),
+        }
+    }
+
+    /// True if none of its messages may be left out: those of an exact channel, and lines of logs.
+    pub fn needs_every_sample(&self) -> bool {
+        match &self.content {
+            Content::Exact(_) => true,
+            Content::Drawn(drawing) => drawing.needs_every_sample(),
+        }
+    }
+
+    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the clock of the reader, since
+    /// 1970 or since the start of the run: drawn messages carry it.
+    ///
+    /// # Errors
+    /// The sample does not fit its type or its robot; nothing is appended then.
+    pub fn encode(
+        &mut self,
+        stamp: &Stamp,
+        bytes: &[u8],
+        time_ns: u64,
+        out: &mut Vec<u8>,
+    ) -> Result<(), DrawnError> {
+        match &mut self.content {
+            Content::Exact(derived) if bytes.len() == derived.size() => {
+                derived.encode(stamp, bytes, out);
+                Ok(())
+            }
+            Content::Exact(_) => Err(DrawnError::Size(bytes.len())),
+            Content::Drawn(drawing) => drawing.encode(bytes, time_ns, out),
+        }
+    }
+}
+
+/// The channels of one topic: the exact one first. A topic of slices has none: they have no single layout.
+///
+/// ```
+/// # fn of(plan: &motorium::plan::Plan) -> Result<(), motorium_bridges::foxglove::DerivedError> {
+/// for topic in 0..plan.topics.len() {
+///     for channel in motorium_bridges::foxglove::channels(plan, topic)? {
+///         println!("{}: {}", channel.name, channel.schema().name);
+///     }
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// The layout of the topic has a field that cannot be written.
+pub fn channels(plan: &Plan, topic: usize) -> Result<Vec<Channel>, DerivedError> {
+    let of_topic = &plan.topics[topic];
+    if matches!(of_topic.pattern, TopicPattern::Slices { .. }) {
+        return Ok(Vec::new());
+    }
+    let name = &of_topic.name;
+    let exact = exact(name, topic, &of_topic.layout)?;
+    let drawn = Drawing::of_topic(plan, topic).into_iter().map(|drawing| Channel {
+        name: format!("{name}/{}", drawing.name()),
+        topic,
+        content: Content::Drawn(Box::new(drawing)),
+    });
+    Ok(std::iter::once(exact).chain(drawn).collect())
+}
+
+fn exact(name: &str, topic: usize, layout: &TypeLayout) -> Result<Channel, DerivedError> {
+    Ok(Channel { name: name.to_string(), topic, content: Content::Exact(Derived::new(layout)?) })
+}

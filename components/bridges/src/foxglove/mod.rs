@@ -1,0 +1,77 @@
+//! The topics of a graph as Foxglove, Lichtblick, rerun and PlotJuggler read them: a library without a server.
+//!
+//! Each topic becomes one or two channels of messages in the protobuf encoding:
+//!
+//! - Its **exact** channel, named as the topic, holds every field and the stamp of a sample in a schema that is derived from
+//!   the layout of its type, `motorium.v1.JointState` for `motorium.JointState`. It loses nothing: [`Derived::decode`]
+//!   gives the sample back to the last bit.
+//! - A **drawn** channel, named after the topic and what it draws, holds one of Foxglove's own messages, for the types that
+//!   a viewer can draw: `panda/joint_state/transforms` holds the poses of all links by our kinematics.
+//!
+//! | type | drawn channel | schema |
+//! |---|---|---|
+//! | `motorium.JointState` | `joints`, `transforms` | `foxglove.JointStates`, `foxglove.FrameTransforms` |
+//! | `motorium.BaseState` | `transforms` | `foxglove.FrameTransforms` |
+//! | `motorium.PoseTarget` | `pose` | `foxglove.PoseInFrame` |
+//! | `motorium.Odometry` | `odometry` | `foxglove.Odometry` |
+//! | `motorium.ObjectPoses` | `transforms` | `foxglove.FrameTransforms` |
+//! | `motorium.Contacts` | `scene` | `foxglove.SceneUpdate` |
+//! | `motorium.ImageInfo` | `calibration` | `foxglove.CameraCalibration` |
+//! | `motorium.Text`, `motorium.Event` | `log` | `foxglove.Log` |
+//!
+//! [`channels`] gives the channels of a plan:
+//!
+//! ```
+//! use motorium::state::{JointState, Stamp, StateBuffer, encode};
+//! use motorium_bridges::foxglove::Derived;
+//!
+//! let derived = Derived::new(&JointState::layout())?;
+//! assert_eq!(derived.schema().name, "motorium.v1.JointState");
+//! let bytes = encode(&JointState::layout(), "position=[0.5, -1.0]").unwrap();
+//! let stamp = Stamp { sequence: 7, ..Stamp::default() };
+//! let mut message = Vec::new();
+//! derived.encode(&stamp, &bytes, &mut message);
+//! assert_eq!(derived.decode(&message)?, (stamp, bytes));
+//! # Ok::<(), motorium_bridges::foxglove::DerivedError>(())
+//! ```
+
+mod channels;
+mod derived;
+mod drawn;
+mod robots;
+mod wire;
+
+pub use channels::{Channel, Content, channels};
+pub use derived::{Derived, DerivedError};
+pub use drawn::{Drawing, DrawnError, log};
+pub use robots::{Description, RobotFrames, descriptions, robot_of_topic};
+
+/// The schema of the messages of a channel.
+///
+/// ```
+/// use motorium::state::{StateBuffer, Wrench};
+/// use motorium_bridges::foxglove::Derived;
+///
+/// let derived = Derived::new(&Wrench::layout())?;
+/// let schema = derived.schema();
+/// assert_eq!((schema.name.as_str(), schema.encoding), ("motorium.v1.Wrench", "protobuf"));
+/// assert!(!schema.data.is_empty());
+/// # Ok::<(), motorium_bridges::foxglove::DerivedError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Schema {
+    /// Its full name, such as `foxglove.JointStates`.
+    pub name: String,
+    /// Encoding of `data` and of the messages: always `protobuf`.
+    pub encoding: &'static str,
+    /// A `google.protobuf.FileDescriptorSet` with all that the schema uses.
+    pub data: Vec<u8>,
+}
+
+impl Schema {
+    /// The schema of one of Foxglove's messages.
+    pub fn of<M: foxglove::Encode>() -> Self {
+        let schema = M::get_schema().expect("every message of Foxglove has a schema");
+        Self { name: schema.name, encoding: "protobuf", data: schema.data.into_owned() }
+    }
+}

@@ -1,0 +1,257 @@
+//! The robots of a plan: which one a topic belongs to, its description, and the poses of its links.
+
+use foxglove::messages::{FrameTransform, FrameTransforms, Timestamp};
+use motorium::declare::RobotReference;
+use motorium::plan::{ComponentPlan, Plan, PortPlan};
+use motorium::state::{BaseState, JointState, StateBuffer as _};
+use motorium_robots::{BasePose, Kinematics, Loaded, RobotSource, RobotSourceError};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use super::drawn::{quaternion, vector};
+use super::{Schema, wire};
+
+/// The frame in which robots and objects stand.
+pub(super) const WORLD: &str = "world";
+
+/// The description of a robot for viewers: what ROS calls `robot_description`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Description {
+    /// Name of the robot in the graph.
+    pub robot: String,
+    /// Topic of the description: `/robot_description`, of one of several robots `/ROBOT/robot_description`.
+    pub topic: String,
+    /// The text of its file.
+    pub text: String,
+    /// True if the text is URDF, false if it is MJCF.
+    pub is_urdf: bool,
+    /// What stands before the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
+    pub frame_prefix: String,
+}
+
+impl Description {
+    /// The schema of its message: one text named `data`, as ROS has it.
+    pub fn schema(&self) -> Schema {
+        let (mut field, mut message, mut file, mut data) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        wire::bytes(1, b"data", &mut field);
+        // number 1, optional, a string
+        for (key, value) in [(3, 1), (4, 1), (5, 9)] {
+            wire::key(key, wire::VARINT, &mut field);
+            wire::varint(value, &mut field);
+        }
+        wire::bytes(1, b"RobotDescription", &mut message);
+        wire::bytes(2, &field, &mut message);
+        wire::bytes(1, b"motorium.v1.RobotDescription.proto", &mut file);
+        wire::bytes(2, b"motorium.v1", &mut file);
+        wire::bytes(4, &message, &mut file);
+        wire::bytes(12, b"proto3", &mut file);
+        wire::bytes(1, &file, &mut data);
+        Schema { name: "motorium.v1.RobotDescription".to_string(), encoding: "protobuf", data }
+    }
+
+    /// Its message.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut message = Vec::with_capacity(self.text.len() + 8);
+        wire::bytes(1, self.text.as_bytes(), &mut message);
+        message
+    }
+}
+
+/// The robots of a plan, each once, in the order of its components.
+fn robots(plan: &Plan) -> Vec<&RobotReference> {
+    let mut robots: Vec<&RobotReference> = Vec::new();
+    for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
+    {
+        if !robots.iter().any(|known| known.name == robot.name) {
+            robots.push(robot);
+        }
+    }
+    robots
+}
+
+/// The descriptions of the robots of a plan. A robot whose file is no longer there is left out.
+///
+/// ```
+/// # fn of(plan: &motorium::plan::Plan) {
+/// for description in motorium_bridges::foxglove::descriptions(plan) {
+///     println!("{}: {} bytes", description.topic, description.text.len());
+/// }
+/// # }
+/// ```
+pub fn descriptions(plan: &Plan) -> Vec<Description> {
+    let robots = robots(plan);
+    let alone = robots.len() == 1;
+    let describe = |robot: &&RobotReference| {
+        let text = load(robot).ok()?.text().ok()??;
+        let is_urdf = !text.contains("<mujoco");
+        let name = &robot.name;
+        let topic =
+            if alone { "/robot_description".to_string() } else { format!("/{name}/robot_description") };
+        Some(Description { robot: name.clone(), topic, text, is_urdf, frame_prefix: prefix(plan, name) })
+    };
+    robots.iter().filter_map(describe).collect()
+}
+
+fn prefix(plan: &Plan, robot: &str) -> String {
+    if robots(plan).len() == 1 { String::new() } else { format!("{robot}/") }
+}
+
+fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+    let source = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        pose: None,
+    };
+    source.load()
+}
+
+/// The robot that the arrays of a topic belong to: that of its writer, else of a reader. `None` if neither has one.
+///
+/// Of a component with several robots it is the one whose port `ROBOT.PORT` the topic is wired to.
+pub fn robot_of_topic(plan: &Plan, index: usize) -> Option<&RobotReference> {
+    let topic = plan.topics.get(index)?;
+    let writer = std::iter::once((topic.writer, true));
+    let mut ends = writer.chain(topic.readers.iter().map(|reader| (*reader, false)));
+    ends.find_map(|(component, writes)| {
+        let component = plan.components.get(component)?;
+        robot_of(component, if writes { &component.outputs } else { &component.inputs }, index)
+    })
+}
+
+fn robot_of<'p>(
+    component: &'p ComponentPlan,
+    ports: &[PortPlan],
+    topic: usize,
+) -> Option<&'p RobotReference> {
+    if let Some(robot) = &component.robot {
+        return Some(robot);
+    }
+    let port = ports.iter().find(|port| port.topic == Some(topic))?;
+    let (robot, _) = port.port.split_once('.')?;
+    component.robots.iter().find(|known| known.name == robot)
+}
+
+/// The poses of all links of a robot, by our kinematics.
+///
+/// ```
+/// use motorium::declare::RobotReference;
+/// use motorium::state::JointState;
+/// use motorium_bridges::foxglove::RobotFrames;
+///
+/// let reference = RobotReference { name: "arm".into(), urdf: "panda".into(), ..RobotReference::default() };
+/// let mut frames = RobotFrames::load(&reference, "", false)?;
+/// let mut state = JointState::default();
+/// state.set_count(8);
+/// let transforms = frames.of_joints(&state, 0).unwrap();
+/// assert_eq!(transforms.transforms[0].parent_frame_id, "world");
+/// # Ok::<(), motorium_robots::RobotSourceError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct RobotFrames {
+    loaded: Loaded,
+    kinematics: Kinematics,
+    q: Vec<f64>,
+    /// The place of a base that stands; `None` if a topic tells where it is.
+    base: Option<Isometry3<f64>>,
+    prefix: String,
+}
+
+impl RobotFrames {
+    /// Loads a robot of a plan. `prefix` stands before the names of its links, as in [`Description::frame_prefix`]; `moves`
+    /// is true if a topic tells where its base is.
+    ///
+    /// # Errors
+    /// Its files cannot be read any more.
+    pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
+        let loaded = load(robot)?;
+        let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());
+        let base = (!moves && !loaded.model.base().floating).then(|| pose.unwrap_or_default());
+        Ok(Self {
+            kinematics: Kinematics::new(&loaded.model),
+            q: loaded.model.neutral(),
+            base,
+            prefix: prefix.to_string(),
+            loaded,
+        })
+    }
+
+    pub(super) fn of_topic(plan: &Plan, index: usize) -> Option<Self> {
+        let robot = robot_of_topic(plan, index)?;
+        let mut topics = plan.topics.iter().enumerate();
+        let moves = topics.any(|(other, topic)| {
+            topic.layout.type_name == BaseState::NAME
+                && robot_of_topic(plan, other).is_some_and(|mover| mover.name == robot.name)
+        });
+        Self::load(robot, &prefix(plan, &robot.name), moves).ok()
+    }
+
+    /// Names of its joints, then of its rotors, in the order of the arrays of joint states and commands.
+    pub fn joint_names(&self) -> Vec<String> {
+        let rotors = self.loaded.profile.iter().flat_map(|profile| profile.rotors.keys());
+        self.loaded.model.joint_names().iter().chain(rotors).cloned().collect()
+    }
+
+    /// The name of the frame of its root link.
+    pub fn root(&self) -> String {
+        let root = self.loaded.model.frames().first().map_or("base", |frame| frame.name.as_str());
+        format!("{}{root}", self.prefix)
+    }
+
+    /// The poses of all links beyond the root link at these joint positions, relative to it, at a time; and that of the root
+    /// link in the world if the base is fixed. `None` if the state has too few joints.
+    pub fn of_joints(&mut self, state: &JointState, time_ns: u64) -> Option<FrameTransforms> {
+        let model = &self.loaded.model;
+        let joints = model.joint_count();
+        let first = model.nq() - joints;
+        self.q[first..].copy_from_slice(state.position().get(..joints)?);
+        self.kinematics.update(model, &self.q);
+        let timestamp = Some(timestamp(time_ns));
+        let frame_id = |index: usize| format!("{}{}", self.prefix, model.frames()[index].name);
+        let transform = |parent: String, child: String, pose: &Isometry3<f64>| FrameTransform {
+            timestamp,
+            parent_frame_id: parent,
+            child_frame_id: child,
+            translation: Some(vector(pose.translation.vector.as_slice())),
+            rotation: Some(quaternion(pose.rotation.coords.as_slice())),
+        };
+        let ids = || model.frames().iter().filter_map(|frame| model.frame(&frame.name).ok());
+        let root = ids().next()?;
+        let to_root = self.kinematics.pose(model, root).inverse();
+        let mut transforms = Vec::with_capacity(model.frames().len());
+        if let Some(base) = &self.base {
+            transforms.push(transform(WORLD.to_string(), frame_id(0), base));
+        }
+        for id in ids().skip(1) {
+            let pose = to_root * self.kinematics.pose(model, id);
+            transforms.push(transform(frame_id(0), frame_id(id.index()), &pose));
+        }
+        Some(FrameTransforms { transforms })
+    }
+
+    /// The pose of the root link in the world, at a time.
+    pub fn of_base(&self, state: &BaseState, time_ns: u64) -> FrameTransforms {
+        let [x, y, z, w] = state.orientation;
+        // The state is that of the base frame; the root link of a model is its base.
+        let pose = Isometry3::from_parts(
+            Translation3::from(state.position),
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
+        );
+        FrameTransforms {
+            transforms: vec![FrameTransform {
+                timestamp: Some(timestamp(time_ns)),
+                parent_frame_id: WORLD.to_string(),
+                child_frame_id: self.root(),
+                translation: Some(vector(pose.translation.vector.as_slice())),
+                rotation: Some(quaternion(pose.rotation.coords.as_slice())),
+            }],
+        }
+    }
+}
+
+/// A time in Foxglove's form.
+pub(super) fn timestamp(time_ns: u64) -> Timestamp {
+    let seconds = u32::try_from(time_ns / 1_000_000_000).unwrap_or(u32::MAX);
+    Timestamp::new(seconds, (time_ns % 1_000_000_000) as u32)
+}

@@ -1,0 +1,114 @@
+//! The wire format of protobuf, as far as the derived schemas need it.
+
+/// Wire type of a varint.
+pub(super) const VARINT: u32 = 0;
+/// Wire type of eight bytes.
+pub(super) const FIXED_64: u32 = 1;
+/// Wire type of a length and so many bytes.
+pub(super) const BYTES: u32 = 2;
+/// Wire type of four bytes.
+pub(super) const FIXED_32: u32 = 5;
+
+/// Appends a number in groups of seven bits.
+pub(super) fn varint(mut number: u64, out: &mut Vec<u8>) {
+    while number >= 0x80 {
+        out.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    out.push(number as u8);
+}
+
+/// Appends the key of a field.
+pub(super) fn key(field: u32, wire: u32, out: &mut Vec<u8>) {
+    varint(u64::from(field) << 3 | u64::from(wire), out);
+}
+
+/// Appends a field of bytes: a text, a message or packed numbers.
+pub(super) fn bytes(field: u32, content: &[u8], out: &mut Vec<u8>) {
+    key(field, BYTES, out);
+    varint(content.len() as u64, out);
+    out.extend_from_slice(content);
+}
+
+/// A signed number in a form in which small ones are short.
+pub(super) fn zigzag(number: i64) -> u64 {
+    (number << 1 ^ number >> 63) as u64
+}
+
+/// The number whose form this is.
+pub(super) fn unzigzag(form: u64) -> i64 {
+    (form >> 1) as i64 ^ -((form & 1) as i64)
+}
+
+/// A field of a message as it is read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Read<'a> {
+    /// A varint.
+    Varint(u64),
+    /// Four or eight bytes.
+    Fixed(&'a [u8]),
+    /// A length and so many bytes.
+    Bytes(&'a [u8]),
+}
+
+/// Takes a varint from the start of a message; `None` if it is cut short or longer than ten bytes.
+pub(super) fn take_varint(message: &mut &[u8]) -> Option<u64> {
+    let mut number = 0;
+    for shift in (0..70).step_by(7) {
+        let (first, rest) = message.split_first()?;
+        *message = rest;
+        number |= u64::from(first & 0x7f).checked_shl(shift)?;
+        if first & 0x80 == 0 {
+            return Some(number);
+        }
+    }
+    None
+}
+
+/// Takes a field from the start of a message: its number and content. `None` if it is damaged.
+pub(super) fn take<'a>(message: &mut &'a [u8]) -> Option<(u32, Read<'a>)> {
+    let key = take_varint(message)?;
+    let field = u32::try_from(key >> 3).ok()?;
+    let mut part = |length: usize| {
+        let (part, rest) = message.split_at_checked(length)?;
+        *message = rest;
+        Some(part)
+    };
+    let content = match (key & 7) as u32 {
+        VARINT => Read::Varint(take_varint(message)?),
+        FIXED_64 => Read::Fixed(part(8)?),
+        FIXED_32 => Read::Fixed(part(4)?),
+        BYTES => {
+            let length = usize::try_from(take_varint(message)?).ok()?;
+            let (part, rest) = message.split_at_checked(length)?;
+            *message = rest;
+            Read::Bytes(part)
+        }
+        _ => return None,
+    };
+    Some((field, content))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_out_as_they_went_in() {
+        for number in [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX] {
+            let mut out = Vec::new();
+            varint(number, &mut out);
+            assert_eq!(take_varint(&mut &out[..]), Some(number));
+            assert_eq!(take_varint(&mut &out[..out.len() - 1]), None, "cut short");
+        }
+        // as in the documentation of protobuf
+        for (number, form) in
+            [(0, 0), (-1, 1), (1, 2), (-2, 3), (i64::MAX, u64::MAX - 1), (i64::MIN, u64::MAX)]
+        {
+            assert_eq!((zigzag(number), unzigzag(form)), (form, number));
+        }
+        let mut out = Vec::new();
+        varint(150, &mut out);
+        assert_eq!(out, [0x96, 0x01]);
+    }
+}

@@ -1,0 +1,243 @@
+//! `log.record`: records every sample of chosen topics into an MCAP file.
+//!
+//! In real time a thread at normal priority reads the topics by taps, on the shared cores: the steps of the component do
+//! nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
+//! is lost however fast it passes.
+//!
+//! What ends a recording, such as a full disk, does not end the run.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use motorium::component::StopRequest;
+use motorium::declare::{ClockKind, Taps};
+use motorium::prelude::*;
+use motorium::telemetry::set_apart;
+use motorium::units::TimeSpan;
+
+use super::recorder::{Counts, RecordError, Recorder, Settings};
+
+/// Time between two looks at the topics, at most; a quarter of what the taps bridge.
+const POLL: Duration = Duration::from_millis(5);
+/// Time between two requests to the system to bring the file to the disk.
+const SYNC_EVERY: Duration = Duration::from_millis(500);
+
+/// Configuration of `log.record`.
+///
+/// ```toml
+/// output = "out/run.mcap"
+/// topics = ["*"]
+/// drawn_every = "50 ms"
+/// bridges = "200 ms"
+/// attach = []
+/// ```
+#[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordConfig {
+    /// The file, relative to the folder of the graph; one that is there is replaced.
+    pub output: PathBuf,
+    /// Names of the topics, in which `*` stands for any characters. Default all that carry single values.
+    #[serde(default = "all")]
+    pub topics: Vec<String>,
+    /// Least time between two messages of a channel for viewers, such as the poses of links; exact channels hold every sample.
+    /// Default 20 ms.
+    #[serde(default = "drawn_every")]
+    pub drawn_every: TimeSpan,
+    /// Time for which the recorder may be held up before samples are lost, 1 ms to 10 s: the graph keeps so many of each state.
+    /// Default 200 ms.
+    #[serde(default = "bridges")]
+    pub bridges: TimeSpan,
+    /// Time before the end of a run that ends badly, by an error, which is kept in memory and written then; after a good run no
+    /// file is left. Default none: the whole run is written.
+    #[serde(default)]
+    pub last: Option<TimeSpan>,
+    /// Files to attach to the recording. Default none.
+    #[serde(default)]
+    pub attach: Vec<PathBuf>,
+}
+
+fn all() -> Vec<String> {
+    vec!["*".to_string()]
+}
+
+fn drawn_every() -> TimeSpan {
+    TimeSpan { ns: 20_000_000 }
+}
+
+fn bridges() -> TimeSpan {
+    TimeSpan { ns: 200_000_000 }
+}
+
+impl RecordConfig {
+    fn taps(&self) -> Taps {
+        Taps::new(self.topics.iter().map(String::as_str), self.bridges.into())
+    }
+}
+
+/// A component that records every sample of chosen topics into an MCAP file.
+pub struct Record {
+    output: PathBuf,
+    /// The recorder in lockstep, where the steps record.
+    recorder: Option<Recorder>,
+    outcome: Arc<Mutex<Outcome>>,
+}
+
+/// What has come of a recording so far.
+#[derive(Debug, Clone, Default)]
+struct Outcome {
+    counts: Counts,
+    /// The reason for which it ended before the run.
+    ended: Option<String>,
+}
+
+impl Component for Record {
+    const KIND: &'static str = "log.record";
+    const SUMMARY: &'static str = "records every sample of topics into an MCAP file";
+    const RESETS: bool = true;
+    type Config = RecordConfig;
+
+    fn declare(config: &RecordConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        if config.output.as_os_str().is_empty() {
+            return Err(
+                ConfigError::key("output", "an empty path").advise("name a file such as \"out/run.mcap\"")
+            );
+        }
+        let allowed = Duration::from_millis(1)..=Duration::from_secs(10);
+        if !allowed.contains(&config.bridges.into()) {
+            let found = format!("{}, expected 1 ms to 10 s", config.bridges);
+            return Err(ConfigError::key("bridges", found));
+        }
+        let steps_record = declare.clock() == ClockKind::Lockstep;
+        if steps_record && declare.period().is_some_and(|period| period > config.bridges.into()) {
+            let found = format!("{}, less than a period of the component", config.bridges);
+            return Err(ConfigError::key("bridges", found).advise("raise its rate, or this time"));
+        }
+        declare.taps(config.taps());
+        Ok(())
+    }
+
+    fn configure(config: RecordConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let output = setup.folder().join(&config.output);
+        let attached = |path: &PathBuf| {
+            let path = setup.folder().join(path);
+            let content = std::fs::read(&path)
+                .map_err(|error| ConfigureError::failed(format!("{}: {error}", path.display())))?;
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Ok::<_, ConfigureError>((name, content))
+        };
+        let settings = Settings {
+            output: output.clone(),
+            taps: config.taps(),
+            drawn_every_ns: config.drawn_every.ns,
+            last_ns: config.last.map(|last| last.ns),
+            attachments: config.attach.iter().map(attached).collect::<Result<_, _>>()?,
+        };
+        let observer = setup.observer()?;
+        let outcome = Arc::new(Mutex::new(Outcome::default()));
+        if observer.plan().clock == ClockKind::Lockstep {
+            let (recorder, _) = Recorder::open(observer, settings).map_err(ConfigureError::failed)?;
+            return Ok(Self { output, recorder: Some(recorder), outcome });
+        }
+        let poll = POLL.min(Duration::from(config.bridges) / 4);
+        let (sender, receiver) = crossbeam_channel::bounded(1);
+        let told = outcome.clone();
+        setup.helper("recorder", move |stop| {
+            // The taps belong to the thread that opens them.
+            match Recorder::open(observer, settings) {
+                Ok((recorder, file)) => {
+                    let _ = sender.send(Ok(file));
+                    record(recorder, stop, poll, &told);
+                }
+                Err(error) => drop(sender.send(Err(error))),
+            }
+        })?;
+        let opened =
+            receiver.recv().map_err(|_| ConfigureError::failed("its recorder ended before it began"))?;
+        let file = opened.map_err(ConfigureError::failed)?;
+        setup.helper("sync", move |stop| sync(&file, stop))?;
+        Ok(Self { output, recorder: None, outcome })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        self.drain();
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        // What the episode before has published is still there.
+        self.drain();
+        Ok(())
+    }
+
+    fn stop(&mut self) {
+        if let Some(recorder) = self.recorder.take() {
+            note(&self.outcome, None, recorder.finish());
+        }
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let Outcome { counts, ended } = self.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Some(serde_json::json!({
+            "file": self.output,
+            "samples": counts.samples,
+            "lost": counts.lost,
+            "bytes": counts.bytes,
+            "ended": ended,
+        }))
+    }
+}
+
+impl Record {
+    /// Records in lockstep; in real time a thread does.
+    fn drain(&mut self) {
+        let Some(recorder) = &mut self.recorder else { return };
+        if let Err(error) = set_apart(|| recorder.drain()) {
+            let counts = recorder.counts();
+            self.recorder = None;
+            note(&self.outcome, Some(counts), Err(error));
+        }
+    }
+}
+
+/// Notes what has come of a recording, and tells if it ended before the run.
+fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
+    let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(counts) = counts {
+        outcome.counts = counts;
+    }
+    match ended {
+        Ok(counts) => outcome.counts = counts,
+        Err(error) => {
+            println!(
+                "the recording has ended, the run goes on: {error}; `motorium recover` repairs its file"
+            );
+            outcome.ended = Some(error.to_string());
+        }
+    }
+}
+
+/// Records until the component has stopped.
+fn record(mut recorder: Recorder, stop: &StopRequest, poll: Duration, outcome: &Mutex<Outcome>) {
+    loop {
+        let last_round = stop.wait(poll);
+        let drained = recorder.drain();
+        let counts = recorder.counts();
+        outcome.lock().unwrap_or_else(PoisonError::into_inner).counts = counts;
+        if let Err(error) = drained {
+            return note(outcome, Some(counts), Err(error));
+        }
+        if last_round {
+            return note(outcome, Some(counts), recorder.finish());
+        }
+    }
+}
+
+/// Brings what was written to the disk, twice a second.
+fn sync(file: &File, stop: &StopRequest) {
+    while !stop.wait(SYNC_EVERY) {
+        // What cannot be brought to the disk the writer finds out.
+        let _ = file.sync_data();
+    }
+}

@@ -1,0 +1,80 @@
+//! Recordings as tables.
+
+use std::io::{self, Write};
+
+use motorium::state::{Decoder, FieldValue, Number};
+
+use super::Recording;
+use super::signals::SignalsError;
+
+/// The error of writing a table.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Signals(#[from] SignalsError),
+    /// The table cannot be written.
+    #[error(transparent)]
+    Write(#[from] io::Error),
+}
+
+/// Writes a topic as a table of comma-separated values: a row for each sample with its time since 1970 or since the start of a
+/// run in lockstep, its stamp, and a column for each number. Of an array with a count there are as many columns as its
+/// first sample has entries in use. Numbers are written so that they are read back to the last bit.
+///
+/// # Errors
+/// The recording cannot be read, or the table cannot be written.
+pub fn write_csv(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {
+    let decoder = Decoder::new(&recording.topics()[topic].layout).map_err(SignalsError::from)?;
+    let mut widths: Option<Vec<usize>> = None;
+    let mut rows = 0;
+    for sample in recording.samples() {
+        let sample = sample.map_err(SignalsError::from)?;
+        if sample.topic != topic {
+            continue;
+        }
+        let decoded = decoder.decode(&sample.bytes).map_err(SignalsError::from)?;
+        let widths = match &widths {
+            Some(widths) => widths,
+            None => {
+                let found: Vec<usize> =
+                    decoded.0.iter().map(|(_, value)| value.numbers().len().max(1)).collect();
+                write!(out, "time_ns,sequence,publish_time_ns,source_time_ns,episode")?;
+                for ((name, value), width) in decoded.0.iter().zip(&found) {
+                    match value {
+                        FieldValue::Many(_) => {
+                            (0..*width).try_for_each(|entry| write!(out, ",{name}[{entry}]"))?
+                        }
+                        FieldValue::One(_) | FieldValue::Text(_) => write!(out, ",{name}")?,
+                    }
+                }
+                writeln!(out)?;
+                widths.insert(found)
+            }
+        };
+        let stamp = &sample.stamp;
+        write!(
+            out,
+            "{},{},{},{},{}",
+            sample.time_ns, stamp.sequence, stamp.publish_time, stamp.source_time, stamp.episode
+        )?;
+        for ((_, value), width) in decoded.0.iter().zip(widths) {
+            match value {
+                FieldValue::Text(text) => write!(out, ",\"{}\"", text.replace('"', "\"\""))?,
+                value => {
+                    for entry in 0..*width {
+                        match value.numbers().get(entry) {
+                            Some(Number::Double(number)) => write!(out, ",{number}")?,
+                            Some(Number::Single(number)) => write!(out, ",{number}")?,
+                            Some(whole) => write!(out, ",{whole}")?,
+                            None => write!(out, ",")?,
+                        }
+                    }
+                }
+            }
+        }
+        writeln!(out)?;
+        rows += 1;
+    }
+    Ok(rows)
+}

@@ -1,0 +1,19 @@
+//! The machine that a run was recorded on.
+
+use motorium::os::machine;
+
+/// Facts of this machine as JSON.
+pub(super) fn facts() -> serde_json::Value {
+    let kernel = machine::Kernel::detect();
+    serde_json::json!({
+        "kernel": format!("{} {}", kernel.release, kernel.version),
+        "preemption": kernel.preemption(),
+        "processor": machine::processor(),
+        "cores": machine::online_cores().len(),
+        "isolated_cores": machine::isolated_cores(),
+        "governor": machine::governor(0),
+        "clock_source": machine::clock_source(),
+        "virtual": machine::is_virtual(),
+        "architecture": std::env::consts::ARCH,
+    })
+}

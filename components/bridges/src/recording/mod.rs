@@ -1,0 +1,51 @@
+//! Recordings: MCAP files of every sample of a run, written by `log.record`, read by the tools of the command.
+//!
+//! A file holds the channels of [`foxglove`](crate::foxglove) for each topic, and beside them:
+//!
+//! | name | holds |
+//! |---|---|
+//! | channel `/log` | the events of the run, `foxglove.Log` |
+//! | channel `motorium/events` | the same with their kinds, severities and values, `motorium.v1.Event` |
+//! | channel `/robot_description` | the robot's URDF, once |
+//! | attachments `plan.json`, the graph file, `machine.json`, `ROBOT.urdf` | what the run was, and on what machine |
+//! | metadata `motorium` | version, graph, clock, seed, time of the start |
+//! | metadata `recording`, at the end | samples and losses of each topic |
+//!
+//! Times of messages are those of the publications: since 1970 for a run in real time, since the start of the run in lockstep,
+//! where each episode follows on the one before.
+
+mod analysis;
+mod component;
+mod csv;
+mod file;
+mod machine;
+mod reader;
+mod recorder;
+mod recover;
+mod replay;
+mod signals;
+mod verify;
+
+pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};
+pub use component::{Record, RecordConfig};
+pub use csv::{TableError, write_csv};
+pub use reader::{ReadError, RecordedSample, RecordedTopic, Recording, Samples};
+pub use recover::{Recovered, recover};
+pub use replay::{Replay, ReplayConfig, loggers, replaced, replay_kind};
+pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
+pub use verify::{Difference, Verification, VerifyError, What, verify};
+
+/// Name of the metadata record with the facts of the run.
+const RUN: &str = "motorium";
+/// Name of the metadata record with the counts of the recording.
+const COUNTS: &str = "recording";
+/// Name of the attachment with the plan.
+const PLAN: &str = "plan.json";
+/// Key of the metadata of a channel: the topic that it is made of.
+const TOPIC: &str = "topic";
+/// Key of the metadata of an exact channel: the layout of its type, as JSON.
+const LAYOUT: &str = "layout";
+/// Key of the metadata of an exact channel: a hash of the layout.
+const HASH: &str = "layout_hash";
+/// Name of the channel with the events of a run.
+const EVENTS: &str = "motorium/events";

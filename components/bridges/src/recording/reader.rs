@@ -1,0 +1,294 @@
+//! Reading recordings.
+
+#![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::read::{ChunkFlattener, Options};
+use mcap::records::Record;
+use memmap2::Mmap;
+use motorium::plan::Plan;
+use motorium::state::{Stamp, TypeLayout};
+
+use super::{LAYOUT, PLAN, RUN, TOPIC};
+use crate::foxglove::{Derived, DerivedError};
+
+/// A recording, opened for reading.
+///
+/// ```no_run
+/// use motorium_bridges::recording::Recording;
+///
+/// let recording = Recording::open("out/run.mcap".as_ref())?;
+/// println!("graph {}", recording.plan()?.name);
+/// for sample in recording.samples() {
+///     let sample = sample?;
+///     println!("{} {}", recording.topics()[sample.topic].name, sample.stamp.sequence);
+/// }
+/// # Ok::<(), motorium_bridges::recording::ReadError>(())
+/// ```
+#[derive(Debug)]
+pub struct Recording {
+    path: PathBuf,
+    map: Mmap,
+    topics: Vec<RecordedTopic>,
+    /// Indices among the topics, by the number of the channel.
+    of_channel: BTreeMap<u16, usize>,
+    attachments: Vec<(String, Vec<u8>)>,
+    metadata: BTreeMap<String, BTreeMap<String, String>>,
+    is_whole: bool,
+}
+
+/// A topic of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedTopic {
+    /// Its name.
+    pub name: String,
+    /// Layout of its samples.
+    pub layout: TypeLayout,
+    /// Number of its samples in the file.
+    pub samples: u64,
+    derived: Derived,
+}
+
+impl RecordedTopic {
+    /// The messages of its exact channel.
+    pub fn derived(&self) -> &Derived {
+        &self.derived
+    }
+}
+
+/// A sample of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedSample {
+    /// Index of its topic among [`Recording::topics`].
+    pub topic: usize,
+    /// Time in the file, ns: since 1970, or since the start of a run in lockstep.
+    pub time_ns: u64,
+    /// Its stamp.
+    pub stamp: Stamp,
+    /// Its bytes, in the layout of its topic.
+    pub bytes: Vec<u8>,
+}
+
+/// The error of reading a recording.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be read.
+    #[error("{path}: {source}", path = .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// The file is no MCAP file, or damaged.
+    #[error("{path}: {source}", path = .path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The error of the format.
+        source: McapError,
+    },
+    /// A message that cannot be read.
+    #[error("{path}: topic `{topic}`: {source}", path = .path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// The error.
+        source: DerivedError,
+    },
+    /// The file is no recording of motorium.
+    #[error("{path} is no recording of this version of motorium: {reason}", path = .path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What is missing or different.
+        reason: String,
+    },
+}
+
+impl Recording {
+    /// Opens a recording, torn or whole, and reads what it holds but the samples.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no recording.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let io = |source| ReadError::Io { path: path.to_path_buf(), source };
+        let file = File::open(path).map_err(io)?;
+        if file.metadata().map_err(io)?.len() == 0 {
+            let reason = "it is empty".to_string();
+            return Err(ReadError::Foreign { path: path.to_path_buf(), reason });
+        }
+        // SAFETY: recordings are written once. One that is cut while it is mapped ends the program, and damages nothing else.
+        let map = unsafe { Mmap::map(&file) }.map_err(io)?;
+        let mut this = Self {
+            path: path.to_path_buf(),
+            map,
+            topics: Vec::new(),
+            of_channel: BTreeMap::new(),
+            attachments: Vec::new(),
+            metadata: BTreeMap::new(),
+            is_whole: false,
+        };
+        this.scan()?;
+        Ok(this)
+    }
+
+    fn format(&self, source: McapError) -> ReadError {
+        ReadError::Format { path: self.path.clone(), source }
+    }
+
+    fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {
+        ChunkFlattener::new_with_options(&self.map, Options::IgnoreEndMagic.into())
+            .map_err(|source| self.format(source))
+    }
+
+    fn scan(&mut self) -> Result<(), ReadError> {
+        let (mut topics, mut of_channel) = (Vec::<RecordedTopic>::new(), BTreeMap::new());
+        let (mut attachments, mut metadata, mut is_whole) = (Vec::new(), BTreeMap::new(), false);
+        let mut began = false;
+        for record in self.records()? {
+            let record = match record {
+                Ok(record) => record,
+                Err(error) if !began => return Err(self.format(error)),
+                // The end of a torn file.
+                Err(_) => break,
+            };
+            began = true;
+            match record {
+                Record::Channel(channel) if !of_channel.contains_key(&channel.id) => {
+                    let Some(layout) = channel.metadata.get(LAYOUT) else { continue };
+                    let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
+                    let layout: TypeLayout =
+                        serde_json::from_str(layout).map_err(|error| foreign(error.to_string()))?;
+                    let derived = Derived::new(&layout).map_err(|error| foreign(error.to_string()))?;
+                    of_channel.insert(channel.id, topics.len());
+                    let name = channel.metadata.get(TOPIC).unwrap_or(&channel.topic).clone();
+                    topics.push(RecordedTopic { name, layout, samples: 0, derived });
+                }
+                Record::Message { header, .. } => {
+                    if let Some(topic) = of_channel.get(&header.channel_id) {
+                        topics[*topic].samples += 1;
+                    }
+                }
+                Record::Attachment { header, data, .. } => {
+                    attachments.push((header.name, data.into_owned()));
+                }
+                Record::Metadata(found) => {
+                    metadata.insert(found.name, found.metadata);
+                }
+                Record::Footer(_) => is_whole = true,
+                _ => {}
+            }
+        }
+        (self.topics, self.of_channel) = (topics, of_channel);
+        (self.attachments, self.metadata, self.is_whole) = (attachments, metadata, is_whole);
+        Ok(())
+    }
+
+    /// True if the file has its end: its writer was not interrupted.
+    pub fn is_whole(&self) -> bool {
+        self.is_whole
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The topics that were recorded, and `motorium/events`.
+    pub fn topics(&self) -> &[RecordedTopic] {
+        &self.topics
+    }
+
+    /// The topic of a name.
+    pub fn topic(&self, name: &str) -> Option<usize> {
+        self.topics.iter().position(|topic| topic.name == name)
+    }
+
+    /// The content of an attachment.
+    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
+        self.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
+    }
+
+    /// Names of the attachments.
+    pub fn attachments(&self) -> impl Iterator<Item = &str> {
+        self.attachments.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// A fact of the run, such as `version` or `seed`.
+    pub fn fact(&self, name: &str) -> Option<&str> {
+        self.metadata.get(RUN)?.get(name).map(String::as_str)
+    }
+
+    /// The samples of a topic that were lost, where the recording has its end.
+    pub fn lost(&self, topic: &str) -> Option<u64> {
+        self.metadata.get(super::COUNTS)?.get(&format!("lost {topic}"))?.parse().ok()
+    }
+
+    /// The plan of the run.
+    ///
+    /// # Errors
+    /// The file holds none that this version reads.
+    pub fn plan(&self) -> Result<Plan, ReadError> {
+        let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
+        let text = self.attachment(PLAN).ok_or_else(|| foreign(format!("it has no attachment `{PLAN}`")))?;
+        serde_json::from_slice(text).map_err(|error| foreign(error.to_string()))
+    }
+
+    /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples { recording: self, records: self.records().ok() }
+    }
+
+    /// All samples in the order of their times.
+    ///
+    /// # Errors
+    /// A message is damaged.
+    pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
+        let mut samples = self.samples().collect::<Result<Vec<_>, _>>()?;
+        samples.sort_by_key(|sample| sample.time_ns);
+        Ok(samples)
+    }
+}
+
+/// The samples of a recording, one after the other.
+pub struct Samples<'r> {
+    recording: &'r Recording,
+    records: Option<ChunkFlattener<'r>>,
+}
+
+impl Iterator for Samples<'_> {
+    type Item = Result<RecordedSample, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            match self.records.as_mut()?.next() {
+                Some(Ok(Record::Message { header, data })) => {
+                    let Some(topic) = self.recording.of_channel.get(&header.channel_id) else { continue };
+                    let of_topic = &self.recording.topics[*topic];
+                    return Some(match of_topic.derived.decode(&data) {
+                        Ok((stamp, bytes)) => {
+                            Ok(RecordedSample { topic: *topic, time_ns: header.log_time, stamp, bytes })
+                        }
+                        Err(source) => {
+                            let (path, topic) = (self.recording.path.clone(), of_topic.name.clone());
+                            Err(ReadError::Message { path, topic, source })
+                        }
+                    });
+                }
+                Some(Ok(_)) => {}
+                // The scan has read so far, and has found nothing behind it.
+                Some(Err(_)) | None => {
+                    self.records = None;
+                    return None;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Numbers of a recording over time.
+
+use std::ops::Range;
+use std::str::FromStr;
+
+use motorium::nearest::suggest;
+use motorium::state::{DecodeError, Decoder, FieldValue, Number};
+
+use super::{ReadError, Recording};
+
+/// Some numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]`, `panda/target.position`, or
+/// all numbers of a topic by its name alone.
+///
+/// ```
+/// use motorium_bridges::recording::Signal;
+///
+/// let signal: Signal = "panda/joint_state.position[0..7]".parse().unwrap();
+/// assert_eq!((signal.topic.as_str(), signal.field.as_deref()), ("panda/joint_state", Some("position")));
+/// assert_eq!(signal.entries, Some(0..7));
+/// assert!("panda/joint_state.position[7..0]".parse::<Signal>().is_err());
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Signal {
+    /// Name of the topic.
+    pub topic: String,
+    /// Name of the field; all fields if `None`.
+    pub field: Option<String>,
+    /// Entries of an array; all in use if `None`.
+    pub entries: Option<Range<usize>>,
+}
+
+/// A text that names no signal.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` is no signal: expected TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B], such as panda/joint_state.position[0..7]"
+)]
+pub struct SignalError(String);
+
+impl FromStr for Signal {
+    type Err = SignalError;
+
+    fn from_str(text: &str) -> Result<Self, SignalError> {
+        let wrong = || SignalError(text.to_string());
+        let (name, entries) = match text.strip_suffix(']').map(|text| text.split_once('[').ok_or_else(wrong))
+        {
+            None => (text, None),
+            Some(parts) => {
+                let (name, entries) = parts?;
+                let number = |text: &str| text.trim().parse::<usize>().map_err(|_| wrong());
+                let range = match entries.split_once("..") {
+                    Some((first, end)) => number(first)?..number(end)?,
+                    None => number(entries)?..number(entries)?.checked_add(1).ok_or_else(wrong)?,
+                };
+                if range.is_empty() {
+                    return Err(wrong());
+                }
+                (name, Some(range))
+            }
+        };
+        let (topic, field) = match name.split_once('.') {
+            Some((topic, field)) => (topic, Some(field.to_string())),
+            None => (name, None),
+        };
+        if topic.is_empty()
+            || field.as_ref().is_some_and(String::is_empty)
+            || (field.is_none() && entries.is_some())
+        {
+            return Err(wrong());
+        }
+        Ok(Self { topic: topic.to_string(), field, entries })
+    }
+}
+
+/// One number over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Its name, such as `panda/joint_state.position[2]`.
+    pub name: String,
+    /// Index of the entry of an array.
+    pub entry: Option<usize>,
+    /// Time since the first sample of the recording, s, and value.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// The error of reading signals.
+#[derive(Debug, thiserror::Error)]
+pub enum SignalsError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A sample cannot be read.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    /// The recording has no such topic.
+    #[error("the recording has no topic `{topic}`; {advice}")]
+    NoTopic {
+        /// The topic.
+        topic: String,
+        /// The one that was probably meant, or all.
+        advice: String,
+    },
+    /// The topic has no such field.
+    #[error("topic `{topic}` has no field `{field}`; {advice}")]
+    NoField {
+        /// The topic.
+        topic: String,
+        /// The field.
+        field: String,
+        /// The one that was probably meant, or all.
+        advice: String,
+    },
+}
+
+/// A number as a floating-point number.
+fn as_f64(number: Number) -> f64 {
+    match number {
+        Number::Natural(number) => number as f64,
+        Number::Integer(number) => number as f64,
+        Number::Double(number) => number,
+        Number::Single(number) => f64::from(number),
+    }
+}
+
+/// The curves of signals, in their order; an array is a curve for each entry.
+///
+/// # Errors
+/// The recording has no such topic or field, or cannot be read.
+pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
+    let mut wanted = Vec::new();
+    for signal in signals {
+        let topics = recording.topics();
+        let index = recording.topic(&signal.topic).ok_or_else(|| SignalsError::NoTopic {
+            topic: signal.topic.clone(),
+            advice: suggest(&signal.topic, topics.iter().map(|topic| topic.name.as_str()), "its topics are"),
+        })?;
+        let layout = &topics[index].layout;
+        let names =
+            || layout.fields.iter().map(|field| field.name.as_str()).filter(|name| *name != "reserved");
+        if let Some(field) = &signal.field
+            && !names().any(|name| name == field)
+        {
+            let (topic, field) = (signal.topic.clone(), field.clone());
+            let advice = suggest(&field, names(), "its fields are");
+            return Err(SignalsError::NoField { topic, field, advice });
+        }
+        wanted.push((signal, index, Decoder::new(layout)?, Vec::<Curve>::new()));
+    }
+    let mut begin_ns = None;
+    for sample in recording.samples() {
+        let sample = sample?;
+        let begin_ns = *begin_ns.get_or_insert(sample.time_ns);
+        let time = (sample.time_ns as f64 - begin_ns as f64) * 1e-9;
+        for (signal, _, decoder, curves) in wanted.iter_mut().filter(|(_, index, ..)| *index == sample.topic)
+        {
+            for (field, value) in &decoder.decode(&sample.bytes)?.0 {
+                if signal.field.as_deref().is_some_and(|wanted| wanted != *field) {
+                    continue;
+                }
+                let many = matches!(value, FieldValue::Many(_));
+                for (entry, number) in value.numbers().iter().enumerate() {
+                    if many && signal.entries.as_ref().is_some_and(|entries| !entries.contains(&entry)) {
+                        continue;
+                    }
+                    let entry = many.then_some(entry);
+                    let name = match entry {
+                        Some(entry) => format!("{}.{field}[{entry}]", signal.topic),
+                        None => format!("{}.{field}", signal.topic),
+                    };
+                    let place = curves.iter().position(|curve| curve.name == name).unwrap_or_else(|| {
+                        curves.push(Curve { name, entry, points: Vec::new() });
+                        curves.len() - 1
+                    });
+                    curves[place].points.push((time, as_f64(*number)));
+                }
+            }
+        }
+    }
+    Ok(wanted.into_iter().flat_map(|(.., curves)| curves).collect())
+}
+
+impl Curve {
+    /// The curve with at most about this many points: of each stretch of time its least and its greatest value.
+    #[must_use]
+    pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
+        let per_stretch = self.points.len().div_ceil((points / 2).max(1));
+        if per_stretch <= 2 {
+            return self.points.clone();
+        }
+        let mut thinned = Vec::with_capacity(points);
+        for stretch in self.points.chunks(per_stretch) {
+            let least = stretch.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+            let greatest = stretch.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            let mut both: Vec<(f64, f64)> = least.into_iter().chain(greatest).copied().collect();
+            both.sort_by(|a, b| a.0.total_cmp(&b.0));
+            both.dedup();
+            thinned.extend(both);
+        }
+        thinned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thinned_curve_keeps_its_peaks() {
+        let points: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i % 7))).collect();
+        let mut curve = Curve { name: String::new(), entry: None, points };
+        curve.points[5_432].1 = 99.0;
+        curve.points[7_001].1 = -99.0;
+        let thinned = curve.thinned(500);
+        assert!(thinned.len() <= 502, "{}", thinned.len());
+        assert!(thinned.contains(&(5_432.0, 99.0)) && thinned.contains(&(7_001.0, -99.0)));
+        assert!(thinned.is_sorted_by(|a, b| a.0 < b.0));
+    }
+}

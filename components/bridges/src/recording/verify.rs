@@ -1,0 +1,353 @@
+//! Running a recorded graph again, and comparing all that it publishes.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::time::Duration;
+
+use motorium::declare::ClockKind;
+use motorium::launcher::Options;
+use motorium::session::{Session, SessionError};
+use motorium::state::{DecodeError, Decoder, FieldValue, Stamp};
+use motorium::transport::Tap;
+use motorium::worker::Registry;
+
+use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, replaced};
+
+/// The outcome of a verification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verification {
+    /// Samples that are equal to the last bit.
+    pub samples: u64,
+    /// Simulated time that was run again, of all episodes.
+    pub time: Duration,
+    /// The first difference; `None` if there is none.
+    pub difference: Option<Difference>,
+}
+
+/// A sample that is not as it was recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// The topic.
+    pub topic: String,
+    /// Number of the sample among those of its topic.
+    pub sequence: u64,
+    /// Index of the episode.
+    pub episode: u64,
+    /// Time of its publication in the episode, ns.
+    pub time_ns: u64,
+    /// The step, or rather the period of the publishing component, in which it was published, from 0.
+    pub tick: u64,
+    /// The field and its values; or that the sample is missing on one side.
+    pub what: What,
+}
+
+/// What differs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum What {
+    /// A field of the sample or of its stamp.
+    Field {
+        /// Its name, with the index of an entry, such as `position[3]` or `stamp.source_time`.
+        field: String,
+        /// Its value in the recording.
+        recorded: String,
+        /// Its value now.
+        now: String,
+    },
+    /// It was recorded, and is not published any more.
+    Missing,
+    /// It was not recorded, and is published now.
+    Unexpected,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { topic, sequence, episode, time_ns, tick, what } = self;
+        write!(f, "topic `{topic}`, tick {tick} ({:.6} s", *time_ns as f64 * 1e-9)?;
+        if *episode > 0 {
+            write!(f, " of episode {episode}")?;
+        }
+        write!(f, ", sample {sequence})")?;
+        match what {
+            What::Field { field, recorded, now } => {
+                write!(f, ", field `{field}`: recorded {recorded}, now {now}")
+            }
+            What::Missing => f.write_str(": recorded, and not published now"),
+            What::Unexpected => f.write_str(": published now, and not recorded"),
+        }
+    }
+}
+
+/// The error of a verification.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The graph does not run.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// A topic cannot be read.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    /// A recording in real time is not repeated to the last bit.
+    #[error(
+        "it was recorded in real time, whose timing no machine repeats: record a run with `--clock lockstep` to verify it"
+    )]
+    RealTime,
+    /// Samples were lost while it was recorded.
+    #[error(
+        "{lost} samples of topic `{topic}` were lost while it was recorded, so that it cannot be compared"
+    )]
+    Lost {
+        /// The topic.
+        topic: String,
+        /// Their number.
+        lost: u64,
+    },
+}
+
+/// One topic on both sides.
+struct Compared<'r> {
+    /// Its index in the recording.
+    index: usize,
+    topic: &'r RecordedTopic,
+    tap: Tap,
+    decoder: Decoder,
+    /// Period of its writer, ns.
+    period_ns: u64,
+    /// Samples of the recording that were read and not yet compared.
+    waiting: VecDeque<(Stamp, Vec<u8>)>,
+    message: Vec<u8>,
+}
+
+/// Runs the graph of a recording in lockstep again, and compares each sample with the recording to the last bit, up to its end.
+/// `log.replay` takes the place of the components `replace`.
+///
+/// # Errors
+/// The recording is not one that can be verified, or its graph does not run.
+pub fn verify(
+    recording: &Recording,
+    registry: &Registry,
+    options: &Options,
+    replace: &[String],
+) -> Result<Verification, VerifyError> {
+    let plan = replaced(recording, replace)?;
+    if plan.clock != ClockKind::Lockstep {
+        return Err(VerifyError::RealTime);
+    }
+    for topic in recording.topics() {
+        if let Some(lost) = recording.lost(&topic.name).filter(|lost| *lost > 0) {
+            return Err(VerifyError::Lost { topic: topic.name.clone(), lost });
+        }
+    }
+    let mut options = options.clone();
+    options.stand_in.extend(loggers(&plan));
+    let (seed, episodes) = (plan.seed, plan.episodes);
+    let periods: Vec<(String, u64)> = plan
+        .topics
+        .iter()
+        .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
+        .collect();
+    let mut session = Session::launch(plan, registry, &options)?;
+    let mut compared = Vec::new();
+    for (index, topic) in recording.topics().iter().enumerate().filter(|(_, topic)| topic.name != EVENTS) {
+        compared.push(Compared {
+            index,
+            topic,
+            tap: session.tap(&topic.name)?,
+            decoder: Decoder::new(&topic.layout)?,
+            period_ns: periods.iter().find(|(name, _)| *name == topic.name).map_or(1, |(_, period)| *period),
+            waiting: VecDeque::new(),
+            message: Vec::new(),
+        });
+    }
+    let mut recorded = Recorded { samples: recording.samples(), left: 0 };
+    recorded.left = compared.iter().map(|compared| compared.topic.samples).sum();
+    let mut outcome = Verification { samples: 0, time: Duration::ZERO, difference: None };
+    let mut before = Duration::ZERO;
+    'run: while recorded.left > 0 {
+        let end = session.plan().duration_ns.map_or(Duration::MAX, Duration::from_nanos);
+        while recorded.left > 0 && session.time() < end && !session.is_episode_over() {
+            match session.step() {
+                Ok(()) => {}
+                // A run that was recorded to its failure fails again; what is missing then is told below.
+                Err(SessionError::Ended(_)) => break 'run,
+                Err(error) => return Err(error.into()),
+            }
+            outcome.time = before + session.time();
+            outcome.difference = compare(&mut compared, &mut recorded, &mut outcome.samples)?;
+            if outcome.difference.is_some() {
+                break 'run;
+            }
+        }
+        let next = session.episode() + 1;
+        match episodes.filter(|episodes| next < episodes.count && recorded.left > 0) {
+            Some(episodes) => {
+                session.reset(episodes.seed(seed, next))?;
+                before = outcome.time;
+            }
+            None => break,
+        }
+    }
+    if outcome.difference.is_none() {
+        // Actuators publish as they go to their safe state, after the last step.
+        outcome.difference = compare(&mut compared, &mut recorded, &mut outcome.samples)?;
+    }
+    if outcome.difference.is_none() {
+        outcome.difference = missing(&mut compared, &mut recorded)?;
+    }
+    session.stop();
+    Ok(outcome)
+}
+
+/// The samples of the recording that were not yet compared.
+struct Recorded<'r> {
+    samples: Samples<'r>,
+    left: u64,
+}
+
+impl Recorded<'_> {
+    /// Reads on until a topic has a sample; false if there is none.
+    fn fill(&mut self, compared: &mut [Compared<'_>], wanted: usize) -> Result<bool, ReadError> {
+        while compared[wanted].waiting.is_empty() {
+            let Some(sample) = self.samples.next().transpose()? else { return Ok(false) };
+            if let Some(of) = compared.iter_mut().find(|compared| compared.index == sample.topic) {
+                of.waiting.push_back((sample.stamp, sample.bytes));
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// Compares what was published since the last call. The earliest difference.
+fn compare(
+    compared: &mut [Compared<'_>],
+    recorded: &mut Recorded<'_>,
+    samples: &mut u64,
+) -> Result<Option<Difference>, VerifyError> {
+    let mut first: Option<Difference> = None;
+    for index in 0..compared.len() {
+        loop {
+            let Compared { tap, topic, message, .. } = &mut compared[index];
+            message.clear();
+            if !tap.read(|stamp, bytes| topic.derived().encode(stamp, bytes, message)) {
+                break;
+            }
+            let now = topic.derived().decode(message);
+            let topic = topic.name.clone();
+            // What was encoded just now can be decoded.
+            let (stamp, bytes) =
+                now.map_err(|source| ReadError::Message { path: "".into(), topic, source })?;
+            if !recorded.fill(compared, index)? {
+                // The recording ends here, as one that was interrupted does.
+                continue;
+            }
+            let this = &mut compared[index];
+            let Some(was) = this.waiting.pop_front() else { continue };
+            recorded.left -= 1;
+            if was == (stamp, bytes.clone()) {
+                *samples += 1;
+                continue;
+            }
+            let what = this.difference(&was, &(stamp, bytes))?;
+            let found = this.at(&was.0, what);
+            if first
+                .as_ref()
+                .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
+            {
+                first = Some(found);
+            }
+            break;
+        }
+    }
+    Ok(first)
+}
+
+/// The earliest sample that was recorded and not published again.
+fn missing(
+    compared: &mut [Compared<'_>],
+    recorded: &mut Recorded<'_>,
+) -> Result<Option<Difference>, VerifyError> {
+    let mut first: Option<Difference> = None;
+    for index in 0..compared.len() {
+        if recorded.fill(compared, index)?
+            && let Some((stamp, _)) = compared[index].waiting.front()
+        {
+            let found = compared[index].at(stamp, What::Missing);
+            if first
+                .as_ref()
+                .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
+            {
+                first = Some(found);
+            }
+        }
+    }
+    Ok(first)
+}
+
+impl Compared<'_> {
+    fn at(&self, stamp: &Stamp, what: What) -> Difference {
+        Difference {
+            topic: self.topic.name.clone(),
+            sequence: stamp.sequence,
+            episode: stamp.episode,
+            time_ns: stamp.publish_time,
+            tick: stamp.publish_time / self.period_ns.max(1),
+            what,
+        }
+    }
+
+    /// The first field in which two samples differ.
+    fn difference(
+        &self,
+        (was, recorded): &(Stamp, Vec<u8>),
+        (is, now): &(Stamp, Vec<u8>),
+    ) -> Result<What, VerifyError> {
+        if (was.episode, was.publish_time, was.sequence) < (is.episode, is.publish_time, is.sequence)
+            && was.sequence != is.sequence
+        {
+            return Ok(What::Missing);
+        }
+        let (recorded, now) = (self.decoder.decode(recorded)?, self.decoder.decode(now)?);
+        for ((name, was), (_, is)) in recorded.0.iter().zip(&now.0) {
+            if let Some(what) = of_field(name, was, is) {
+                return Ok(what);
+            }
+        }
+        let stamps = [
+            ("sequence", was.sequence, is.sequence),
+            ("publish_time", was.publish_time, is.publish_time),
+            ("source_time", was.source_time, is.source_time),
+            ("state_time", was.state_time, is.state_time),
+            ("episode", was.episode, is.episode),
+            ("publisher", u64::from(was.publisher), u64::from(is.publisher)),
+            ("restart_count", u64::from(was.restart_count), u64::from(is.restart_count)),
+        ];
+        let found = stamps.into_iter().find(|(_, was, is)| was != is);
+        let (name, was, is) = found.unwrap_or(("sequence", was.sequence, is.sequence));
+        let field = format!("stamp.{name}");
+        Ok(What::Field { field, recorded: was.to_string(), now: is.to_string() })
+    }
+}
+
+fn of_field(name: &str, was: &FieldValue, is: &FieldValue) -> Option<What> {
+    let field = |field: String, recorded: String, now: String| Some(What::Field { field, recorded, now });
+    if let (FieldValue::Text(was), FieldValue::Text(is)) = (was, is) {
+        return if was == is { None } else { field(name.to_string(), format!("{was:?}"), format!("{is:?}")) };
+    }
+    let (was_all, is_all) = (was.numbers(), is.numbers());
+    if was_all.len() != is_all.len() {
+        let (was, is) = (was_all.len(), is_all.len());
+        return field(name.to_string(), format!("{was} entries"), format!("{is} entries"));
+    }
+    let many = matches!(was, FieldValue::Many(_));
+    // Written out in full, so that -0 and 0 differ.
+    let differs = |(was, is): &(String, String)| was != is;
+    let texts = was_all.iter().zip(is_all).map(|(was, is)| (format!("{was:?}"), format!("{is:?}")));
+    let (index, (recorded, now)) = texts.enumerate().find(|(_, pair)| differs(pair))?;
+    let bare = |text: String| {
+        text.split_once('(').map_or(text.clone(), |(_, rest)| rest.trim_end_matches(')').to_string())
+    };
+    let name = if many { format!("{name}[{index}]") } else { name.to_string() };
+    field(name, bare(recorded), bare(now))
+}

@@ -1,0 +1,317 @@
+//! Recordings of graphs in the process of the test: written, read, torn, repaired, run again.
+
+use std::path::Path;
+
+use motorium::graph::{self, Machine};
+use motorium::launcher::{Exit, Options, Report};
+use motorium::prelude::*;
+use motorium::session;
+use motorium::state::{JointState, Stamp, from_bytes};
+use motorium::worker::{Kind, Registry, RobotSource};
+use motorium_bridges::recording::{self, Recording, What, recover, verify};
+
+#[derive(serde::Deserialize, schemars::JsonSchema)]
+struct NoConfig {}
+
+/// Publishes a random walk that depends on the seed.
+struct Walk {
+    wrench: Output<Wrench>,
+    state: u64,
+}
+
+impl Component for Walk {
+    const KIND: &'static str = "test.walk";
+    const SUMMARY: &'static str = "walks";
+    const RESETS: bool = true;
+    type Config = NoConfig;
+
+    fn declare(_: &NoConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<Wrench>("wrench", "where it is");
+        Ok(())
+    }
+
+    fn configure(_: NoConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self { wrench: setup.output("wrench")?, state: setup.seed() | 1 })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        self.state =
+            self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.wrench.send(&Wrench { force: [(self.state >> 11) as f64, -0.0, 1.0], ..Wrench::default() })
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        self.state = episode.seed | 1;
+        Ok(())
+    }
+}
+
+/// Publishes the sum of what it reads, in the first of two joints.
+struct Sum {
+    wrench: Input<Wrench>,
+    joints: Output<JointState>,
+    sum: f64,
+}
+
+impl Component for Sum {
+    const KIND: &'static str = "test.sum";
+    const SUMMARY: &'static str = "adds";
+    const RESETS: bool = true;
+    type Config = NoConfig;
+
+    fn declare(_: &NoConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.input::<Wrench>("wrench", "what is added");
+        declare.output::<JointState>("joints", "the sum");
+        Ok(())
+    }
+
+    fn configure(_: NoConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self { wrench: setup.input("wrench")?, joints: setup.output("joints")?, sum: 0.0 })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        self.sum += self.wrench.latest().map_or(0.0, |wrench| wrench.force[0]);
+        let mut joints = self.joints.loan()?;
+        joints.set_count(2);
+        joints.position_mut().copy_from_slice(&[self.sum, 0.5]);
+        joints.publish()
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.sum = 0.0;
+        Ok(())
+    }
+}
+
+/// Fails after 400 ms.
+struct Failing {}
+
+impl Component for Failing {
+    const KIND: &'static str = "test.failing";
+    const SUMMARY: &'static str = "fails";
+    type Config = NoConfig;
+
+    fn declare(_: &NoConfig, _: &mut Declare) -> Result<(), ConfigError> {
+        Ok(())
+    }
+
+    fn configure(_: NoConfig, _: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self {})
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if tick.time_ns < 400_000_000 { Ok(()) } else { Err(StepError::failed("as it should")) }
+    }
+}
+
+fn registry() -> Registry {
+    let own = [Kind::of::<Failing>(), Kind::of::<Walk>(), Kind::of::<Sum>(), recording::replay_kind()];
+    Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, own.into_iter().chain(motorium_bridges::kinds()))
+}
+
+const GRAPH: &str = r#"
+name     = "walk"
+clock    = "lockstep"
+duration = "1 s"
+seed     = 7
+
+[component.walk]
+kind    = "test.walk"
+rate    = "1 kHz"
+publish = { wrench = "wrench" }
+
+[component.sum]
+kind      = "test.sum"
+trigger   = "wrench"
+subscribe = { wrench = "wrench" }
+publish   = { joints = "sum" }
+"#;
+
+fn recorder(file: &Path) -> String {
+    format!(
+        "[component.recorder]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
+         on_failure = \"ignore\"\nconfig = {{ output = {file:?} }}\n"
+    )
+}
+
+fn run(text: &str, options: &Options) -> Report {
+    let registry = registry();
+    let checked = graph::check("walk.toml".as_ref(), text.to_string(), &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let report = session::run(plan, &registry, options, &mut |_| {}).unwrap();
+    assert!(matches!(report.exit, Exit::Finished), "{:?}", report.exit);
+    report
+}
+
+fn record(file: &Path, extra: &str) -> Report {
+    run(&format!("{extra}{GRAPH}{}", recorder(file)), &Options::inline())
+}
+
+#[test]
+fn every_sample_of_a_run_in_lockstep_is_in_its_recording_and_the_run_is_the_same_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("new/a.mcap");
+    let report = record(&file, "");
+    assert_eq!(report.results["recorder"]["samples"], 2000);
+    assert_eq!(report.results["recorder"]["lost"], 0);
+    assert_eq!(report.state_hash, run(GRAPH, &Options::inline()).state_hash);
+
+    let recording = Recording::open(&file).unwrap();
+    assert!(recording.is_whole());
+    assert_eq!((recording.fact("seed"), recording.fact("clock")), (Some("7"), Some("lockstep")));
+    assert_eq!(recording.plan().unwrap().components.len(), 3);
+    assert!(recording.attachments().any(|name| name == "machine.json"));
+    assert_eq!(recording.lost("sum"), Some(0));
+    for name in ["wrench", "sum"] {
+        let topic = recording.topic(name).unwrap();
+        let of_topic = recording.samples().map(Result::unwrap).filter(|sample| sample.topic == topic);
+        let stamps: Vec<Stamp> = of_topic.map(|sample| sample.stamp).collect();
+        assert_eq!(stamps.len(), 1000);
+        for (stamp, number) in stamps.iter().zip(1..) {
+            assert_eq!((stamp.sequence, stamp.publish_time), (number, (number - 1) * 1_000_000), "{name}");
+        }
+    }
+    let events = recording.topic("motorium/events").unwrap();
+    assert!(recording.topics()[events].samples >= 2, "created and started");
+}
+
+#[test]
+fn a_recording_is_verified_to_the_last_bit_and_one_damaged_value_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    record(&file, "");
+    let check = |file: &Path, replace: &[String]| {
+        verify(&Recording::open(file).unwrap(), &registry(), &Options::inline(), replace).unwrap()
+    };
+    let verified = check(&file, &[]);
+    assert_eq!((verified.samples, verified.difference), (2000, None));
+    // the recording in the place of the source: its numbers come from the file
+    let verified = check(&file, &["walk".to_string()]);
+    assert_eq!((verified.samples, verified.difference), (2000, None));
+
+    // The lowest bit of one number of one sample of the sum.
+    let recording = Recording::open(&file).unwrap();
+    let topic = recording.topic("sum").unwrap();
+    let sample =
+        recording.samples().map(Result::unwrap).filter(|sample| sample.topic == topic).nth(639).unwrap();
+    let mut message = Vec::new();
+    recording.topics()[topic].derived().encode(&sample.stamp, &sample.bytes, &mut message);
+    let value = from_bytes::<JointState>(&sample.bytes).unwrap().position()[0].to_le_bytes();
+    let mut bytes = std::fs::read(&file).unwrap();
+    let place = find(&bytes, &message) + find(&message, &value);
+    drop(recording);
+    bytes[place] ^= 1;
+    std::fs::write(&file, &bytes).unwrap();
+    let difference = check(&file, &[]).difference.expect("a difference");
+    assert_eq!((difference.topic.as_str(), difference.sequence, difference.tick), ("sum", 640, 639));
+    let What::Field { field, .. } = &difference.what else { panic!("{difference}") };
+    assert_eq!(field, "position[0]");
+    assert!(difference.to_string().starts_with("topic `sum`, tick 639 (0.639000 s, sample 640), field"));
+}
+
+fn find(bytes: &[u8], part: &[u8]) -> usize {
+    bytes.windows(part.len()).position(|window| window == part).expect("it is there")
+}
+
+#[test]
+fn episodes_are_recorded_to_their_ends_and_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    // 155 ms: the recorder steps every 100 ms, so that the end of an episode is none of its steps
+    let text = GRAPH.replace("\"1 s\"", "\"155 ms\"") + &recorder(&file);
+    run(&format!("episodes = {{ count = 3, vary_seed = true }}\n{text}"), &Options::inline());
+    let recording = Recording::open(&file).unwrap();
+    let sum = recording.topic("sum").unwrap();
+    assert_eq!(recording.topics()[sum].samples, 3 * 155);
+    let times: Vec<u64> = recording.sorted().unwrap().iter().map(|sample| sample.time_ns).collect();
+    assert!(times.last().unwrap() >= &460_000_000, "the episodes follow on one another");
+    let verified = verify(&recording, &registry(), &Options::inline(), &[]).unwrap();
+    assert_eq!((verified.samples, verified.difference), (2 * 3 * 155, None));
+}
+
+#[test]
+fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let text = GRAPH.replace("\"1 s\"", "\"30 s\"") + &recorder(&file);
+    run(&text, &Options::inline());
+    let bytes = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
+    let torn = Recording::open(&file).unwrap();
+    assert!(!torn.is_whole());
+    let read = torn.samples().map(Result::unwrap).count();
+    assert!(read > 20_000, "{read} samples in half of the file");
+    let verified = verify(&torn, &registry(), &Options::inline(), &[]).unwrap();
+    assert_eq!(verified.difference, None);
+
+    let whole = folder.path().join("whole.mcap");
+    let recovered = recover(&file, &whole).unwrap();
+    assert!(!recovered.was_whole && recovered.messages >= read as u64, "{recovered:?}");
+    let repaired = Recording::open(&whole).unwrap();
+    assert!(repaired.is_whole());
+    assert_eq!(repaired.samples().count(), read);
+    assert_eq!(repaired.plan().unwrap(), torn.plan().unwrap());
+    // what is cut anywhere is read or refused, and never a panic
+    for length in (0..4096).chain([bytes.len() / 3, bytes.len() - 1]) {
+        std::fs::write(&file, &bytes[..length]).unwrap();
+        if let Ok(recording) = Recording::open(&file) {
+            let _ = recording.samples().count();
+        }
+    }
+}
+
+#[test]
+fn in_real_time_every_sample_is_recorded_or_counted_as_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let text = GRAPH.replace("lockstep", "realtime") + &recorder(&file);
+    let report = run(&text, &Options::threads());
+    let recording = Recording::open(&file).unwrap();
+    let topic = recording.topic("wrench").unwrap();
+    let last = recording.samples().map(Result::unwrap).filter(|sample| sample.topic == topic).last().unwrap();
+    let there = recording.topics()[topic].samples + recording.lost("wrench").unwrap();
+    assert_eq!(there, last.stamp.sequence);
+    assert_eq!(report.results["recorder"]["ended"], serde_json::Value::Null);
+    assert!(last.time_ns > 1_600_000_000_000_000_000, "time since 1970");
+    let error = verify(&recording, &registry(), &Options::inline(), &[]).unwrap_err().to_string();
+    assert!(error.contains("recorded in real time"), "{error}");
+}
+
+#[test]
+fn topics_are_chosen_by_name_and_a_name_without_a_topic_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let chosen = recorder(&file).replace("config = {", "config = { topics = [\"s*\"],");
+    run(&format!("{GRAPH}{chosen}"), &Options::inline());
+    let recording = Recording::open(&file).unwrap();
+    assert!(recording.topic("sum").is_some() && recording.topic("wrench").is_none());
+    let text = format!("{GRAPH}{}", chosen.replace("s*", "x*"));
+    let error = graph::check("walk.toml".as_ref(), text, &[], &registry(), &Machine::detect()).unwrap_err();
+    assert!(
+        error.render(false).contains("reads `x*`, which no component publishes"),
+        "{}",
+        error.render(false)
+    );
+}
+
+#[test]
+fn a_black_box_keeps_the_last_moments_of_a_run_that_ends_badly_and_nothing_of_a_good_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let kept = recorder(&file).replace("config = {", "config = { last = \"100 ms\",");
+    run(&format!("{GRAPH}{kept}"), &Options::inline());
+    assert!(!file.exists(), "the run was good");
+
+    let failing = format!("{GRAPH}{kept}[component.failing]\nkind = \"test.failing\"\nrate = \"1 kHz\"\n");
+    let registry = registry();
+    let checked = graph::check("walk.toml".as_ref(), failing, &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let report = session::run(plan, &registry, &Options::inline(), &mut |_| {}).unwrap();
+    assert!(matches!(report.exit, Exit::SafeStop { .. }), "{:?}", report.exit);
+    let recording = Recording::open(&file).unwrap();
+    assert!(recording.is_whole());
+    let times: Vec<u64> =
+        recording.sorted().unwrap().iter().map(|sample| sample.stamp.publish_time).collect();
+    let (first, last) = (times[0], times[times.len() - 1]);
+    assert!(last >= 400_000_000 && last - first <= 100_000_000, "{first} to {last}");
+}

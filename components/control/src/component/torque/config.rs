@@ -1,0 +1,210 @@
+//! The table `inverse_dynamics` of `control.qp`.
+
+use motorium::prelude::*;
+use motorium::units::TimeSpan;
+use motorium_robots::{Foot, Model, Profile};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::component::checks::in_range;
+use crate::component::config::QpControllerConfig;
+use crate::inverse_dynamics::{Contact, ContactShape, InverseDynamicsSettings, JointAccelerationLimits};
+
+/// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of the catalogue with
+/// feet the table may stay empty.
+///
+/// ```toml
+/// contacts = [{ foot = "left" }, { foot = "right", friction = 0.5 }]
+/// force_weight = 1e-3
+/// on_infeasible = "relax"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct InverseDynamicsConfig {
+    /// Contacts with the ground. Default: all feet of the robot's profile.
+    pub contacts: Option<Vec<ContactConfig>>,
+    /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
+    pub force_weight: f64,
+    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6. Default 20.
+    pub braking: f64,
+    /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default 1000.
+    pub max_acceleration: f64,
+    /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
+    pub torque_fraction: f64,
+    /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
+    pub contact_damping: f64,
+    /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
+    pub contact_ramp: TimeSpan,
+    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1. Default 0: torques alone.
+    pub impedance: f64,
+    /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques, while their actuator
+    /// comes out of its safe state; the gains then fall to `impedance` in half of that time. Default 600 ms.
+    pub stiff_start: TimeSpan,
+    /// Course of action where nothing satisfies all constraints. Default "relax".
+    pub on_infeasible: InfeasiblePolicy,
+}
+
+impl Default for InverseDynamicsConfig {
+    fn default() -> Self {
+        let settings = InverseDynamicsSettings::default();
+        Self {
+            contacts: None,
+            force_weight: 1e-3,
+            braking: settings.joints.braking,
+            max_acceleration: settings.joints.max_acceleration,
+            torque_fraction: settings.torque_fraction,
+            contact_damping: settings.contact_damping,
+            contact_ramp: TimeSpan { ns: 200_000_000 },
+            impedance: 0.0,
+            stiff_start: TimeSpan { ns: 600_000_000 },
+            on_infeasible: InfeasiblePolicy::Relax,
+        }
+    }
+}
+
+/// Course of action of a step whose constraints contradict each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InfeasiblePolicy {
+    /// Contacts at rest and limits of the joints give way; by how much is in the result. Torque limits and friction never do.
+    Relax,
+    /// The joints are held where they are by their gains, with the torques of the last step that had a solution.
+    Hold,
+    /// Nothing is commanded: the drives go to their safe state.
+    SafeStop,
+}
+
+/// A contact: a foot of the profile, or a frame with a shape.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ContactConfig {
+    /// Foot of the robot's profile; its name is that of the contact. This or `frame`.
+    pub foot: Option<String>,
+    /// Link whose frame touches the ground; its name is that of the contact. This or `foot`.
+    pub frame: Option<String>,
+    /// Radius of a ball about the origin of `frame`, m. Without it and `sole`: a point.
+    pub radius: Option<f64>,
+    /// Sides of a sole along x and y of `frame`, centred on its origin, m.
+    pub sole: Option<[f64; 2]>,
+    /// Coefficient of friction, 1e-3 to 10. Default: that of the foot, or 0.6.
+    pub friction: Option<f64>,
+    /// Largest normal force at each point of the contact, N. Default: no limit.
+    pub max_force: Option<f64>,
+}
+
+impl InverseDynamicsConfig {
+    /// The contacts, checked.
+    pub(super) fn contacts(
+        &self,
+        model: &Model,
+        profile: Option<&Profile>,
+    ) -> Result<Vec<Contact>, ConfigError> {
+        let Some(configs) = &self.contacts else {
+            let feet = profile.iter().flat_map(|profile| &profile.feet);
+            let contact = |(name, foot): (&String, &Foot)| {
+                Contact::of_foot(model, name, foot).map_err(|error| ConfigError::new(error.to_string()))
+            };
+            return feet.map(contact).collect();
+        };
+        let mut contacts: Vec<Contact> = Vec::new();
+        for (index, config) in configs.iter().enumerate() {
+            let key = |name: &str| format!("inverse_dynamics.contacts[{index}].{name}");
+            let contact = config.contact(model, profile, &key)?;
+            if contacts.iter().any(|other| other.name == contact.name) {
+                let message = format!("`{}` is a contact twice", contact.name);
+                return Err(ConfigError::key(key("foot"), message));
+            }
+            contacts.push(contact);
+        }
+        Ok(contacts)
+    }
+
+    /// The settings, checked.
+    pub(super) fn settings(
+        &self,
+        config: &QpControllerConfig,
+    ) -> Result<InverseDynamicsSettings, ConfigError> {
+        let key = |name: &str| format!("inverse_dynamics.{name}");
+        in_range(&key("impedance"), self.impedance, 0.0..=1.0)?;
+        let braking = in_range(&key("braking"), self.braking, 1e-3..=1e6)?;
+        Ok(InverseDynamicsSettings {
+            gravity: config.gravity.into(),
+            damping: config.damping,
+            force_weight: in_range(&key("force_weight"), self.force_weight, 0.0..=1000.0)?,
+            contact_damping: in_range(&key("contact_damping"), self.contact_damping, 0.0..=1000.0)?,
+            joints: JointAccelerationLimits {
+                braking,
+                max_acceleration: in_range(&key("max_acceleration"), self.max_acceleration, braking..=1e9)?,
+                margin: config.limits.position.margin,
+                velocity_fraction: config.limits.velocity.fraction,
+            },
+            torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
+            relaxation: match self.on_infeasible {
+                InfeasiblePolicy::Relax => InverseDynamicsSettings::default().relaxation,
+                InfeasiblePolicy::Hold | InfeasiblePolicy::SafeStop => None,
+            },
+        })
+    }
+}
+
+impl ContactConfig {
+    fn contact(
+        &self,
+        model: &Model,
+        profile: Option<&Profile>,
+        key: &dyn Fn(&str) -> String,
+    ) -> Result<Contact, ConfigError> {
+        let mut contact = match (&self.foot, &self.frame) {
+            (Some(name), None) => {
+                if self.radius.is_some() || self.sole.is_some() {
+                    let message = "the shape of a foot is that of the robot's profile";
+                    return Err(ConfigError::key(key("foot"), message).advise("name its `frame` instead"));
+                }
+                let feet = profile.map(|profile| &profile.feet);
+                let Some(foot) = feet.and_then(|feet| feet.get(name)) else {
+                    let names: Vec<_> =
+                        feet.iter().flat_map(|feet| feet.keys().map(String::as_str)).collect();
+                    let message = format!("robot `{}` has no foot `{name}`", model.name());
+                    return Err(ConfigError::key(key("foot"), message).advise(match names.is_empty() {
+                        true => "its profile has no feet: name a `frame` and its shape".to_owned(),
+                        false => format!("it has {}", names.join(", ")),
+                    }));
+                };
+                Contact::of_foot(model, name, foot)
+                    .map_err(|error| ConfigError::key(key("foot"), error.to_string()))?
+            }
+            (None, Some(name)) => {
+                let frame =
+                    model.frame(name).map_err(|error| ConfigError::key(key("frame"), error.to_string()))?;
+                let shape = match (self.sole, self.radius) {
+                    (Some(_), Some(_)) => {
+                        return Err(ConfigError::key(key("radius"), "of a contact that has a `sole`, too"));
+                    }
+                    (Some(sides), None) => ContactShape::Sole { sides },
+                    (None, Some(radius)) => ContactShape::Ball { radius },
+                    (None, None) => ContactShape::Point,
+                };
+                Contact::new(name, frame, shape)
+            }
+            _ => {
+                let message = "a contact is either a `foot` of the profile or a `frame`";
+                return Err(ConfigError::key(key("foot"), message));
+            }
+        };
+        if let ContactShape::Sole { sides } = contact.shape {
+            for side in sides {
+                in_range(&key("sole"), side, 1e-6..=1e3)?;
+            }
+        }
+        if let ContactShape::Ball { radius } = contact.shape {
+            in_range(&key("radius"), radius, 0.0..=1e3)?;
+        }
+        if let Some(friction) = self.friction {
+            contact.friction = in_range(&key("friction"), friction, 1e-3..=10.0)?;
+        }
+        if let Some(force) = self.max_force {
+            contact.max_force = in_range(&key("max_force"), force, 1e-3..=1e9)?;
+        }
+        Ok(contact)
+    }
+}

@@ -1,0 +1,324 @@
+//! `control.qp` that computes torques: whole-body inverse dynamics.
+
+mod config;
+mod diagnostics;
+
+pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium_robots::{Gains, Kinematics, Model};
+
+use super::config::QpControllerConfig;
+use super::setup::ControllerSetup;
+use super::tasks::{Held, TaskBounds};
+use super::{period_ns, results};
+use crate::inverse_dynamics::{
+    InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits, MotionState,
+};
+use crate::{JointSetpoint, RobotState};
+use diagnostics::Diagnostics;
+
+/// Time constant with which the integrated accelerations return to the measured motion, s.
+const LEAK: f64 = 0.2;
+
+/// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
+const LOADED: f64 = 2.0;
+
+/// A controller of torques, see [`InverseDynamics`].
+pub(super) struct TorqueController {
+    joint_state: Input<JointState>,
+    base_state: Option<Input<BaseState>>,
+    joint_command: Output<JointCommand>,
+    model: Model,
+    /// At the measured state.
+    kinematics: Kinematics,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    /// In the order of the configuration.
+    tasks: Vec<Held>,
+    control: InverseDynamics,
+    contacts: Vec<ContactSwitch>,
+    /// The integrated accelerations.
+    reference: JointSetpoint,
+    reference_velocity: Vec<f64>,
+    torque: Vec<f64>,
+    gains: Gains,
+    impedance: f64,
+    stiff_start: f64,
+    /// Time since it began, s.
+    began_for: f64,
+    policy: InfeasiblePolicy,
+    max_lead: f64,
+    contact_ramp: f64,
+    state_timeout_ns: u64,
+    target_timeout_ns: u64,
+    kp_scale: Parameter<f64>,
+    kd_scale: Parameter<f64>,
+    velocity_fraction: Parameter<f64>,
+    joints: JointAccelerationLimits,
+    clock: RunClock,
+    state_ns: u64,
+    last_ns: Option<u64>,
+    /// True while the last step had no solution.
+    failing: bool,
+    diagnostics: Diagnostics,
+}
+
+/// The share of its load that a contact may carry, which follows a parameter.
+struct ContactSwitch {
+    parameter: Parameter<f64>,
+    load: f64,
+    /// Largest normal force at each point under full load \[N\], and while it is ramped.
+    max_force: f64,
+    ramped: f64,
+}
+
+impl TorqueController {
+    pub(super) fn declare(
+        config: &InverseDynamicsConfig,
+        parts: &ControllerSetup,
+        declare: &mut Declare,
+    ) -> Result<(), ConfigError> {
+        config.settings(&QpControllerConfig::default())?;
+        for contact in config.contacts(&parts.model, parts.profile.as_ref())? {
+            let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
+            declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
+        }
+        Ok(())
+    }
+
+    pub(super) fn configure(config: &QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let parts = ControllerSetup::new(config, &robot)?;
+        let table = config.inverse_dynamics.clone().unwrap_or_default();
+        let mut tasks = parts
+            .tasks(setup.period().as_secs_f64())
+            .map(|(place, task)| {
+                let level = parts.levels().filter(|level| *level < task.level()).count();
+                Ok(Held { name: task.name().to_owned(), level, task: task.configure(&place, setup)? })
+            })
+            .collect::<Result<Vec<_>, ConfigureError>>()?;
+        let mut rows = vec![0; parts.levels().count()];
+        for Held { level, task, .. } in &mut tasks {
+            rows[*level] += task.rows();
+        }
+        let contacts = table.contacts(&parts.model, parts.profile.as_ref())?;
+        let settings: InverseDynamicsSettings = table.settings(config)?;
+        let ControllerSetup { model, gains, .. } = parts;
+        let weight = model.mass() * settings.gravity.norm();
+        let switches = contacts
+            .iter()
+            .map(|contact| {
+                let parameter = setup.parameter(&format!("{}_contact", contact.name))?;
+                let max_force = contact.max_force;
+                Ok(ContactSwitch { parameter, load: 1.0, max_force, ramped: max_force.min(LOADED * weight) })
+            })
+            .collect::<Result<Vec<_>, ConfigureError>>()?;
+        let control = InverseDynamics::with_settings(&model, contacts, settings).levels(&rows);
+        let floating = model.base().floating;
+        Ok(Self {
+            joint_state: setup.input("joint_state")?,
+            base_state: if floating { Some(setup.input("base_state")?) } else { None },
+            joint_command: setup.output("joint_command")?,
+            kinematics: Kinematics::new(&model),
+            q: model.neutral(),
+            v: vec![0.0; model.nv()],
+            diagnostics: Diagnostics::new(tasks.len()),
+            tasks,
+            joints: control.settings().joints,
+            control,
+            contacts: switches,
+            reference: JointSetpoint::of_joints(&model),
+            reference_velocity: vec![0.0; model.joint_count()],
+            torque: vec![0.0; model.joint_count()],
+            gains,
+            impedance: table.impedance,
+            stiff_start: table.stiff_start.as_secs_f64(),
+            began_for: 0.0,
+            policy: table.on_infeasible,
+            max_lead: config.max_lead,
+            contact_ramp: table.contact_ramp.as_secs_f64(),
+            state_timeout_ns: config.state_timeout.ns,
+            target_timeout_ns: config.target_timeout.ns,
+            kp_scale: setup.parameter("kp_scale")?,
+            kd_scale: setup.parameter("kd_scale")?,
+            velocity_fraction: setup.parameter("velocity_fraction")?,
+            clock: setup.clock(),
+            state_ns: 0,
+            last_ns: None,
+            failing: false,
+            model,
+        })
+    }
+
+    pub(super) fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if !self.read_state()? {
+            return Ok(());
+        }
+        let longest = self.state_timeout_ns.max(2 * period_ns(tick));
+        let now_ns = self.clock.grid_ns(tick, self.state_ns);
+        let unbroken = self.last_ns.replace(now_ns);
+        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
+        if unbroken.is_none() {
+            self.begin();
+        }
+        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
+        self.prepare(dt);
+        let solved = self.solve(dt);
+        let measured = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
+        for held in &mut self.tasks {
+            held.task.record(&measured, dt);
+        }
+        self.diagnostics.place(self.kinematics.centre_of_mass(&self.model).position);
+        match (solved, self.policy) {
+            (false, InfeasiblePolicy::SafeStop) => Ok(()),
+            (solved, _) => self.publish(solved),
+        }
+    }
+
+    /// Reads the newest state of joints and base. False without a fresh one.
+    fn read_state(&mut self) -> Result<bool, StepError> {
+        let Some(state) = self.joint_state.latest() else { return Ok(false) };
+        self.state_ns = state.time_ns();
+        let mut stale = state.age_ns() > self.state_timeout_ns;
+        if state.count() != self.model.joint_count() {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
+        }
+        let base = self.model.nv() - self.model.joint_count();
+        let base_q = self.model.nq() - self.model.joint_count();
+        self.q[base_q..].copy_from_slice(state.position());
+        self.v[base..].copy_from_slice(state.velocity());
+        if let Some(input) = &mut self.base_state {
+            let Some(state) = input.latest() else { return Ok(false) };
+            stale |= state.age_ns() > self.state_timeout_ns;
+            self.q[..3].copy_from_slice(&state.position);
+            self.q[3..7].copy_from_slice(&state.orientation);
+            self.v[..3].copy_from_slice(&state.linear_velocity);
+            self.v[3..6].copy_from_slice(&state.angular_velocity);
+            let length = self.q[3..7].iter().map(|part| part * part).sum::<f64>().sqrt();
+            // half the length of a unit quaternion is no rounding error
+            if !(0.5..2.0).contains(&length) {
+                return Err(StepError::failed("the orientation of the base state is no unit quaternion"));
+            }
+            self.q[3..7].iter_mut().for_each(|part| *part /= length);
+        }
+        if stale {
+            self.diagnostics.stale += 1;
+            self.last_ns = None;
+            return Ok(false);
+        }
+        self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
+        Ok(true)
+    }
+
+    /// Begins at the measured state.
+    fn begin(&mut self) {
+        self.reference.reset(self.model.joints_of_q(&self.q));
+        self.reference_velocity.copy_from_slice(self.model.joints_of_v(&self.v));
+        self.torque.fill(0.0);
+        self.began_for = 0.0;
+        let start = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
+        for held in &mut self.tasks {
+            held.task.begin(&start);
+        }
+    }
+
+    /// Applies the current parameters and targets.
+    fn prepare(&mut self, dt: f64) {
+        let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+        for held in &mut self.tasks {
+            held.task.prepare(&bounds);
+        }
+        self.joints.velocity_fraction = self.velocity_fraction.get().max(1e-6);
+        self.control.set_joint_limits(self.joints);
+        for (index, switch) in self.contacts.iter_mut().enumerate() {
+            let (wanted, step) = (switch.parameter.get(), dt / self.contact_ramp.max(dt));
+            switch.load += (wanted - switch.load).clamp(-step, step);
+            let full = switch.load >= 1.0;
+            self.control.set_active(index, switch.load > 0.0);
+            let most = if full { switch.max_force } else { switch.load * switch.ramped };
+            self.control.set_max_force(index, most);
+        }
+    }
+
+    /// Computes torques and moves the reference by one tick. False without a solution.
+    fn solve(&mut self, dt: f64) -> bool {
+        let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
+        self.control.begin(&state, dt);
+        for held in &mut self.tasks {
+            if let Some(task) = held.task.acceleration() {
+                self.control.add_task(&state, held.level, task);
+            }
+        }
+        let solution = match self.control.solve() {
+            Ok(solution) => solution,
+            Err(error) => {
+                let conflict = match error {
+                    InverseDynamicsError::Infeasible(conflict) => Some(conflict),
+                    _ => None,
+                };
+                self.diagnostics.failed(conflict);
+                if !std::mem::replace(&mut self.failing, true) {
+                    self.reference.reset(self.model.joints_of_q(&self.q));
+                }
+                self.reference_velocity.fill(0.0);
+                return false;
+            }
+        };
+        self.failing = false;
+        self.torque.copy_from_slice(solution.torque.as_slice());
+        self.began_for += dt;
+        self.diagnostics.solved(&self.control, &mut self.tasks);
+        if self.began_for <= self.stiff_start {
+            self.reference_velocity.copy_from_slice(self.model.joints_of_v(&self.v));
+            return true;
+        }
+        let solution = self.control.solution();
+        let (measured, leak) = (self.model.joints_of_v(&self.v), dt / LEAK.max(dt));
+        let accelerations = self.model.joints_of_v(solution.acceleration.as_slice());
+        for ((reference, measured), a) in self.reference_velocity.iter_mut().zip(measured).zip(accelerations)
+        {
+            *reference += a * dt + leak * (measured - *reference);
+        }
+        self.reference.integrate(&self.reference_velocity, dt);
+        self.reference.limit_tracking_error(self.model.joints_of_q(&self.q), self.max_lead);
+        true
+    }
+
+    fn publish(&mut self, solved: bool) -> Result<(), StepError> {
+        // held, the joints have nothing but their gains
+        let left = (self.stiff_start - self.began_for) / (0.5 * self.stiff_start).max(1e-9) + 1.0;
+        let stiff = left.clamp(0.0, 1.0);
+        let share = if solved { self.impedance + stiff * (1.0 - self.impedance) } else { 1.0 };
+        let (kp, kd) = (share * self.kp_scale.get(), share * self.kd_scale.get());
+        let mut command = self.joint_command.loan()?;
+        command.set_count(self.model.joint_count());
+        command.position_mut().copy_from_slice(self.reference.position());
+        if solved {
+            command.velocity_mut().copy_from_slice(self.reference.velocity());
+        } else {
+            command.velocity_mut().fill(0.0);
+        }
+        command.effort_mut().copy_from_slice(&self.torque);
+        command.kp_mut().iter_mut().zip(&self.gains.kp).for_each(|(out, gain)| *out = kp * gain);
+        command.kd_mut().iter_mut().zip(&self.gains.kd).for_each(|(out, gain)| *out = kd * gain);
+        command.publish()
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.tasks.iter_mut().for_each(|held| held.task.reset());
+        self.control.reset();
+        self.contacts.iter_mut().for_each(|switch| switch.load = 1.0);
+        self.diagnostics.reset();
+        (self.last_ns, self.failing) = (None, false);
+    }
+
+    pub(super) fn result(&self) -> serde_json::Value {
+        let mut result = results(&self.tasks);
+        self.diagnostics.add_to(&mut result, &self.control, &self.model, &self.tasks);
+        result
+    }
+}

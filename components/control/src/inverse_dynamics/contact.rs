@@ -1,0 +1,195 @@
+//! Contacts of the robot with the world.
+
+use motorium_robots::{Foot, FrameId, Kinematics, Model, Reference, UnknownFrame};
+use nalgebra::{Matrix3, Matrix6xX, Vector3, Vector6};
+
+/// Shape of a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ContactShape {
+    /// The origin of the frame, with any orientation.
+    Point,
+    /// A ball about the origin of the frame, which rolls on the world.
+    Ball {
+        /// Its radius \[m\].
+        radius: f64,
+    },
+    /// A rectangle in the plane of x and y of the frame, centred at its origin; z points away from the ground.
+    Sole {
+        /// Its sides along x and y \[m\].
+        sides: [f64; 2],
+    },
+}
+
+/// A place on the robot that stands on the world, which does not move.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::{Contact, ContactShape};
+/// use motorium_robots::load;
+///
+/// let robot = load("quadruped", std::path::Path::new("."))?;
+/// let foot = &robot.profile.unwrap().feet["front_left"];
+/// let contact = Contact::of_foot(&robot.model, "front_left", foot)?;
+/// assert_eq!(contact.shape, ContactShape::Ball { radius: 0.0165 });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// Its name, for messages.
+    pub name: String,
+    /// Frame of the robot.
+    pub frame: FrameId,
+    /// Where it touches.
+    pub shape: ContactShape,
+    /// Coefficient of friction. Default 0.6.
+    pub friction: f64,
+    /// Largest normal force at each of its points \[N\]. Default infinite.
+    pub max_force: f64,
+    /// Normal of the world's surface, of a point or a ball; a sole has that of its frame. Default up.
+    pub normal: Vector3<f64>,
+}
+
+/// A foot of a profile that cannot be a contact.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ContactError {
+    /// It names a frame that the robot does not have.
+    #[error(transparent)]
+    Frame(#[from] UnknownFrame),
+}
+
+impl Contact {
+    /// A contact of this frame and shape, with the defaults of its other fields.
+    pub fn new(name: impl Into<String>, frame: FrameId, shape: ContactShape) -> Self {
+        let (friction, max_force, normal) = (0.6, f64::INFINITY, Vector3::z());
+        Self { name: name.into(), frame, shape, friction, max_force, normal }
+    }
+
+    /// The contact of a foot of the robot's profile: a sole, a ball, or a point.
+    ///
+    /// # Errors
+    /// [`ContactError`].
+    pub fn of_foot(model: &Model, name: &str, foot: &Foot) -> Result<Self, ContactError> {
+        let shape = match (foot.sole, foot.radius) {
+            (Some(sides), _) => ContactShape::Sole { sides },
+            (None, Some(radius)) => ContactShape::Ball { radius },
+            (None, None) => ContactShape::Point,
+        };
+        let contact = Self::new(name, model.frame(&foot.frame)?, shape);
+        Ok(Self { friction: foot.friction.unwrap_or(contact.friction), ..contact })
+    }
+
+    /// Number of points at which a force acts.
+    pub fn points(&self) -> usize {
+        match self.shape {
+            ContactShape::Point | ContactShape::Ball { .. } => 1,
+            ContactShape::Sole { .. } => 4,
+        }
+    }
+
+    /// Number of motions that it holds still.
+    pub fn rows(&self) -> usize {
+        match self.shape {
+            ContactShape::Point | ContactShape::Ball { .. } => 3,
+            ContactShape::Sole { .. } => 6,
+        }
+    }
+
+    /// Place of a point relative to the origin of the frame, in world axes \[m\].
+    fn arm(&self, point: usize, axes: &Matrix3<f64>) -> Vector3<f64> {
+        match self.shape {
+            ContactShape::Point => Vector3::zeros(),
+            ContactShape::Ball { radius } => self.normal * -radius,
+            ContactShape::Sole { sides: [x, y] } => {
+                let (x, y) = ([0.5, 0.5, -0.5, -0.5][point] * x, [0.5, -0.5, -0.5, 0.5][point] * y);
+                axes * Vector3::new(x, y, 0.0)
+            }
+        }
+    }
+}
+
+/// A contact at one state of the robot.
+#[derive(Clone, Debug)]
+pub(super) struct ContactPlace {
+    pub(super) contact: Contact,
+    /// False while it does not touch: it then neither holds anything still nor has a force.
+    pub(super) active: bool,
+    /// First of its forces among those of all contacts, counted in points.
+    pub(super) first_point: usize,
+    /// First of its rows among those of all contacts.
+    pub(super) first_row: usize,
+    /// Two tangents and the normal, as columns, in the world.
+    pub(super) axes: Matrix3<f64>,
+    /// Points relative to the origin of the frame, in world axes \[m\].
+    pub(super) arms: Vec<Vector3<f64>>,
+    /// Jacobian of the frame, world axes, 6 x nv.
+    pub(super) jacobian: Matrix6xX<f64>,
+    /// Velocity of what is held still, and its drift `Jdot v`; the first [`Contact::rows`] count.
+    pub(super) velocity: Vector6<f64>,
+    pub(super) drift: Vector6<f64>,
+}
+
+impl ContactPlace {
+    pub(super) fn new(contact: Contact, model: &Model, first_point: usize, first_row: usize) -> Self {
+        Self {
+            arms: vec![Vector3::zeros(); contact.points()],
+            contact,
+            active: true,
+            first_point,
+            first_row,
+            axes: Matrix3::identity(),
+            jacobian: Matrix6xX::zeros(model.nv()),
+            velocity: Vector6::zeros(),
+            drift: Vector6::zeros(),
+        }
+    }
+
+    /// Evaluates places, Jacobian, velocity and drift.
+    ///
+    /// The contact point of a ball is at a constant `c` from its centre, in world axes: where it rolls, the velocity
+    /// `v + w x c` of the point of the ball that touches is zero, and stays zero if `dv/dt + dw/dt x c` is.
+    pub(super) fn update(&mut self, model: &Model, kinematics: &Kinematics) {
+        let frame = self.contact.frame;
+        kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut self.jacobian);
+        let rotation = kinematics.pose(model, frame).rotation.to_rotation_matrix().into_inner();
+        self.axes = match self.contact.shape {
+            ContactShape::Sole { .. } => rotation,
+            ContactShape::Point | ContactShape::Ball { .. } => tangents(&self.contact.normal),
+        };
+        for (point, arm) in self.arms.iter_mut().enumerate() {
+            *arm = self.contact.arm(point, &rotation);
+        }
+        self.velocity = kinematics.velocity(model, frame).vector();
+        self.drift = kinematics.acceleration(model, frame).vector();
+        if let ContactShape::Ball { .. } = self.contact.shape {
+            let arm = self.arms[0];
+            for column in self.jacobian.as_mut_slice().chunks_exact_mut(6) {
+                lever(column, &arm);
+            }
+            lever(self.velocity.as_mut_slice(), &arm);
+            lever(self.drift.as_mut_slice(), &arm);
+        }
+    }
+
+    /// Place of a point relative to where `jacobian` is taken, in world axes \[m\]: that of a ball is taken at its contact point.
+    pub(super) fn lever_arm(&self, point: usize) -> Vector3<f64> {
+        match self.contact.shape {
+            ContactShape::Ball { .. } => Vector3::zeros(),
+            ContactShape::Point | ContactShape::Sole { .. } => self.arms[point],
+        }
+    }
+}
+
+/// Moves the point of a spatial motion by `arm`: `linear + angular x arm`.
+fn lever(motion: &mut [f64], arm: &Vector3<f64>) {
+    let angular = Vector3::new(motion[3], motion[4], motion[5]);
+    let across = angular.cross(arm);
+    for axis in 0..3 {
+        motion[axis] += across[axis];
+    }
+}
+
+/// Two tangents and the normal as columns: right-handed, the first tangent as near to the world's x as can be.
+fn tangents(normal: &Vector3<f64>) -> Matrix3<f64> {
+    let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let first = (near - normal * normal.dot(&near)).normalize();
+    Matrix3::from_columns(&[first, normal.cross(&first), *normal])
+}

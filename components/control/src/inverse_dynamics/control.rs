@@ -1,0 +1,425 @@
+//! Assembly and solution of one tick of inverse dynamics.
+
+use motorium_robots::{Dynamics, Model, Twist};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::contact::{Contact, ContactPlace};
+use super::names::{Conflicting, Order};
+use super::relaxed::Relaxed;
+use super::tasks::AccelerationTask;
+use super::{JointAccelerationLimits, MotionState};
+use crate::ik::IkError;
+use crate::levels::{Freedom, Level, LevelSolver, Rows};
+use crate::solver::{
+    ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Side, Sides, Solution, SolveError,
+    Structure, UpdateError,
+};
+
+/// Settings of [`InverseDynamics`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InverseDynamicsSettings {
+    /// Acceleration of free fall in the world \[m/s2\]. Default (0, 0, -9.81).
+    pub gravity: Vector3<f64>,
+    /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\]. Default 1e-7.
+    pub damping: f64,
+    /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes no motion to the levels
+    /// below. Default 1e-3.
+    pub force_weight: f64,
+    /// Rate at which the velocity of a contact that slips decays \[1/s\]. Default 20.
+    pub contact_damping: f64,
+    /// Limits of the joints.
+    pub joints: JointAccelerationLimits,
+    /// Fraction of the torque limits that may be used. Default 1.
+    pub torque_fraction: f64,
+    /// Weight with which contacts at rest and limits of the joints are kept where not all constraints can be: cost of an
+    /// acceleration beyond them \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are never relaxed:
+    /// they are what physics and drives can do, and always leave a solution. `None`: such a tick has no solution. Default 100.
+    pub relaxation: Option<f64>,
+}
+
+impl Default for InverseDynamicsSettings {
+    fn default() -> Self {
+        Self {
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            damping: 1e-7,
+            force_weight: 1e-3,
+            contact_damping: 20.0,
+            joints: JointAccelerationLimits::default(),
+            torque_fraction: 1.0,
+            relaxation: Some(100.0),
+        }
+    }
+}
+
+/// A tick without a solution.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum InverseDynamicsError {
+    /// The state, a target or a setting is not a number, or limits cross.
+    #[error("inverse dynamics cannot be posed: {0}")]
+    Pose(#[from] UpdateError),
+    /// The constraints contradict each other.
+    #[error("no motion satisfies all constraints; relax one of those that conflict")]
+    Infeasible(Conflicting),
+    /// The solver found no solution.
+    #[error("inverse dynamics has no solution: {0}")]
+    Solve(SolveError),
+}
+
+/// Amounts by which a relaxed tick misses its constraints.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Slack {
+    /// Largest acceleration of a contact beyond the one it was to have \[m/s2 or rad/s2\].
+    pub contact: f64,
+    /// Largest acceleration of a joint beyond its limits \[rad/s2 or m/s2\].
+    pub joint: f64,
+    /// The constraints that conflict.
+    pub conflict: Conflicting,
+}
+
+/// Accelerations, torques and contact forces of one tick.
+#[derive(Clone, Debug)]
+pub struct InverseDynamicsSolution {
+    /// Generalised accelerations, nv \[as `a` of [`motorium_robots`]\].
+    pub acceleration: DVector<f64>,
+    /// Torques of the drives, one per independent joint \[Nm or N\].
+    pub torque: DVector<f64>,
+    /// Contact forces: for each point of each contact two tangential components and the normal one \[N\].
+    pub forces: DVector<f64>,
+    /// What was relaxed, if anything had to be.
+    pub slack: Option<Slack>,
+    /// Iterations of the solver in the first level.
+    pub iterations: u32,
+    /// Levels below the first that were left undecided, for their solver reached its limit: they move nothing.
+    pub undecided: u32,
+    /// Constraints with a force on the solution: torque limits, faces of friction pyramids, bounds.
+    pub active: usize,
+}
+
+/// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
+/// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
+#[derive(Debug)]
+pub struct InverseDynamics {
+    pub(super) settings: InverseDynamicsSettings,
+    pub(super) order: Order,
+    pub(super) contacts: Vec<ContactPlace>,
+    pub(super) torque_limit: DVector<f64>,
+    pub(super) dynamics: Dynamics,
+    pub(super) mass: DMatrix<f64>,
+    pub(super) bias: DVector<f64>,
+    pub(super) problem: Problem,
+    solver: ActiveSetSolver,
+    relaxed: Option<Relaxed>,
+    below: Option<Below>,
+    /// Accelerations, then forces.
+    x: DVector<f64>,
+    solution: InverseDynamicsSolution,
+}
+
+/// The levels below the first.
+#[derive(Debug)]
+struct Below {
+    /// Equalities and the tasks of the first level.
+    first: Rows,
+    levels: Vec<Level>,
+    solvers: Vec<LevelSolver>,
+    freedom: Freedom,
+}
+
+impl InverseDynamics {
+    /// For `model`, which stands on `contacts`, with default settings. All contacts are active.
+    pub fn new(model: &Model, contacts: Vec<Contact>) -> Self {
+        Self::with_settings(model, contacts, InverseDynamicsSettings::default())
+    }
+
+    /// With these settings.
+    pub fn with_settings(model: &Model, contacts: Vec<Contact>, settings: InverseDynamicsSettings) -> Self {
+        let (mut motions, mut points, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, contact) in contacts.into_iter().enumerate() {
+            let (first_point, first_row) = (points.len(), motions.len());
+            motions.extend((0..contact.rows()).map(|axis| (index, axis)));
+            points.extend((0..contact.points()).map(|point| (index, point)));
+            places.push(ContactPlace::new(contact, model, first_point, first_row));
+        }
+        let (nv, joints) = (model.nv(), model.joint_count());
+        let order = Order { base: nv - joints, velocities: nv, joints, motions, points };
+        let mut structure =
+            Structure::new(order.variables()).equalities(order.equalities()).rows(joints, Sides::Both);
+        structure = structure.rows(4 * order.points.len(), Sides::Upper);
+        for variable in order.base..order.variables() {
+            structure = structure.bound(variable, Sides::Both);
+        }
+        Self {
+            relaxed: settings.relaxation.map(|weight| Relaxed::new(&order, weight)),
+            torque_limit: model.effort_limit() * settings.torque_fraction,
+            dynamics: Dynamics::new(model),
+            mass: DMatrix::zeros(nv, nv),
+            bias: DVector::zeros(nv),
+            problem: Problem::new(&structure),
+            solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()),
+            below: None,
+            x: DVector::zeros(order.variables()),
+            solution: InverseDynamicsSolution {
+                acceleration: DVector::zeros(nv),
+                torque: DVector::zeros(joints),
+                forces: DVector::zeros(3 * order.points.len()),
+                slack: None,
+                iterations: 0,
+                undecided: 0,
+                active: 0,
+            },
+            contacts: places,
+            order,
+            settings,
+        }
+    }
+
+    /// Levels of strict priority, the highest first; for each the number of rows that its tasks have together, the most that it
+    /// ever has ([`AccelerationTask::rows`]). A tick that has to be relaxed decides the first level only.
+    #[must_use]
+    pub fn levels(mut self, rows: &[usize]) -> Self {
+        let (variables, equalities) = (self.order.variables(), self.order.equalities());
+        self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
+            first: Rows::new(variables, first + equalities),
+            levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
+            solvers: below.iter().map(|_| LevelSolver::new(variables, self.order.rows())).collect(),
+            freedom: Freedom::new(
+                variables,
+                (first + equalities).max(below.iter().copied().max().unwrap_or_default()),
+            ),
+        });
+        self
+    }
+
+    /// Starts a tick of `dt` seconds with no task: equations of motion, contacts and limits at this state.
+    pub fn begin(&mut self, state: &MotionState<'_>, dt: f64) {
+        self.pose(state, dt);
+        let damping = self.settings.damping;
+        let (forces, squared) = (self.order.velocities, self.settings.force_weight.powi(2));
+        let regularise = |cost: &mut Problem| {
+            for variable in forces..cost.gradient.len() {
+                cost.hessian[(variable, variable)] += squared;
+            }
+        };
+        self.problem.hessian.fill(0.0);
+        self.problem.hessian.fill_diagonal(damping);
+        self.problem.gradient.fill(0.0);
+        regularise(&mut self.problem);
+        if let Some(below) = &mut self.below {
+            below.first.clear();
+            for row in self.problem.equality_matrix.row_iter() {
+                below.first.push().iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
+            }
+            for level in &mut below.levels {
+                level.begin(damping);
+                regularise(&mut level.cost);
+            }
+        }
+    }
+
+    /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
+    ///
+    /// # Panics
+    /// If there is no such level, or its tasks have more rows than it was made for.
+    pub fn add_task(&mut self, state: &MotionState<'_>, level: usize, task: &mut dyn AccelerationTask) {
+        task.update(state, self);
+        match (&mut self.below, level) {
+            (None, 0) => task.cost().add_to(&mut self.problem),
+            (Some(below), 0) => {
+                task.cost().add_to(&mut self.problem);
+                task.cost().write_rows(&mut below.first);
+            }
+            (Some(below), level) => {
+                let level = &mut below.levels[level - 1];
+                task.cost().add_to(&mut level.cost);
+                task.cost().write_rows(&mut level.rows);
+            }
+            (None, level) => panic!("level {level} of an inverse dynamics that has only the first"),
+        }
+    }
+
+    /// Solves the posed problem.
+    ///
+    /// # Errors
+    /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
+    pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
+        self.solver.update(&self.problem)?;
+        (self.solution.slack, self.solution.undecided) = (None, 0);
+        match self.solver.solve() {
+            Ok(found) => {
+                self.x.copy_from(&found.x);
+                self.solution.iterations = found.iterations;
+                self.solution.active = active(found);
+                self.solve_below()?;
+            }
+            Err(error) => {
+                let conflict = match &error {
+                    SolveError::Infeasible { conflict } => self.order.conflicting(conflict),
+                    _ => Conflicting::default(),
+                };
+                let Some(relaxed) = &mut self.relaxed else {
+                    return Err(match error {
+                        SolveError::Infeasible { .. } => InverseDynamicsError::Infeasible(conflict),
+                        error => InverseDynamicsError::Solve(error),
+                    });
+                };
+                let (found, slack) = relaxed.solve(&self.order, &self.problem, conflict)?;
+                self.x.copy_from(&found.x.rows(0, self.order.variables()));
+                self.solution.iterations = found.iterations;
+                self.solution.active = active(found);
+                self.solution.slack = Some(slack);
+            }
+        }
+        self.write();
+        Ok(&self.solution)
+    }
+
+    /// Moves the solution of the first level by what the levels below decide.
+    fn solve_below(&mut self) -> Result<(), InverseDynamicsError> {
+        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
+        freedom.open();
+        let mut above = &*first;
+        for (level, solver) in levels.iter_mut().zip(solvers) {
+            freedom.close(above);
+            match solver.solve(level, freedom, &self.problem, self.x.as_mut_slice()) {
+                Ok(()) => {}
+                Err(IkError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
+                // what is decided above is a solution, too
+                Err(IkError::Solve(_)) => {
+                    solver.reset();
+                    self.solution.undecided += 1;
+                }
+            }
+            above = &level.rows;
+        }
+        Ok(())
+    }
+
+    /// Accelerations, forces and torques of `x`.
+    fn write(&mut self) {
+        let Self { order, x, solution, problem, bias, torque_limit, .. } = self;
+        solution.acceleration.copy_from(&x.rows(0, order.velocities));
+        solution.forces.copy_from(&x.rows(order.velocities, 3 * order.points.len()));
+        solution.torque.copy_from(&bias.rows(order.base, order.joints));
+        for (column, x) in problem.row_matrix.column_iter().zip(x.iter()).filter(|(_, x)| **x != 0.0) {
+            for (torque, entry) in solution.torque.iter_mut().zip(column.iter()) {
+                *torque += entry * x;
+            }
+        }
+        for (torque, limit) in solution.torque.iter_mut().zip(torque_limit.iter()) {
+            *torque = torque.max(-limit).min(*limit);
+        }
+    }
+
+    /// The solution of the last [`solve`](Self::solve).
+    pub fn solution(&self) -> &InverseDynamicsSolution {
+        &self.solution
+    }
+
+    /// Distance of a task from what it asks for, at the last solution: `|A x - b|` over the rows that have a weight, in the
+    /// units of the task \[m/s2, rad/s2, N\].
+    pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
+        task.cost().residual(self.x.as_slice())
+    }
+
+    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at the last solution.
+    pub fn wrench(&self, contact: usize) -> Twist {
+        let place = &self.contacts[contact];
+        let mut wrench = Twist::zero();
+        for (point, arm) in place.arms.iter().enumerate() {
+            let force = self.solution.forces.fixed_rows::<3>(3 * (place.first_point + point));
+            let force = place.axes * force;
+            wrench.linear += force;
+            wrench.angular += arm.cross(&force);
+        }
+        wrench
+    }
+
+    /// The contacts, in the order they were given.
+    pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
+        self.contacts.iter().map(|place| &place.contact)
+    }
+
+    /// Makes a contact active or not from the next [`begin`](Self::begin) on.
+    pub fn set_active(&mut self, contact: usize, active: bool) {
+        self.contacts[contact].active = active;
+    }
+
+    /// True if a contact is active.
+    pub fn is_active(&self, contact: usize) -> bool {
+        self.contacts[contact].active
+    }
+
+    /// Sets the largest normal force at each point of a contact \[N\] from the next [`begin`](Self::begin) on. A contact that is to
+    /// be lifted is unloaded by a limit that falls to zero.
+    pub fn set_max_force(&mut self, contact: usize, force: f64) {
+        self.contacts[contact].contact.max_force = force;
+    }
+
+    /// Sets the friction of a contact from the next [`begin`](Self::begin) on.
+    pub fn set_friction(&mut self, contact: usize, friction: f64) {
+        self.contacts[contact].contact.friction = friction;
+    }
+
+    /// Number of unknowns: accelerations, then three numbers for each contact point.
+    pub fn variables(&self) -> usize {
+        self.order.variables()
+    }
+
+    /// Mass matrix at the last [`begin`](Self::begin), nv x nv.
+    pub fn mass(&self) -> &DMatrix<f64> {
+        &self.mass
+    }
+
+    /// Bias `C(q, v) v + g(q)` at the last [`begin`](Self::begin), nv.
+    pub fn bias(&self) -> &DVector<f64> {
+        &self.bias
+    }
+
+    /// The problem as posed.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &InverseDynamicsSettings {
+        &self.settings
+    }
+
+    /// Changes the limits of the joints from the next [`begin`](Self::begin) on.
+    pub fn set_joint_limits(&mut self, limits: JointAccelerationLimits) {
+        self.settings.joints = limits;
+    }
+
+    /// Calls `visit` with each constraint, other than equalities, that has a force on the solution of the first level.
+    pub fn visit_active(&self, visit: &mut dyn FnMut(super::ConstraintName)) {
+        let found = self.solver.solution();
+        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
+        let rows =
+            found.row_dual.iter().enumerate().map(|(row, dual)| (Constraint::Row(row, side(*dual)), *dual));
+        let bounds = found.bound_dual.iter().enumerate();
+        let bounds = bounds.map(|(bound, dual)| (Constraint::Bound(bound, side(*dual)), *dual));
+        for (constraint, dual) in rows.chain(bounds) {
+            if dual != 0.0
+                && let Some(name) = self.order.name(constraint)
+            {
+                visit(name);
+            }
+        }
+    }
+
+    /// Forgets the tick before, at the beginning of an episode.
+    pub fn reset(&mut self) {
+        self.solver.reset();
+        if let Some(relaxed) = &mut self.relaxed {
+            relaxed.reset();
+        }
+        if let Some(below) = &mut self.below {
+            below.solvers.iter_mut().for_each(LevelSolver::reset);
+        }
+    }
+}
+
+/// Number of inequalities with a force on the solution.
+fn active(solution: &Solution) -> usize {
+    solution.row_dual.iter().chain(solution.bound_dual.iter()).filter(|dual| **dual != 0.0).count()
+}

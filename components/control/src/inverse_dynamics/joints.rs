@@ -1,0 +1,93 @@
+//! Position and velocity limits of the joints as bounds of their accelerations.
+
+use motorium_robots::Model;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Bounds of the acceleration that keep a joint within its position and velocity limits, and leave it able to brake.
+///
+/// Over a tick of `dt` with constant acceleration the joint goes from `(q, v)` to `q+ = q + v dt + a dt^2 / 2`,
+/// `v+ = v + a dt`. It must end below its limits, and slow enough to stop before them with the deceleration `braking`:
+///
+/// ```text
+/// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
+/// ```
+///
+/// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in discrete-time
+/// acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to stop before its limit, or already
+/// beyond it, has to stop within the tick, as far as the largest deceleration allows: it may stay or come back but not go
+/// farther.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::JointAccelerationLimits;
+///
+/// let limits = JointAccelerationLimits { braking: 10.0, ..JointAccelerationLimits::default() };
+/// // in the middle of its range a joint at rest may do what it likes
+/// assert_eq!(limits.bounds(0.0, 0.0, (-1.0, 1.0), f64::INFINITY, 1e-3), (-1000.0, 1000.0));
+/// // at 1 rad/s, 5 cm before its end, it must brake: 1^2 / (2 0.05) = 10 rad/s2
+/// let (_, most) = limits.bounds(0.95, 1.0, (-1.0, 1.0), f64::INFINITY, 1e-3);
+/// assert!((most + 10.0).abs() < 0.1, "{most}");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointAccelerationLimits {
+    /// Deceleration with which a joint can always stop, rad/s2 or m/s2, more than 0. Default 20.
+    pub braking: f64,
+    /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
+    pub max_acceleration: f64,
+    /// Distance kept from the position limits of the robot, rad or m, at least 0; at most half the range is taken. Default 0.
+    pub margin: f64,
+    /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
+    pub velocity_fraction: f64,
+}
+
+impl Default for JointAccelerationLimits {
+    fn default() -> Self {
+        Self { braking: 20.0, max_acceleration: 1000.0, margin: 0.0, velocity_fraction: 1.0 }
+    }
+}
+
+impl JointAccelerationLimits {
+    /// Lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q` and velocity `v`, whose
+    /// limits are `range` and `speed`, for a tick of `dt` seconds.
+    pub fn bounds(&self, q: f64, v: f64, range: (f64, f64), speed: f64, dt: f64) -> (f64, f64) {
+        let margin = self.margin.min(0.5 * (range.1 - range.0));
+        let speed = self.velocity_fraction * speed;
+        let upper = self.upper(range.1 - margin - q, v, speed, dt);
+        let lower = -self.upper(q - range.0 - margin, -v, speed, dt);
+        if lower <= upper {
+            return (lower, upper);
+        }
+        // a range too narrow to brake in: between both
+        let middle = 0.5 * (lower + upper);
+        (middle, middle)
+    }
+
+    /// The bound towards a limit at the distance `room`, with the velocity `v` towards it.
+    fn upper(&self, room: f64, v: f64, speed: f64, dt: f64) -> f64 {
+        // with v+ = v + a dt: v+^2 + braking dt v+ - braking (2 room - v dt) <= 0
+        let half = 0.5 * self.braking * dt;
+        let root = half * half + self.braking * (2.0 * room - v * dt);
+        let fastest = if root > 0.0 { (root.sqrt() - half).max(0.0) } else { 0.0 };
+        // the last tick before the limit: no farther than it
+        let arrive = if room >= 0.0 { 2.0 * (room - v * dt) / (dt * dt) } else { f64::INFINITY };
+        let bound = ((fastest.min(speed) - v) / dt).min(arrive.max(-self.braking));
+        bound.clamp(-self.max_acceleration, self.max_acceleration)
+    }
+
+    /// Writes the bounds of all joints of `model` at `q` (nq) and `v` (nv): one entry per independent joint.
+    pub(super) fn write(
+        &self,
+        model: &Model,
+        (q, v): (&[f64], &[f64]),
+        dt: f64,
+        lower: &mut [f64],
+        upper: &mut [f64],
+    ) {
+        let (q, v) = (model.joints_of_q(q), model.joints_of_v(v));
+        for (joint, (q, v)) in q.iter().zip(v).enumerate() {
+            let range = (model.lower()[joint], model.upper()[joint]);
+            (lower[joint], upper[joint]) = self.bounds(*q, *v, range, model.velocity_limit()[joint], dt);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Whole-body inverse dynamics: tasks at acceleration level, contacts, torque limits, for fixed and floating bases.
+//!
+//! Each control tick is one quadratic program in the generalised accelerations `a` and the contact forces `f`:
+//!
+//! ```text
+//! minimise   sum_tasks 1/2 |W (A x - b)|^2 + 1/2 damping |x|^2 + 1/2 force_weight^2 |f|^2,   x = (a, f)
+//! subject to M_u a - J_u' f = -h_u                                  the rows without a drive: a floating base
+//!            J_c a = -drift_c - kd v_c                              contacts stay where they are
+//!            tau_min <= M_a a - J_a' f + h_a <= tau_max             torques of the drives
+//!            |f_t| <= mu / sqrt(2) f_n,   0 <= f_n <= f_max         friction pyramid, unilateral contact
+//!            a_min <= a <= a_max                                    position and velocity limits of the joints
+//! ```
+//!
+//! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The torques
+//! `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction pyramid lies inside Coulomb's
+//! cone.
+//!
+//! - [`tasks`] are costs on `a` or `f`, weighed against one another or in [levels](InverseDynamics::levels).
+//! - [`Contact`] is a point, a ball or a sole that stands on the world.
+//! - [`JointAccelerationLimits`] turn limits of position and velocity into bounds of the acceleration.
+//! - [`InverseDynamics`] assembles and solves. Where nothing satisfies all constraints it says which ones conflict, by
+//!   [`ConstraintName`], and may [relax](InverseDynamicsSettings::relaxation) those that physics allows to relax.
+//!
+//! Del Prete, Mansard, Ramos, Stasse and Nori, *Implementing torque control with high-ratio gear boxes and without joint-torque
+//! sensors*, 2016 (the formulation in `(a, f)`); Wieber, Tedrake and Kuindersma, *Modeling and control of legged robots*, 2016.
+//!
+//! # Example
+//!
+//! A humanoid stands on its two soles:
+//!
+//! ```
+//! use motorium_control::inverse_dynamics::{
+//!     Contact, InverseDynamics, MotionState,
+//!     tasks::{CentreOfMassAcceleration, Feedback, PostureAcceleration},
+//! };
+//! use motorium_robots::{Kinematics, load};
+//!
+//! let robot = load("humanoid", std::path::Path::new("."))?;
+//! let (model, profile) = (&robot.model, robot.profile.as_ref().expect("a catalogue robot has a profile"));
+//! let mut q = model.neutral();
+//! q[..3].copy_from_slice(&profile.base_poses["standing"].position);
+//! q[7..].copy_from_slice(profile.home(model)?.as_slice());
+//! let v = vec![0.0; model.nv()];
+//! let mut kinematics = Kinematics::new(model);
+//! kinematics.update_with_velocity(model, &q, &v);
+//! let state = MotionState { model, kinematics: &kinematics, q: &q, v: &v };
+//!
+//! let contacts = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot)).collect::<Result<Vec<_>, _>>()?;
+//! let mut control = InverseDynamics::new(model, contacts);
+//! let mut balance = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+//! balance.set_target(kinematics.centre_of_mass(model).position);
+//! let mut posture = PostureAcceleration::new(model, &q[7..], Feedback::critical(5.0)).weight(0.1);
+//!
+//! control.begin(&state, 0.001);
+//! control.add_task(&state, 0, &mut balance);
+//! control.add_task(&state, 0, &mut posture);
+//! let solution = control.solve()?;
+//! assert!(solution.acceleration.amax() < 0.1, "it stands");
+//! let weight = model.mass() * 9.81;
+//! let carried: f64 = (0..2).map(|foot| control.wrench(foot).linear.z).sum();
+//! assert!((carried - weight).abs() < 1e-2 * weight);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod assemble;
+mod contact;
+mod control;
+mod joints;
+mod names;
+mod relaxed;
+pub mod tasks;
+
+pub use contact::{Contact, ContactError, ContactShape};
+pub use control::{
+    InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack,
+};
+pub use joints::JointAccelerationLimits;
+pub use names::{Conflicting, ConstraintName};
+
+use motorium_robots::{Kinematics, Model};
+
+/// A model, its configuration and velocity, and its kinematics at both.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionState<'a> {
+    /// The robot.
+    pub model: &'a Model,
+    /// Updated at `q` and `v`: poses, velocities, Jacobians and drifts are read from here.
+    pub kinematics: &'a Kinematics,
+    /// Configuration, nq long: a floating base first.
+    pub q: &'a [f64],
+    /// Velocity, nv long.
+    pub v: &'a [f64],
+}

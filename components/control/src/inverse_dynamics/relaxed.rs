@@ -1,0 +1,101 @@
+//! A tick whose constraints contradict each other: contacts and limits of the joints give way.
+
+use super::control::{InverseDynamicsError, Slack};
+use super::names::{Conflicting, Order};
+use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, Structure};
+
+/// The relaxed problem: contact motion as a cost, and the limits of the joints with a slack `s` each that costs as much.
+///
+/// ```text
+/// minimise   (cost of the tasks) + 1/2 weight^2 |J_c a - b|^2 + 1/2 weight^2 |s|^2,   x = (a, f, s)
+/// subject to M_u a - J_u' f = -h_u,  torque limits, friction, unilateral contact,  a_min <= a + s <= a_max
+/// ```
+///
+/// Zero torques and no contact force are always possible: it always has a solution.
+#[derive(Debug)]
+pub(super) struct Relaxed {
+    weight: f64,
+    problem: Problem,
+    solver: ActiveSetSolver,
+}
+
+impl Relaxed {
+    pub(super) fn new(order: &Order, weight: f64) -> Self {
+        let variables = order.variables();
+        let mut structure = Structure::new(variables + order.joints)
+            .equalities(order.base)
+            .rows(order.joints, Sides::Both)
+            .rows(4 * order.points.len(), Sides::Upper)
+            .rows(order.joints, Sides::Both);
+        for variable in order.velocities..variables {
+            structure = structure.bound(variable, Sides::Both);
+        }
+        let mut problem = Problem::new(&structure);
+        for joint in 0..order.joints {
+            problem.row_matrix[(order.rows() + joint, order.base + joint)] = 1.0;
+            problem.row_matrix[(order.rows() + joint, variables + joint)] = 1.0;
+            problem.hessian[(variables + joint, variables + joint)] = weight * weight;
+        }
+        Self { weight, problem, solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()) }
+    }
+
+    /// Solves `posed`, relaxed, and says by how much.
+    ///
+    /// # Errors
+    /// The numbers of the problem are of no use, or the solver reached its limit.
+    pub(super) fn solve(
+        &mut self,
+        order: &Order,
+        posed: &Problem,
+        conflict: Conflicting,
+    ) -> Result<(&Solution, Slack), InverseDynamicsError> {
+        let (variables, rows, joints) = (order.variables(), order.rows(), order.joints);
+        let problem = &mut self.problem;
+        problem.hessian.view_mut((0, 0), (variables, variables)).copy_from(&posed.hessian);
+        problem.gradient.rows_mut(0, variables).copy_from(&posed.gradient);
+        problem
+            .equality_matrix
+            .columns_mut(0, variables)
+            .copy_from(&posed.equality_matrix.rows(0, order.base));
+        problem.equality_value.copy_from(&posed.equality_value.rows(0, order.base));
+        problem.row_matrix.view_mut((0, 0), (rows, variables)).copy_from(&posed.row_matrix);
+        problem.row_lower.rows_mut(0, rows).copy_from(&posed.row_lower);
+        problem.row_upper.rows_mut(0, rows).copy_from(&posed.row_upper);
+        problem.row_lower.rows_mut(rows, joints).copy_from(&posed.lower.rows(order.base, joints));
+        problem.row_upper.rows_mut(rows, joints).copy_from(&posed.upper.rows(order.base, joints));
+        for variable in order.velocities..variables {
+            problem.lower[variable] = posed.lower[variable];
+            problem.upper[variable] = posed.upper[variable];
+        }
+        // contact motion as a cost
+        let squared = self.weight * self.weight;
+        for row in order.base..order.equalities() {
+            let (matrix, value) = (&posed.equality_matrix, posed.equality_value[row]);
+            for j in 0..order.velocities {
+                let weighted = squared * matrix[(row, j)];
+                if weighted == 0.0 {
+                    continue;
+                }
+                problem.gradient[j] -= weighted * value;
+                for i in 0..=j {
+                    problem.hessian[(i, j)] += weighted * matrix[(row, i)];
+                }
+            }
+        }
+        self.solver.update(problem)?;
+        let found = self.solver.solve().map_err(InverseDynamicsError::Solve)?;
+        let mut slack = Slack { contact: 0.0, joint: 0.0, conflict };
+        for row in order.base..order.equalities() {
+            let entries = (0..order.velocities).map(|j| posed.equality_matrix[(row, j)] * found.x[j]);
+            slack.contact = slack.contact.max((entries.sum::<f64>() - posed.equality_value[row]).abs());
+        }
+        for joint in 0..joints {
+            slack.joint = slack.joint.max(found.x[variables + joint].abs());
+        }
+        Ok((found, slack))
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.solver.reset();
+    }
+}

@@ -1,0 +1,155 @@
+//! A least-squares cost on some of the unknowns.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::levels::Rows;
+use crate::solver::Problem;
+
+/// The cost `1/2 |W (A x - b)|^2`, with a diagonal `W`, on consecutive unknowns.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::tasks::Cost;
+/// use motorium_control::solver::{Problem, Structure};
+///
+/// // x_1 + x_2 is to be 3
+/// let mut cost = Cost::dense(1, 1, 2);
+/// cost.matrix_mut().fill(1.0);
+/// cost.desired_mut()[0] = 3.0;
+/// let mut problem = Problem::new(&Structure::new(3));
+/// cost.add_to(&mut problem);
+/// assert_eq!((problem.hessian[(1, 2)], problem.gradient[2]), (1.0, -3.0));
+/// assert_eq!(cost.residual(&[0.0, 1.0, 1.5]), 0.5);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Cost {
+    /// First of the unknowns.
+    first: usize,
+    /// `A`; none for the identity.
+    matrix: Option<DMatrix<f64>>,
+    desired: DVector<f64>,
+    weights: DVector<f64>,
+}
+
+impl Cost {
+    /// `rows` rows on `width` unknowns from `first` on: `A` and `b` zero, all weights 1.
+    pub fn dense(rows: usize, first: usize, width: usize) -> Self {
+        Self {
+            first,
+            matrix: Some(DMatrix::zeros(rows, width)),
+            desired: DVector::zeros(rows),
+            weights: DVector::repeat(rows, 1.0),
+        }
+    }
+
+    /// `count` unknowns from `first` on themselves: `A` the identity, `b` zero, all weights 1.
+    pub fn identity(first: usize, count: usize) -> Self {
+        Self { first, matrix: None, desired: DVector::zeros(count), weights: DVector::repeat(count, 1.0) }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.desired.len()
+    }
+
+    /// `A`, to be written.
+    ///
+    /// # Panics
+    /// If the cost is one of the identity.
+    pub fn matrix_mut(&mut self) -> &mut DMatrix<f64> {
+        self.matrix.as_mut().expect("a cost whose matrix is the identity")
+    }
+
+    /// `b`.
+    pub fn desired(&self) -> &DVector<f64> {
+        &self.desired
+    }
+
+    /// `b`, to be written.
+    pub fn desired_mut(&mut self) -> &mut DVector<f64> {
+        &mut self.desired
+    }
+
+    /// The diagonal of `W`.
+    pub fn weights(&self) -> &DVector<f64> {
+        &self.weights
+    }
+
+    /// The diagonal of `W`, to be written.
+    pub fn weights_mut(&mut self) -> &mut DVector<f64> {
+        &mut self.weights
+    }
+
+    /// `A x - b` of one row.
+    fn row(&self, row: usize, x: &[f64]) -> f64 {
+        let product = match &self.matrix {
+            None => x[self.first + row],
+            Some(matrix) => matrix.row(row).iter().zip(&x[self.first..]).map(|(a, x)| a * x).sum(),
+        };
+        product - self.desired[row]
+    }
+
+    /// Length of `A x - b` over the rows with a weight, for all unknowns `x`.
+    pub fn residual(&self, x: &[f64]) -> f64 {
+        let counted = (0..self.rows()).filter(|row| self.weights[*row] != 0.0);
+        counted.map(|row| self.row(row, x).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Adds the cost to the upper triangle of the Hessian and to the gradient.
+    pub fn add_to(&self, problem: &mut Problem) {
+        let Some(matrix) = &self.matrix else {
+            for (row, (desired, weight)) in self.desired.iter().zip(&self.weights).enumerate() {
+                let (variable, squared) = (self.first + row, weight * weight);
+                problem.hessian[(variable, variable)] += squared;
+                problem.gradient[variable] -= squared * desired;
+            }
+            return;
+        };
+        let rows = matrix.nrows();
+        let unknowns = problem.hessian.nrows();
+        let columns = matrix.as_slice();
+        let hessian = problem.hessian.as_mut_slice();
+        for (j, column) in columns.chunks_exact(rows.max(1)).enumerate() {
+            // tasks see few joints: what a joint does not move costs nothing
+            if column.iter().all(|entry| *entry == 0.0) {
+                continue;
+            }
+            let mut weighted = [0.0; Self::BLOCK];
+            for first in (0..rows).step_by(Self::BLOCK) {
+                let part = first..rows.min(first + Self::BLOCK);
+                let weighted = &mut weighted[..part.len()];
+                for (out, (entry, weight)) in weighted
+                    .iter_mut()
+                    .zip(column[part.clone()].iter().zip(&self.weights.as_slice()[part.clone()]))
+                {
+                    *out = entry * weight * weight;
+                }
+                let slope: f64 =
+                    weighted.iter().zip(&self.desired.as_slice()[part.clone()]).map(|(w, b)| w * b).sum();
+                problem.gradient[self.first + j] -= slope;
+                let target = &mut hessian[(self.first + j) * unknowns + self.first..][..=j];
+                for (entry, other) in target.iter_mut().zip(columns.chunks_exact(rows)) {
+                    *entry += weighted.iter().zip(&other[part.clone()]).map(|(w, a)| w * a).sum::<f64>();
+                }
+            }
+        }
+    }
+
+    /// Rows that are weighted together.
+    const BLOCK: usize = 8;
+
+    /// Appends the rows of `W A` that have a weight.
+    pub(crate) fn write_rows(&self, rows: &mut Rows) {
+        for (row, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+            let out = rows.push();
+            match &self.matrix {
+                None => out[self.first + row] = *weight,
+                Some(matrix) => {
+                    let entries = matrix.row(row);
+                    for (out, entry) in out[self.first..].iter_mut().zip(entries.iter()) {
+                        *out = weight * entry;
+                    }
+                }
+            }
+        }
+    }
+}

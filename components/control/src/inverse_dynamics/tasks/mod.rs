@@ -1,0 +1,70 @@
+//! Tasks of inverse dynamics, each as a least-squares cost on accelerations or contact forces.
+
+mod cartesian;
+mod centre_of_mass;
+mod cost;
+mod force;
+mod momentum;
+mod posture;
+mod torque;
+
+pub use cartesian::{CartesianAcceleration, CartesianWeights};
+pub use centre_of_mass::CentreOfMassAcceleration;
+pub use cost::Cost;
+pub use force::{ContactForce, ForceRegularisation};
+pub use momentum::MomentumRate;
+pub use posture::PostureAcceleration;
+pub use torque::TorqueMinimum;
+
+use nalgebra::Vector3;
+
+use super::{InverseDynamics, MotionState};
+
+/// A cost on the unknowns `x = (a, f)` of [`InverseDynamics`]: `1/2 |W (A x - b)|^2`.
+pub trait AccelerationTask {
+    /// Evaluates error, `A` and `b` at this state, at which `dynamics` has begun its tick.
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics);
+
+    /// The cost as of the last update.
+    fn cost(&self) -> &Cost;
+
+    /// Number of rows of `A`.
+    fn rows(&self) -> usize {
+        self.cost().rows()
+    }
+}
+
+/// Feedback of a task: the acceleration `kp e + kd e'` for an error `e`.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::tasks::Feedback;
+///
+/// // both eigenvalues of the error at -10 / s: kd = 2 sqrt(kp)
+/// assert_eq!(Feedback::critical(10.0), Feedback { kp: 100.0, kd: 20.0 });
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feedback {
+    /// Gain of the position error \[1/s^2\].
+    pub kp: f64,
+    /// Gain of the velocity error \[1/s\].
+    pub kd: f64,
+}
+
+impl Feedback {
+    /// Critically damped, both eigenvalues of the error at `-rate` \[1/s\].
+    pub fn critical(rate: f64) -> Self {
+        Self { kp: rate * rate, kd: 2.0 * rate }
+    }
+
+    /// The acceleration for a vector error `e` and its rate `e'`, where the error is corrected at no more than `max_speed`:
+    /// `kd (clip(kp / kd e) + e')`.
+    pub fn acceleration(&self, error: &Vector3<f64>, rate: &Vector3<f64>, max_speed: f64) -> Vector3<f64> {
+        let mut proportional = error * self.kp;
+        let most = self.kd * max_speed;
+        let length = proportional.norm();
+        if length > most {
+            proportional *= most / length;
+        }
+        proportional + rate * self.kd
+    }
+}

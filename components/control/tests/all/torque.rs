@@ -1,0 +1,99 @@
+//! `control.qp` that computes torques: a Panda in a graph.
+
+use motorium::launcher::Report;
+use motorium::testing::Graph;
+
+use crate::component::number;
+use crate::graph::{Targets, bare_controller, controller, graph, run};
+
+const TASKS: &str = "tasks = [{ cartesian = {} }, { posture = { weight = 0.01, gain = 3.0 } }]";
+
+fn torques(rest: &str) -> String {
+    format!("{{ inverse_dynamics = {{ {rest} }}, {TASKS} }}")
+}
+
+fn reach(config: &str) -> Report {
+    run(graph("{}", Targets::default(), controller(config)))
+}
+
+#[test]
+fn torques_alone_bring_the_hand_to_its_goals_and_a_step_allocates_nothing() {
+    let report = reach(&torques(""));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2, "{result}");
+    assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
+    assert_eq!(result["steps_without_solution"], 0);
+    assert_eq!(result["solver"]["steps_relaxed"], 0);
+    assert!(number(&result["tasks"]["cartesian"]["residual"]["max"]) > 0.0);
+    assert_eq!(report.results["plant"]["broken_limits"], 0);
+    assert!(report.results["plant"]["kp"].as_array().unwrap().iter().all(|kp| *kp == 0.0));
+    let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((controller.allocations, controller.allocations_apart), (Some(0), Some(0)));
+}
+
+#[test]
+fn impedance_adds_a_share_of_the_gains_about_the_integrated_accelerations() {
+    let report = reach(&torques("impedance = 0.5"));
+    let result = &report.results["controller"];
+    assert_eq!(result["goals_reached"], 2, "{result}");
+    assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
+    let gains = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+    let gains = gains.profile.unwrap().gains(&gains.model).unwrap();
+    assert_eq!(number(&report.results["plant"]["kp"][0]), 0.5 * gains.kp[0]);
+}
+
+#[test]
+fn the_same_torques_are_published_to_the_last_bit() {
+    let (one, two) = (reach(&torques("")), reach(&torques("")));
+    assert!(one.state_hash.is_some());
+    assert_eq!(one.state_hash, two.state_hash);
+    assert_ne!(one.state_hash, reach(&torques("braking = 1.0")).state_hash);
+}
+
+#[test]
+fn levels_keep_a_strong_posture_from_disturbing_the_hand() {
+    let error = |level: u32| {
+        let tasks = format!(
+            "tasks = [{{ cartesian = {{}} }}, {{ posture = {{ level = {level}, weight = 1.0, gain = 5.0 }} }}]"
+        );
+        let report = reach(&format!("{{ inverse_dynamics = {{}}, {tasks} }}"));
+        assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+        number(&report.results["controller"]["position_error_m"])
+    };
+    let (sum, below) = (error(1), error(2));
+    assert!(sum > 0.02, "{sum}");
+    assert!(below < 2e-3, "{below}");
+}
+
+#[track_caller]
+fn refused(graph: Graph, words: &[&str]) {
+    let error = graph.check().expect_err("it must be refused").render(false);
+    for words in words {
+        assert!(error.contains(words), "no `{words}` in\n{error}");
+    }
+}
+
+#[test]
+fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
+    let with = |config: &str| graph("{}", Targets::default(), controller(config));
+    refused(with(&torques("contacts = [{ foot = \"left\" }]")), &["contacts[0].foot", "no foot `left`"]);
+    refused(with(&torques("contacts = [{ frame = \"panda_hnad\" }]")), &["contacts[0].frame", "panda_hand"]);
+    refused(with(&torques("contacts = [{}]")), &["contacts[0]", "either a `foot`"]);
+    refused(with(&torques("braking = 0.0")), &["inverse_dynamics.braking"]);
+    refused(with(&torques("max_acceleration = 1.0")), &["inverse_dynamics.max_acceleration", "at least 20"]);
+    refused(with("{ inverse_dynamics = {}, inertia_compensation = true }"), &["inertia_compensation"]);
+    refused(
+        with("{ inverse_dynamics = {}, tasks = [{ gaze = {} }] }"),
+        &["tasks[0].gaze", "no acceleration"],
+    );
+    refused(with("{ tasks = [{ momentum = {} }] }"), &["tasks[0].momentum", "needs `inverse_dynamics`"]);
+}
+
+#[test]
+fn a_floating_base_asks_for_torques_and_for_its_state() {
+    let walker = |config: &str| {
+        Graph::new("walker").robot("walker", "quadruped").with(bare_controller(config).robot("walker"))
+    };
+    refused(walker("{}"), &["floating base", "add `inverse_dynamics = {}`"]);
+    refused(walker("{ inverse_dynamics = {}, tasks = [{ posture = {} }] }"), &["base_state"]);
+}

@@ -1,0 +1,122 @@
+//! What sensors measure besides the joints: contact points on the robot, poses of the objects of the world.
+
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::{Declare, StepError};
+use motorium::state::{Contacts, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
+use motorium::transport::Output;
+
+use crate::{Engine, Simulation, Simulator, World};
+
+/// `other` of a contact with the ground.
+const GROUND: u32 = u32::MAX;
+
+/// `other` of a contact with the link of index 0 of the same robot.
+const FIRST_LINK: u32 = 65_536;
+
+/// The outputs of the truth that is no joint state and no base state. An output that is not wired costs nothing.
+pub(super) struct Truth {
+    contacts: Option<Output<Contacts>>,
+    objects: Option<Output<ObjectPoses>>,
+    /// Names of the links, sorted, with their indices among the links of the model.
+    links: Vec<(String, u32)>,
+    /// Names of the objects, sorted, with their indices in the world.
+    names: Vec<(String, u32)>,
+    /// One for each object that is published.
+    ids: Vec<crate::ObjectId>,
+}
+
+/// Declares the outputs: contacts of a robot that is alone, poses where there are objects.
+pub(super) fn declare(robots: usize, world: &World, declare: &mut Declare) {
+    if robots == 1 {
+        declare.output::<Contacts>("contacts", "contact points on the robot after the step");
+    }
+    if !world.objects.is_empty() {
+        declare.output::<ObjectPoses>("object_poses", "poses of the objects after the step");
+    }
+}
+
+impl Truth {
+    /// Opens the outputs that [`declare`] declared.
+    pub(super) fn open<E: Engine>(
+        robots: usize,
+        simulation: &Simulation<E>,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        let world = &simulation.world;
+        let mut links: Vec<_> = (0..)
+            .zip(simulation.model().frames())
+            .map(|(index, frame)| (frame.name.clone(), index))
+            .collect();
+        let mut names: Vec<_> =
+            (0..).zip(&world.objects).map(|(index, object)| (object.name.clone(), index)).collect();
+        links.sort();
+        names.sort();
+        let ids = world.objects.iter().take(MAX_OBJECTS).filter_map(|object| simulation.object(&object.name));
+        let ids = ids.collect();
+        Ok(Self {
+            contacts: if robots == 1 { Some(setup.output("contacts")?) } else { None },
+            objects: if world.objects.is_empty() { None } else { Some(setup.output("object_poses")?) },
+            links,
+            names,
+            ids,
+        })
+    }
+
+    /// Publishes the state after a step.
+    pub(super) fn publish<E: Engine>(&mut self, simulation: &Simulation<E>) -> Result<(), StepError> {
+        let Self { contacts, objects, links, names, ids } = self;
+        if let Some(output) = contacts.as_mut().filter(|output| output.is_wired()) {
+            let mut points = output.loan()?;
+            let mut count = 0;
+            points.set_count(MAX_CONTACTS);
+            simulation.visit_contacts(&mut |contact| {
+                let on_second = contact.normal * contact.force + contact.friction;
+                for (link, other, force) in
+                    [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
+                {
+                    let Some(link) = find(links, link).filter(|_| count < MAX_CONTACTS) else { continue };
+                    let other = find(links, other)
+                        .map(|link| FIRST_LINK + link)
+                        .or_else(|| find(names, other))
+                        .unwrap_or(GROUND);
+                    points.link_mut()[count] = link;
+                    points.other_mut()[count] = other;
+                    points.position_x_mut()[count] = contact.point.x;
+                    points.position_y_mut()[count] = contact.point.y;
+                    points.position_z_mut()[count] = contact.point.z;
+                    points.force_x_mut()[count] = force.x;
+                    points.force_y_mut()[count] = force.y;
+                    points.force_z_mut()[count] = force.z;
+                    points.depth_mut()[count] = contact.depth;
+                    count += 1;
+                }
+            });
+            points.set_count(count);
+            points.publish()?;
+        }
+        if let Some(output) = objects.as_mut().filter(|output| output.is_wired()) {
+            let mut poses = output.loan()?;
+            poses.set_count(ids.len());
+            for (index, id) in ids.iter().enumerate() {
+                let pose = simulation.object_pose(*id);
+                let (position, orientation) = (pose.translation.vector, pose.rotation.coords);
+                poses.object_mut()[index] = id.index() as u32;
+                poses.position_x_mut()[index] = position.x;
+                poses.position_y_mut()[index] = position.y;
+                poses.position_z_mut()[index] = position.z;
+                poses.orientation_x_mut()[index] = orientation.x;
+                poses.orientation_y_mut()[index] = orientation.y;
+                poses.orientation_z_mut()[index] = orientation.z;
+                poses.orientation_w_mut()[index] = orientation.w;
+            }
+            poses.publish()?;
+        }
+        Ok(())
+    }
+}
+
+/// The number that stands with a name in a sorted list.
+fn find(sorted: &[(String, u32)], name: &str) -> Option<u32> {
+    let place = sorted.binary_search_by(|(other, _)| other.as_str().cmp(name)).ok()?;
+    Some(sorted[place].1)
+}

@@ -1,0 +1,175 @@
+//! The errors of a measured quantity: noise, bias and its walk, scale, resolution, range.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::noise::Noise;
+
+/// The errors of a sensor of one quantity, the same for each of its axes, in the unit of the quantity. The default is an ideal
+/// sensor.
+///
+/// ```text
+/// y = clamp(resolution * round(((1 + s) x + b(t) + n) / resolution), -range, range)
+/// ```
+///
+/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are drawn once, with the
+/// deviations `scale_error` and `bias`; and a bias that walks, `db = bias_walk sqrt(dt) n`.
+///
+/// ```toml
+/// noise     = 0.02
+/// bias      = 0.05
+/// bias_walk = 1e-4
+/// range     = 157.0
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ErrorModel {
+    /// Standard deviation of each reading. A data sheet's density is to be multiplied by the square root of the rate. Default
+    /// 0.
+    #[schemars(range(min = 0.0))]
+    pub noise: f64,
+    /// Standard deviation of the bias at the start. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub bias: f64,
+    /// Standard deviation of the change of the bias in one second. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub bias_walk: f64,
+    /// Standard deviation of the scale's error, as a share of the reading. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub scale_error: f64,
+    /// Step of the readings; 0 for continuous ones, the default.
+    #[schemars(range(min = 0.0))]
+    pub resolution: f64,
+    /// Largest reading, of either sign. Default: no end.
+    #[schemars(range(min = 0.0))]
+    pub range: Option<f64>,
+}
+
+/// Settings of a sensor that describe none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{setting} = {value}: expected {expected}")]
+pub struct SettingError {
+    /// The setting.
+    pub setting: String,
+    /// The number found.
+    pub value: f64,
+    /// The numbers expected.
+    pub expected: &'static str,
+}
+
+impl SettingError {
+    /// An error of a number of a setting.
+    pub fn new(setting: impl Into<String>, value: f64, expected: &'static str) -> Self {
+        Self { setting: setting.into(), value, expected }
+    }
+}
+
+/// Settings of the way of readings, common to all sensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// Time from sampling until the reading is available.
+    pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1.
+    pub drop_out: f64,
+}
+
+impl Timing {
+    /// Checks that the share is one.
+    ///
+    /// # Errors
+    /// [`SettingError`].
+    pub fn check(&self) -> Result<(), SettingError> {
+        if (0.0..=1.0).contains(&self.drop_out) {
+            Ok(())
+        } else {
+            Err(SettingError::new("drop_out", self.drop_out, "a share from 0 to 1"))
+        }
+    }
+}
+
+/// A sensor of one quantity with some axes: the numbers of an [`ErrorModel`] drawn, and its noise.
+///
+/// ```
+/// use motorium_sensors::channel::{Channel, ErrorModel};
+///
+/// let errors = ErrorModel { resolution: 0.5, range: Some(2.0), ..ErrorModel::default() };
+/// let mut channel = Channel::new("force", &errors, 2, 0, 0)?;
+/// let mut reading = [0.8, -7.0];
+/// channel.measure(1e-3, &mut reading);
+/// assert_eq!(reading, [1.0, -2.0]);
+/// # Ok::<(), motorium_sensors::channel::SettingError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Channel {
+    errors: ErrorModel,
+    noise: Noise,
+    walk: Noise,
+    bias: Vec<f64>,
+    scale: Vec<f64>,
+}
+
+impl Channel {
+    /// A sensor with `axes` axes. `name` is that of the setting in errors. `seed` and `number` choose the noise: each channel of
+    /// a seed has its own.
+    ///
+    /// # Errors
+    /// [`SettingError`]: a number that is negative or not finite.
+    pub fn new(
+        name: &str,
+        errors: &ErrorModel,
+        axes: usize,
+        seed: u64,
+        number: u64,
+    ) -> Result<Self, SettingError> {
+        let ErrorModel { noise, bias, bias_walk, scale_error, resolution, range } = *errors;
+        for (setting, value) in [
+            ("noise", noise),
+            ("bias", bias),
+            ("bias_walk", bias_walk),
+            ("scale_error", scale_error),
+            ("resolution", resolution),
+            ("range", range.unwrap_or(0.0)),
+        ] {
+            if !(0.0..=1e12).contains(&value) {
+                let setting = if name.is_empty() { setting.to_owned() } else { format!("{name}.{setting}") };
+                return Err(SettingError::new(setting, value, "a number from 0 to 1e12"));
+            }
+        }
+        let mut draws = Noise::new(seed, 16 * number);
+        let bias = (0..axes).map(|_| bias * draws.normal()).collect();
+        let mut draws = Noise::new(seed, 16 * number + 1);
+        let scale = (0..axes).map(|_| 1.0 + scale_error * draws.normal()).collect();
+        let noise = Noise::new(seed, 16 * number + 2);
+        Ok(Self { errors: *errors, noise, walk: Noise::new(seed, 16 * number + 3), bias, scale })
+    }
+
+    /// Makes the truth, one number for each axis, the reading of a sensor whose last reading lies `dt` \[s\] back.
+    ///
+    /// # Panics
+    /// On another number of axes.
+    pub fn measure(&mut self, dt: f64, values: &mut [f64]) {
+        assert_eq!(values.len(), self.bias.len(), "axes of the channel");
+        let Self { errors, noise, walk, bias, scale } = self;
+        for ((value, bias), scale) in values.iter_mut().zip(bias).zip(scale) {
+            if errors.bias_walk > 0.0 {
+                *bias += errors.bias_walk * dt.max(0.0).sqrt() * walk.normal();
+            }
+            *value = *scale * *value + *bias;
+            if errors.noise > 0.0 {
+                *value += errors.noise * noise.normal();
+            }
+            if errors.resolution > 0.0 {
+                *value = (*value / errors.resolution).round() * errors.resolution;
+            }
+            if let Some(range) = errors.range {
+                *value = value.clamp(-range, range);
+            }
+        }
+    }
+
+    /// The bias of each axis, as it stands.
+    pub fn bias(&self) -> &[f64] {
+        &self.bias
+    }
+}

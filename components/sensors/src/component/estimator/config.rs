@@ -1,0 +1,129 @@
+//! The `config` table of `estimator.base`.
+
+use motorium::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::component::robot::Mount;
+use crate::estimation::{FilterNoise, StartDeviations};
+
+/// Configuration of `estimator.base`.
+///
+/// ```toml
+/// mount         = { frame = "base", position = [0.0, 0.0, 0.02] }
+/// encoder_noise = 2e-4
+/// noise         = { gyroscope = 1e-4, accelerometer = 2e-3, slip = 0.03 }
+/// align         = "100 ms"
+/// contact_delay = "10 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BaseEstimatorConfig {
+    /// Place of the inertial measurement unit on the robot's root link. Default: its origin.
+    pub mount: Mount,
+    /// Standard deviation of a joint position (rad or m). Default 1e-3.
+    #[schemars(range(min = 0.0))]
+    pub encoder_noise: f64,
+    /// Noise of the inertial measurement unit and of the contacts.
+    pub noise: FilterNoise,
+    /// Standard deviations of the start.
+    pub start_deviations: StartDeviations,
+    /// Where the base is at the start. Default: where the profile has it in the home pose.
+    pub start: Option<StartPose>,
+    /// Time at the start in which the robot stands still: tilt and bias of the gyroscope are the mean of the readings in it.
+    /// Default 100 ms.
+    pub align: TimeSpan,
+    /// Time for which a foot must have been in contact before it counts: it may slip when it comes down. Default 10 ms.
+    pub contact_delay: TimeSpan,
+    /// Feet with a radius roll on level ground. False: they are points. Default true.
+    pub rolling: bool,
+    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    pub gravity: [f64; 3],
+}
+
+/// Pose of the base at the start; its tilt is measured.
+///
+/// ```toml
+/// position = [0.0, 0.0, 0.24]
+/// yaw      = 0.0
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StartPose {
+    /// Position of the base frame in the world (m).
+    pub position: [f64; 3],
+    /// Angle about the vertical (rad). Default 0.
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+impl Default for BaseEstimatorConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            encoder_noise: 1e-3,
+            noise: FilterNoise::default(),
+            start_deviations: StartDeviations::default(),
+            start: None,
+            align: TimeSpan { ns: 100_000_000 },
+            contact_delay: TimeSpan { ns: 10_000_000 },
+            rolling: true,
+            gravity: [0.0, 0.0, -9.81],
+        }
+    }
+}
+
+impl BaseEstimatorConfig {
+    /// Checks the numbers.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let FilterNoise {
+            gyroscope,
+            accelerometer,
+            gyroscope_bias_walk,
+            accelerometer_bias_walk,
+            slip,
+            foot,
+        } = self.noise;
+        let start = &self.start_deviations;
+        let numbers = [
+            ("encoder_noise", self.encoder_noise),
+            ("noise.gyroscope", gyroscope),
+            ("noise.accelerometer", accelerometer),
+            ("noise.gyroscope_bias_walk", gyroscope_bias_walk),
+            ("noise.accelerometer_bias_walk", accelerometer_bias_walk),
+            ("noise.slip", slip),
+            ("noise.foot", foot),
+            ("start_deviations.tilt", start.tilt),
+            ("start_deviations.yaw", start.yaw),
+            ("start_deviations.velocity", start.velocity),
+            ("start_deviations.position", start.position),
+            ("start_deviations.gyroscope_bias", start.gyroscope_bias),
+            ("start_deviations.accelerometer_bias", start.accelerometer_bias),
+        ];
+        if let Some((key, value)) = numbers.iter().find(|(_, value)| !(0.0..=1e6).contains(value)) {
+            let message = format!("{key} = {value}: expected a number from 0 to 1e6");
+            return Err(ConfigError::key(*key, message));
+        }
+        if self.encoder_noise == 0.0 && foot == 0.0 {
+            return Err(ConfigError::key(
+                "noise.foot",
+                "feet without any error are a measurement without noise",
+            )
+            .advise("give `noise.foot` or `encoder_noise` a deviation"));
+        }
+        if !self.gravity.iter().all(|number| number.is_finite()) || self.gravity == [0.0; 3] {
+            return Err(ConfigError::key("gravity", "expected finite numbers that are not all zero"));
+        }
+        let start = self.start.iter().flat_map(|start| start.position.iter().chain([&start.yaw]));
+        if !start.into_iter().all(|number| number.is_finite()) {
+            return Err(ConfigError::key("start", "expected finite numbers"));
+        }
+        if self.align.ns == 0 {
+            return Err(ConfigError::key(
+                "align",
+                "the tilt at the start is measured: expected a time above zero",
+            ));
+        }
+        Ok(())
+    }
+}

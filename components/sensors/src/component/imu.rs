@@ -1,0 +1,157 @@
+//! `sensor.imu`: an inertial measurement unit as a component.
+
+use motorium::prelude::*;
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::readings::{Readings, refused};
+use super::robot::{Mount, TrueMotion};
+use crate::channel::{Channel, ErrorModel, Timing};
+use crate::imu::{ImuModel, SensorMotion};
+
+/// Configuration of `sensor.imu`. The default is an ideal sensor at the root link.
+///
+/// ```toml
+/// mount         = { frame = "base", position = [0.0, 0.0, 0.02] }
+/// gyroscope     = { noise = 3e-3, bias = 2e-3, bias_walk = 1e-5, range = 35.0 }
+/// accelerometer = { noise = 0.06, bias = 0.02, bias_walk = 1e-4, range = 157.0 }
+/// latency       = "1 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuConfig {
+    /// Place of the sensor on the robot. Default: the root link.
+    pub mount: Mount,
+    /// Errors of the angular velocity, rad/s.
+    pub gyroscope: ErrorModel,
+    /// Errors of the specific force, m/s^2.
+    pub accelerometer: ErrorModel,
+    /// Standard deviation of the orientation, about each axis, rad. Default 0.
+    pub orientation_noise: f64,
+    /// Time from sampling until the reading is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    pub gravity: [f64; 3],
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+impl Default for ImuConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            gyroscope: ErrorModel::default(),
+            accelerometer: ErrorModel::default(),
+            orientation_noise: 0.0,
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            gravity: [0.0, 0.0, -9.81],
+            seed: None,
+        }
+    }
+}
+
+impl ImuConfig {
+    fn timing(&self) -> Timing {
+        Timing { latency: self.latency, drop_out: self.drop_out }
+    }
+
+    fn models(&self, seed: u64) -> Result<(ImuModel, Channel), ConfigError> {
+        let seed = self.seed.unwrap_or(seed);
+        if !self.gravity.iter().all(|number| number.is_finite()) {
+            return Err(ConfigError::key("gravity", "expected finite numbers"));
+        }
+        let imu = ImuModel::new(&self.gyroscope, &self.accelerometer, Vector3::from(self.gravity), seed);
+        let attitude = ErrorModel { noise: self.orientation_noise, ..ErrorModel::default() };
+        let attitude = Channel::new("", &attitude, 3, seed, 2)
+            .map_err(|error| ConfigError::key("orientation_noise", error.to_string()))?;
+        Ok((imu.map_err(refused)?, attitude))
+    }
+}
+
+/// A component that publishes the readings of an inertial measurement unit on a robot.
+///
+/// It samples the true motion at its own rate, or at that of its trigger; a reading is the mean since the last sample.
+pub struct Imu {
+    motion: TrueMotion,
+    sample: Output<ImuSample>,
+    config: ImuConfig,
+    model: ImuModel,
+    attitude: Channel,
+    readings: Readings,
+}
+
+/// Numbers of a reading: specific force, angular velocity, orientation.
+const WIDTH: usize = 10;
+
+impl Component for Imu {
+    const KIND: &'static str = "sensor.imu";
+    const SUMMARY: &'static str = "inertial measurement unit: noise, biases that walk, range, latency";
+    const READS_GRAVITY: bool = true;
+    const RESETS: bool = true;
+    type Config = ImuConfig;
+
+    fn declare(config: &ImuConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        config.models(0)?;
+        Readings::declare(&config.timing(), declare)?;
+        TrueMotion::declare(&config.mount, declare)?;
+        declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
+        Ok(())
+    }
+
+    fn configure(config: ImuConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let seed = config.seed.unwrap_or(setup.seed());
+        let (model, attitude) = config.models(seed)?;
+        Ok(Self {
+            motion: TrueMotion::open(&config.mount, setup)?,
+            sample: setup.output("imu")?,
+            readings: Readings::new(&config.timing(), WIDTH, setup.period(), seed)?,
+            model,
+            attitude,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if let Some(motion) = self.motion.newest()? {
+            let rotation = motion.pose.rotation;
+            let truth = SensorMotion { rotation, velocity: motion.linear };
+            if let Some(reading) = self.model.sample(motion.times.state, &truth) {
+                let mut tilt = [0.0; 3];
+                self.attitude.measure(0.0, &mut tilt);
+                let seen = motorium_robots::lie::so3::exp(&Vector3::from(tilt)) * rotation;
+                let mut values = [0.0; WIDTH];
+                values[..3].copy_from_slice(reading.specific_force.as_slice());
+                values[3..6].copy_from_slice(reading.angular_velocity.as_slice());
+                values[6..].copy_from_slice(seen.coords.as_slice());
+                self.readings.push(tick.time_ns, motion.times.source, &values);
+            }
+        }
+        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let mut sample = self.sample.loan()?;
+        sample.specific_force.copy_from_slice(&values[..3]);
+        sample.angular_velocity.copy_from_slice(&values[3..6]);
+        sample.orientation.copy_from_slice(&values[6..]);
+        sample.publish_from(source)
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        let seed = self.config.seed.unwrap_or(episode.seed);
+        let models = self.config.models(seed).map_err(|error| StepError::failed(error.to_string()))?;
+        (self.model, self.attitude) = models;
+        self.readings.reset(seed);
+        self.motion.reset();
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let mut result = self.readings.result();
+        let (gyroscope, accelerometer) = self.model.biases();
+        result["gyroscope_bias"] = serde_json::json!(gyroscope.as_slice());
+        result["accelerometer_bias"] = serde_json::json!(accelerometer.as_slice());
+        Some(result)
+    }
+}

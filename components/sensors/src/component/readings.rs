@@ -1,0 +1,121 @@
+//! The way of readings from the sampling to the output: lost ones, late ones.
+
+use std::time::Duration;
+
+use motorium::declare::{ConfigError, Declare};
+use motorium::units::TimeSpan;
+
+use crate::channel::{SettingError, Timing};
+use crate::delay::DelayLine;
+use crate::noise::Noise;
+
+/// Number of the noise of lost readings among the channels of a seed.
+const DROP_OUTS: u64 = 1 << 20;
+
+/// The most readings that may be under way at once.
+const MOST: u64 = 100_000;
+
+/// Readings on their way, each published once.
+#[derive(Debug)]
+pub(super) struct Readings {
+    line: DelayLine,
+    width: usize,
+    drop_out: f64,
+    draws: Noise,
+    last: Option<u64>,
+    published: u64,
+    dropped: u64,
+}
+
+impl Readings {
+    /// Checks what can be checked without running, and warns of a latency that the period makes longer.
+    pub(super) fn declare(timing: &Timing, declare: &mut Declare) -> Result<(), ConfigError> {
+        timing.check().map_err(refused)?;
+        let Some(period) = declare.period() else { return Ok(()) };
+        frames(timing, period)?;
+        let latency = timing.latency;
+        if latency.ns > 0 && Duration::from(latency) < period {
+            let period = TimeSpan { ns: period.as_nanos() as u64 };
+            declare
+                .warn(format!("a latency of {latency} is shorter than the period"))
+                .at("latency")
+                .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
+        }
+        Ok(())
+    }
+
+    /// A way for readings of `width` numbers.
+    pub(super) fn new(
+        timing: &Timing,
+        width: usize,
+        period: Duration,
+        seed: u64,
+    ) -> Result<Self, ConfigError> {
+        timing.check().map_err(refused)?;
+        let period_ns = frames(timing, period)?;
+        Ok(Self {
+            line: DelayLine::new(timing.latency.ns, width, period_ns),
+            width,
+            drop_out: timing.drop_out,
+            draws: Noise::new(seed, DROP_OUTS),
+            last: None,
+            published: 0,
+            dropped: 0,
+        })
+    }
+
+    /// Takes in a reading that was sampled at a time (ns) from a state of a source time; some are lost.
+    pub(super) fn push(&mut self, time_ns: u64, source: u64, values: &[f64]) {
+        debug_assert_eq!(values.len(), self.width);
+        // one draw a reading, so that the others stay as they are when the share changes
+        if self.drop_out > 0.0 && self.draws.uniform() < self.drop_out {
+            self.dropped += 1;
+            return;
+        }
+        self.line.push_noted(time_ns, source).copy_from_slice(values);
+    }
+
+    /// The newest reading that is due and was not given before, with its source time.
+    pub(super) fn due(&mut self, now_ns: u64) -> Option<(u64, &[f64])> {
+        let (time, source, values) = self.line.read_noted(now_ns)?;
+        if self.last == Some(time) {
+            return None;
+        }
+        self.last = Some(time);
+        self.published += 1;
+        Some((source, values))
+    }
+
+    /// Goes back to the start, with the seed of an episode.
+    pub(super) fn reset(&mut self, seed: u64) {
+        self.line.clear();
+        self.draws = Noise::new(seed, DROP_OUTS);
+        (self.last, self.published, self.dropped) = (None, 0, 0);
+    }
+
+    /// The part of a result that all sensors have.
+    pub(super) fn result(&self) -> serde_json::Value {
+        serde_json::json!({
+            "readings": self.published,
+            "dropped": self.dropped,
+            "lost": self.line.lost(),
+        })
+    }
+}
+
+/// The period in ns, if the readings under way in it fit.
+fn frames(timing: &Timing, period: Duration) -> Result<u64, ConfigError> {
+    let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1);
+    let frames = timing.latency.ns / period_ns;
+    if frames > MOST {
+        let message =
+            format!("a latency of {} holds {frames} readings, at most {MOST} are possible", timing.latency);
+        return Err(ConfigError::key("latency", message).advise("is it meant to be ms?"));
+    }
+    Ok(period_ns)
+}
+
+/// The error of a setting at its key.
+pub(super) fn refused(error: SettingError) -> ConfigError {
+    ConfigError::key(error.setting.clone(), error.to_string())
+}

@@ -1,0 +1,136 @@
+//! Attitude from gyroscope and accelerometer.
+
+use motorium_robots::lie::so3;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// The complementary filter of an attitude: the gyroscope for what is fast, the direction of gravity for what is slow.
+///
+/// ```text
+/// e = f / |f| x R' z        dR/dt = R (omega - b + kp e)^        db/dt = -ki e
+/// ```
+///
+/// with angular velocity `omega` and specific force `f` in the axes of the sensor, the attitude `R` of the sensor in the
+/// world (z up) and the bias `b` of the gyroscope: the explicit complementary filter of Mahony, Hamel and Pflimlin (IEEE TAC
+/// 53(5), 2008). The angle about the vertical is that of the gyroscope alone. A specific force that is far from gravity, by
+/// more than `tolerance` of it, is no vertical and left out.
+///
+/// ```
+/// use motorium_sensors::estimation::ComplementaryFilter;
+/// use nalgebra::Vector3;
+///
+/// let mut filter = ComplementaryFilter::new(1.0, 0.1);
+/// // At rest, tilted by 0.2 rad about x.
+/// let force = Vector3::new(0.0, 9.81 * 0.2_f64.sin(), 9.81 * 0.2_f64.cos());
+/// for _ in 0..10_000 {
+///     filter.update(&Vector3::zeros(), &force, 1e-3);
+/// }
+/// assert!((filter.attitude().euler_angles().0 - 0.2).abs() < 1e-3, "rad");
+/// ```
+#[derive(Clone, Debug)]
+pub struct ComplementaryFilter {
+    kp: f64,
+    ki: f64,
+    tolerance: f64,
+    gravity: f64,
+    attitude: UnitQuaternion<f64>,
+    bias: Vector3<f64>,
+}
+
+impl ComplementaryFilter {
+    /// A filter with gains `kp` \[1/s\], the frequency at which the two sensors change over in rad/s, and `ki` \[1/s2\] of
+    /// the bias. It starts level.
+    pub fn new(kp: f64, ki: f64) -> Self {
+        let (attitude, bias) = (UnitQuaternion::identity(), Vector3::zeros());
+        Self { kp, ki, tolerance: 0.5, gravity: 9.81, attitude, bias }
+    }
+
+    /// The share of gravity by which a specific force may differ from it in size and still count as the vertical. Default
+    /// 0.5; infinite: always.
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Starts anew from an attitude, without a bias.
+    pub fn reset(&mut self, attitude: UnitQuaternion<f64>) {
+        (self.attitude, self.bias) = (attitude, Vector3::zeros());
+    }
+
+    /// Goes on by `dt` \[s\] with an angular velocity \[rad/s\] and a specific force \[m/s2\] in the axes of the sensor.
+    pub fn update(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
+        let size = specific_force.norm();
+        let mut error = Vector3::zeros();
+        if size > 0.0 && (size - self.gravity).abs() <= self.tolerance * self.gravity {
+            let up = self.attitude.inverse_transform_vector(&Vector3::z());
+            error = (specific_force / size).cross(&up);
+        }
+        let rate = angular_velocity - self.bias + error * self.kp;
+        self.bias -= error * (self.ki * dt);
+        self.attitude = UnitQuaternion::new_normalize((self.attitude * so3::exp(&(rate * dt))).into_inner());
+    }
+
+    /// The attitude of the sensor in the world.
+    pub fn attitude(&self) -> UnitQuaternion<f64> {
+        self.attitude
+    }
+
+    /// The bias of the gyroscope \[rad/s\].
+    pub fn bias(&self) -> Vector3<f64> {
+        self.bias
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at_rest(attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
+        attitude.inverse_transform_vector(&Vector3::new(0.0, 0.0, 9.81))
+    }
+
+    #[test]
+    fn it_follows_a_turning_sensor_exactly_without_noise() {
+        let (mut filter, mut truth) = (ComplementaryFilter::new(0.5, 0.05), UnitQuaternion::identity());
+        for k in 0..5000_u32 {
+            let t = 1e-3 * f64::from(k);
+            let omega = Vector3::new(t.sin(), 0.7 * (1.3 * t).cos(), 0.4);
+            truth *= so3::exp(&(omega * 1e-3));
+            // the force at the end of the step is that before the next one
+            filter.update(&omega, &at_rest(&(truth * so3::exp(&(-omega * 1e-3)))), 1e-3);
+        }
+        assert!(filter.attitude().angle_to(&truth) < 1e-9, "{}", filter.attitude().angle_to(&truth));
+        assert!(filter.bias().norm() < 1e-9);
+    }
+
+    #[test]
+    fn a_small_tilt_decays_at_the_rate_kp() {
+        let mut filter = ComplementaryFilter::new(2.0, 0.0);
+        filter.reset(UnitQuaternion::from_euler_angles(0.01, 0.0, 0.0));
+        for _ in 0..1000 {
+            filter.update(&Vector3::zeros(), &Vector3::new(0.0, 0.0, 9.81), 1e-3);
+        }
+        let expected = 0.01 * (-2.0_f64).exp();
+        assert!((filter.attitude().euler_angles().0 / expected - 1.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn it_finds_the_bias_of_the_gyroscope_across_the_vertical() {
+        let mut filter = ComplementaryFilter::new(1.0, 0.3);
+        let bias = Vector3::new(0.02, -0.01, 0.0);
+        for _ in 0..60_000 {
+            filter.update(&bias, &Vector3::new(0.0, 0.0, 9.81), 1e-3);
+        }
+        assert!((filter.bias() - bias).norm() < 1e-6, "{}", filter.bias());
+        assert!(filter.attitude().angle() < 1e-6);
+    }
+
+    #[test]
+    fn a_force_that_is_no_gravity_does_not_tilt_it() {
+        let mut filter = ComplementaryFilter::new(1.0, 0.1);
+        for _ in 0..1000 {
+            filter.update(&Vector3::zeros(), &Vector3::new(20.0, 0.0, 9.81), 1e-3);
+            filter.update(&Vector3::zeros(), &Vector3::zeros(), 1e-3);
+        }
+        assert_eq!(filter.attitude(), UnitQuaternion::identity());
+    }
+}

@@ -1,0 +1,92 @@
+//! How uncertain the inputs of the filter are.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Noise of the inertial measurement unit and of the contacts, as densities: standard deviations after one second, or per
+/// square root of hertz. A reading of deviation `s` at a rate `f` has the density `s / sqrt(f)`.
+///
+/// ```toml
+/// gyroscope     = 1e-4
+/// accelerometer = 2e-3
+/// slip          = 0.02
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilterNoise {
+    /// Of the angular velocity (rad/s/sqrt(Hz)). Default 1e-4. Too little: the filter trusts a bad gyroscope, and tilts with it.
+    #[schemars(range(min = 0.0))]
+    pub gyroscope: f64,
+    /// Of the specific force (m/s2/sqrt(Hz)). Default 2e-3. Too little: the velocity follows the accelerometer and ignores the
+    /// feet.
+    #[schemars(range(min = 0.0))]
+    pub accelerometer: f64,
+    /// Of the walk of the gyroscope's bias (rad/s2/sqrt(Hz)). Default 1e-5.
+    #[schemars(range(min = 0.0))]
+    pub gyroscope_bias_walk: f64,
+    /// Of the walk of the accelerometer's bias (m/s3/sqrt(Hz)). Default 1e-4.
+    #[schemars(range(min = 0.0))]
+    pub accelerometer_bias_walk: f64,
+    /// Of the velocity of a foot on the ground (m/s/sqrt(Hz)). Default 0.02. Too little: one slip moves the estimate for good.
+    #[schemars(range(min = 0.0))]
+    pub slip: f64,
+    /// Standard deviation of a foot's place as the joints tell it, beyond that of the encoders (m): flexible legs and soles.
+    /// Default 1e-3.
+    #[schemars(range(min = 0.0))]
+    pub foot: f64,
+}
+
+impl Default for FilterNoise {
+    fn default() -> Self {
+        Self {
+            gyroscope: 1e-4,
+            accelerometer: 2e-3,
+            gyroscope_bias_walk: 1e-5,
+            accelerometer_bias_walk: 1e-4,
+            slip: 0.02,
+            foot: 1e-3,
+        }
+    }
+}
+
+/// Standard deviations of the state that the filter starts from.
+///
+/// ```toml
+/// tilt = 0.02
+/// yaw  = 1e-3
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct StartDeviations {
+    /// Of roll and pitch (rad). Default 0.02.
+    #[schemars(range(min = 0.0))]
+    pub tilt: f64,
+    /// Of the angle about the vertical (rad). Default 1e-3.
+    #[schemars(range(min = 0.0))]
+    pub yaw: f64,
+    /// Of the velocity (m/s). Default 0.05.
+    #[schemars(range(min = 0.0))]
+    pub velocity: f64,
+    /// Of the position (m). Default 1e-3.
+    #[schemars(range(min = 0.0))]
+    pub position: f64,
+    /// Of the gyroscope's bias (rad/s). Default 5e-3.
+    #[schemars(range(min = 0.0))]
+    pub gyroscope_bias: f64,
+    /// Of the accelerometer's bias (m/s2). Default 0.05.
+    #[schemars(range(min = 0.0))]
+    pub accelerometer_bias: f64,
+}
+
+impl Default for StartDeviations {
+    fn default() -> Self {
+        Self {
+            tilt: 0.02,
+            yaw: 1e-3,
+            velocity: 0.05,
+            position: 1e-3,
+            gyroscope_bias: 5e-3,
+            accelerometer_bias: 0.05,
+        }
+    }
+}

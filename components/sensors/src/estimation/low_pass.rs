@@ -1,0 +1,102 @@
+//! The first-order low-pass.
+
+use std::f64::consts::TAU;
+
+/// A first-order low-pass: `dy/dt = 2 pi f_c (x - y)`.
+///
+/// Exact for an input that is constant between two samples: `y += (1 - exp(-2 pi f_c dt)) (x - y)`, for steps of any
+/// length. The first sample sets the output.
+///
+/// ```
+/// use motorium_sensors::estimation::LowPass;
+///
+/// let mut filter = LowPass::new(10.0);
+/// assert_eq!(filter.update(2.0, 1e-3), 2.0);
+/// // Half-way to a new value after ln 2 / (2 pi f_c).
+/// let half_life = std::f64::consts::LN_2 / (std::f64::consts::TAU * 10.0);
+/// assert!((filter.update(4.0, half_life) - 3.0).abs() < 1e-12);
+/// ```
+#[derive(Clone, Debug)]
+pub struct LowPass {
+    cutoff_hz: f64,
+    value: Option<f64>,
+}
+
+impl LowPass {
+    /// A filter with this cut-off frequency \[Hz\], at which a sine keeps `1 / sqrt(2)` of its amplitude.
+    ///
+    /// # Panics
+    /// On a frequency that is not positive and finite.
+    pub fn new(cutoff_hz: f64) -> Self {
+        assert!(cutoff_hz > 0.0 && cutoff_hz.is_finite(), "a cut-off frequency of {cutoff_hz} Hz");
+        Self { cutoff_hz, value: None }
+    }
+
+    /// The output after an input that has lasted for `dt` \[s\]; without a `dt` above zero it stays.
+    pub fn update(&mut self, input: f64, dt: f64) -> f64 {
+        let value = match self.value {
+            None => input,
+            Some(value) if dt > 0.0 => value + Self::share(self.cutoff_hz, dt) * (input - value),
+            Some(value) => value,
+        };
+        self.value = Some(value);
+        value
+    }
+
+    /// The share of a step of the input that is in the output after `dt` \[s\]: `1 - exp(-2 pi f_c dt)`.
+    pub fn share(cutoff_hz: f64, dt: f64) -> f64 {
+        -(-TAU * cutoff_hz * dt).exp_m1()
+    }
+
+    /// The output; `None` before the first sample.
+    pub fn value(&self) -> Option<f64> {
+        self.value
+    }
+
+    /// Forgets every sample.
+    pub fn reset(&mut self) {
+        self.value = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_followed_exponentially_whatever_the_length_of_the_steps() {
+        let mut even = LowPass::new(3.0);
+        let mut uneven = LowPass::new(3.0);
+        (even.update(0.0, 0.0), uneven.update(0.0, 0.0));
+        (0..40).for_each(|_| {
+            even.update(1.0, 1e-3);
+        });
+        for dt in [0.01, 0.002, 0.025, 0.003] {
+            uneven.update(1.0, dt);
+        }
+        let expected = 1.0 - (-TAU * 3.0 * 0.04_f64).exp();
+        assert!((even.value().unwrap() - expected).abs() < 1e-12);
+        assert!((uneven.value().unwrap() - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_sine_at_the_cut_off_loses_three_decibels() {
+        let mut filter = LowPass::new(5.0);
+        let dt = 1e-5;
+        let mut most = 0.0_f64;
+        for k in 0..200_000_u32 {
+            let output = filter.update((TAU * 5.0 * dt * f64::from(k)).sin(), dt);
+            most = if k > 100_000 { most.max(output) } else { 0.0 };
+        }
+        assert!((most - std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-3, "{most}");
+    }
+
+    #[test]
+    fn a_sample_without_time_changes_nothing_and_a_reset_forgets() {
+        let mut filter = LowPass::new(5.0);
+        filter.update(1.0, 1e-3);
+        assert_eq!(filter.update(9.0, 0.0), 1.0);
+        filter.reset();
+        assert_eq!(filter.update(9.0, 1e-3), 9.0);
+    }
+}

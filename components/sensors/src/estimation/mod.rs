@@ -1,0 +1,25 @@
+//! State estimation: filters of signals, Kalman filters, the base of a legged robot, and the Riccati equation.
+//!
+//! - [`LowPass`], [`Biquad`]: filters of a signal of constant rate.
+//! - [`SlopeEstimator`]: a velocity from positions, with the delay that it has.
+//! - [`ComplementaryFilter`]: an attitude from gyroscope and accelerometer.
+//! - [`KalmanFilter`]: the linear filter, of any size known when it is compiled.
+//! - [`InvariantFilter`]: pose and velocity of a legged base from an inertial measurement unit and the contacts of its feet.
+//! - [`riccati`]: the discrete algebraic Riccati equation, and the linear-quadratic regulator.
+//!
+//! Plain libraries: nothing here knows the runtime. What a loop calls allocates nothing after construction.
+
+mod biquad;
+mod complementary;
+mod invariant;
+mod kalman;
+mod low_pass;
+pub mod riccati;
+mod slope;
+
+pub use biquad::{Biquad, BiquadError, BiquadShape};
+pub use complementary::ComplementaryFilter;
+pub use invariant::{ContactKinematics, FilterNoise, FilterState, InvariantFilter, StartDeviations};
+pub use kalman::{KalmanFilter, SingularInnovation};
+pub use low_pass::LowPass;
+pub use slope::{Slope, SlopeEstimator};

@@ -1,0 +1,12 @@
+//! Tests of the sensor models, of their components in graphs, and of the state estimation.
+
+mod allocations;
+mod channel;
+mod component;
+mod contact;
+mod encoder;
+mod estimator;
+mod imu;
+mod invariant;
+
+motorium::count_allocations!();

@@ -1,0 +1,78 @@
+//! Looking at the whole graph from within a component.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::{ConfigureError, Setup};
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, Plan};
+use crate::region::{EventReader, EventRecord, Region};
+use crate::transport::{Domain, PortError, Tap};
+use std::sync::atomic::Ordering::Relaxed;
+
+impl Setup {
+    /// A view of the whole graph, for a component that declared
+    /// [`taps`](crate::declare::Declare::taps): recorders and viewers. It may be moved to a helper thread.
+    ///
+    /// # Errors
+    /// The control block of the run cannot be mapped once more.
+    pub fn observer(&self) -> Result<Observer, ConfigureError> {
+        let region = self.run().region().map_err(ConfigureError::failed)?;
+        Ok(Observer { plan: Arc::new(self.plan().clone()), domain: self.domain().clone(), region })
+    }
+}
+
+/// A view of the whole graph from within a component: its plan, its topics by [`Tap`], its log of events.
+///
+/// ```
+/// use motorium::prelude::*;
+///
+/// fn topics(setup: &mut Setup) -> Result<Vec<String>, ConfigureError> {
+///     let observer = setup.observer()?;
+///     Ok(observer.plan().topics.iter().map(|topic| topic.name.clone()).collect())
+/// }
+/// ```
+pub struct Observer {
+    plan: Arc<Plan>,
+    domain: Domain,
+    region: Region,
+}
+
+impl fmt::Debug for Observer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Observer").field("graph", &self.plan.name).finish_non_exhaustive()
+    }
+}
+
+impl Observer {
+    /// The plan that runs.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// A tap of the topic of this index in the plan. It belongs to the thread that opens it.
+    ///
+    /// # Errors
+    /// The topic cannot be reached, carries slices, or four others look on already.
+    pub fn tap(&self, topic: usize) -> Result<Tap, PortError> {
+        Tap::open(&self.domain, &self.plan.topics[topic])
+    }
+
+    /// The events since the last call, or all that are still there, oldest first.
+    pub fn events(&self, reader: &mut EventReader) -> Vec<EventRecord> {
+        reader.read(self.region.events())
+    }
+
+    /// Time at which the graph stepped first, on the clock of stamps, ns: 0 in lockstep, and before it has.
+    pub fn start_ns(&self) -> u64 {
+        match self.plan.clock {
+            ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
+            ClockKind::Lockstep => 0,
+        }
+    }
+
+    /// Now on the clock of the events of the run and of the stamps of one in real time, ns.
+    pub fn now_ns(&self) -> u64 {
+        monotonic_ns()
+    }
+}

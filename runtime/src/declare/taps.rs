@@ -1,0 +1,79 @@
+//! The topics that a component reads by taps.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+/// The topics that a component reads by taps: every value of each, in order, without a port and without the writer's doing.
+///
+/// ```
+/// use motorium::declare::Taps;
+/// use std::time::Duration;
+///
+/// let taps = Taps::new(["panda/*", "phase"], Duration::from_millis(200));
+/// assert!(taps.includes("panda/joint_state") && taps.includes("phase"));
+/// assert!(!taps.includes("other/phase"));
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Taps {
+    /// Names of topics; a `*` stands for any characters.
+    pub topics: Vec<String>,
+    /// Time that a tap may go unread before values are lost: the graph keeps as many values of a state as are published in it.
+    pub bridges: Duration,
+}
+
+impl Taps {
+    /// Taps of the topics with these names, in which `*` stands for any characters.
+    pub fn new<'a>(topics: impl IntoIterator<Item = &'a str>, bridges: Duration) -> Self {
+        Self { topics: topics.into_iter().map(str::to_string).collect(), bridges }
+    }
+
+    /// True if a topic of this name is among them.
+    pub fn includes(&self, topic: &str) -> bool {
+        self.topics.iter().any(|pattern| matches(pattern, topic))
+    }
+
+    /// The first pattern that none of these topics has.
+    pub fn unmatched<'a>(&'a self, topics: &[String]) -> Option<&'a str> {
+        let is_idle = |pattern: &&String| !topics.iter().any(|topic| matches(pattern, topic));
+        self.topics.iter().find(is_idle).map(String::as_str)
+    }
+}
+
+/// True if a text is that of a pattern, in which `*` stands for any characters.
+fn matches(pattern: &str, text: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else { return false };
+    let Some(last) = parts.next_back() else { return rest.is_empty() };
+    for part in parts {
+        let Some(at) = rest.find(part) else { return false };
+        rest = &rest[at + part.len()..];
+    }
+    rest.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_star_stands_for_any_characters_and_nothing_else_does() {
+        for (pattern, text, fits) in [
+            ("*", "", true),
+            ("*", "panda/target", true),
+            ("panda/target", "panda/target", true),
+            ("panda/target", "panda/targets", false),
+            ("panda/*", "panda/target", true),
+            ("*/joint_state", "left/joint_state", true),
+            ("*/joint_state", "left/true_joint_state", false),
+            ("*joint*", "left/true_joint_state", true),
+            ("a*b*c", "axxbyyc", true),
+            ("a*b*c", "axxcyyb", false),
+            ("ab*ba", "aba", false),
+        ] {
+            assert_eq!(matches(pattern, text), fits, "{pattern} {text}");
+        }
+        let taps = Taps::new(["left/*", "phase"], Duration::ZERO);
+        assert_eq!(taps.unmatched(&["left/target".to_string()]), Some("phase"));
+    }
+}

@@ -1,0 +1,64 @@
+//! Legged robots: contacts of the feet, and the estimated state of the base.
+
+#![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
+
+use super::counted::counted_buffer;
+
+/// The most feet of one [`FootContacts`].
+pub const MAX_FEET: usize = 16;
+
+counted_buffer! {
+    /// Readings of the contact sensors of a robot's feet, in the order of the names of the feet in its profile.
+    ///
+    /// ```
+    /// use motorium::state::FootContacts;
+    ///
+    /// let mut feet = FootContacts::default();
+    /// feet.set_count(4);
+    /// feet.contact_mut().copy_from_slice(&[1, 0, 0, 1]);
+    /// assert_eq!(feet.contact().iter().filter(|contact| **contact == 1).count(), 2);
+    /// ```
+    pub struct FootContacts as "motorium.FootContacts", at most MAX_FEET {
+        counted {
+            /// 1 when the foot touches something, else 0.
+            contact, contact_mut: u32;
+            /// Size of the force on the foot, N.
+            force, force_mut: f64;
+        }
+    }
+}
+
+crate::state_buffer! {
+    /// The estimated pose and velocity of a robot's base, the biases of its inertial measurement unit, and how uncertain
+    /// they are.
+    ///
+    /// ```
+    /// use motorium::state::BaseEstimate;
+    ///
+    /// let mut estimate = BaseEstimate::default();
+    /// estimate.covariance[8 * 9 + 8] = 1e-4;
+    /// let deviation = estimate.covariance[80].sqrt(); // of the height, m
+    /// assert_eq!(deviation, 0.01);
+    /// ```
+    pub struct BaseEstimate as "motorium.BaseEstimate" {
+        /// Position of the base frame's origin in the world, m.
+        pub position: [f64; 3],
+        /// Orientation of the base in the world as a unit quaternion, x y z w.
+        pub orientation: [f64; 4],
+        /// Velocity of the base frame's origin, in the axes of the base, m/s.
+        pub linear_velocity: [f64; 3],
+        /// Angular velocity, in the axes of the base, rad/s.
+        pub angular_velocity: [f64; 3],
+        /// Bias of the gyroscope, in the axes of the sensor, rad/s.
+        pub gyroscope_bias: [f64; 3],
+        /// Bias of the accelerometer, in the axes of the sensor, m/s^2.
+        pub accelerometer_bias: [f64; 3],
+        /// Covariance of the errors of orientation (a rotation vector), velocity and position, all in the axes of the world,
+        /// row by row: rad, m/s and m.
+        pub covariance: [f64; 81],
+        /// Standard deviations of the biases, those of the gyroscope first, rad/s and m/s^2.
+        pub bias_deviation: [f64; 6],
+        /// Feet that the estimate rests on, one bit each: the first foot is bit 0.
+        pub contacts: u64,
+    }
+}

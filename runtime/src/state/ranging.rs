@@ -1,0 +1,91 @@
+//! What sensors of distance, place and field measure.
+
+#![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
+
+use super::counted::counted_buffer;
+
+/// The most rays of one [`Ranges`].
+pub const MAX_RANGES: usize = 2048;
+
+counted_buffer! {
+    /// Distances along the rays of a sensor, in the order of its rays.
+    ///
+    /// ```
+    /// use motorium::state::Ranges;
+    ///
+    /// let mut ranges = Ranges { least: 0.1, most: 10.0, ..Ranges::default() };
+    /// ranges.set_count(2);
+    /// ranges.range_mut().copy_from_slice(&[0.5, 11.0]);
+    /// let met = ranges.range().iter().filter(|range| f64::from(**range) <= ranges.most);
+    /// assert_eq!(met.count(), 1);
+    /// ```
+    pub struct Ranges as "motorium.Ranges", at most MAX_RANGES {
+        plain {
+            /// The least distance that the sensor measures, m.
+            least: f64;
+            /// The greatest distance that the sensor measures, m. A ray that meets nothing within it has a greater number.
+            most: f64;
+        }
+        counted {
+            /// Distance along a ray, m.
+            range, range_mut: f32;
+        }
+    }
+}
+
+crate::state_buffer! {
+    /// A fix of a satellite navigation receiver.
+    ///
+    /// ```
+    /// use motorium::state::GeoFix;
+    ///
+    /// let fix = GeoFix { latitude: 46.52, longitude: 6.57, altitude: 400.0, ..GeoFix::default() };
+    /// assert_eq!(fix.velocity, [0.0; 3]);
+    /// ```
+    pub struct GeoFix as "motorium.GeoFix" {
+        /// Geodetic latitude on the WGS 84 ellipsoid, degrees, north positive.
+        pub latitude: f64,
+        /// Longitude, degrees, east positive.
+        pub longitude: f64,
+        /// Height above the ellipsoid, m.
+        pub altitude: f64,
+        /// Velocity to the east, to the north and up, m/s.
+        pub velocity: [f64; 3],
+        /// Standard deviations of the position to the east, to the north and up, m.
+        pub position_deviation: [f64; 3],
+        /// Standard deviations of the velocity, m/s.
+        pub velocity_deviation: [f64; 3],
+    }
+}
+
+crate::state_buffer! {
+    /// A height, such as a barometer or a radar altimeter tells it.
+    ///
+    /// ```
+    /// use motorium::state::Altitude;
+    ///
+    /// let climbing = Altitude { height: 12.0, rate: 0.5 };
+    /// assert!(climbing.rate > 0.0);
+    /// ```
+    pub struct Altitude as "motorium.Altitude" {
+        /// Height above the reference of the sensor, m.
+        pub height: f64,
+        /// Rate of the height, m/s.
+        pub rate: f64,
+    }
+}
+
+crate::state_buffer! {
+    /// A magnetic flux density, in the axes of the sensor.
+    ///
+    /// ```
+    /// use motorium::state::MagneticField;
+    ///
+    /// let earth = MagneticField { field: [2e-5, 0.0, -4e-5] };
+    /// assert!((earth.field[0].hypot(earth.field[2]) - 4.47e-5).abs() < 1e-7);
+    /// ```
+    pub struct MagneticField as "motorium.MagneticField" {
+        /// Flux density, T.
+        pub field: [f64; 3],
+    }
+}

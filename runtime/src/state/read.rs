@@ -1,0 +1,24 @@
+//! Samples that are at hand as bytes, read as their type.
+
+#![allow(unsafe_code)] // bytes of the right length are read as a type that is valid for every bit pattern
+
+use super::StateBuffer;
+
+/// The value of bytes in the layout of its type, at any alignment; `None` if there are more or fewer than it has.
+///
+/// The bytes of a tap or of a recording are read so. They are not checked: [`Field::check`](super::Field::check) does that.
+///
+/// ```
+/// use motorium::state::{JointState, StateBuffer, encode, from_bytes};
+///
+/// let bytes = encode(&JointState::layout(), "position=[0.5, -1.0]").unwrap();
+/// assert_eq!(from_bytes::<JointState>(&bytes).unwrap().position(), [0.5, -1.0]);
+/// assert!(from_bytes::<JointState>(&bytes[1..]).is_none());
+/// ```
+pub fn from_bytes<T: StateBuffer>(bytes: &[u8]) -> Option<T> {
+    if bytes.len() != size_of::<T>() {
+        return None;
+    }
+    // SAFETY: there are as many bytes as the type has, and every bit pattern is a valid value of it (`Field`).
+    Some(unsafe { bytes.as_ptr().cast::<T>().read_unaligned() })
+}

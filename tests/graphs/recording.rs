@@ -1,0 +1,208 @@
+//! Recordings of whole graphs: run again to the last bit, read by the official reader for Python, ended by a full disk.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use crate::MOTORIUM;
+use crate::support::{machine, run, workspace};
+
+fn motorium(arguments: &[&str]) -> Output {
+    Command::new(MOTORIUM)
+        .args(arguments)
+        .current_dir(workspace())
+        .stdin(Stdio::null())
+        .output()
+        .expect("motorium starts")
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a path of text")
+}
+
+/// Records a graph in lockstep; gives its recording.
+fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
+    let file = folder.join("a.mcap");
+    let arguments = [&["--clock", "lockstep", "--record", text(&file)], arguments].concat();
+    let ended = run(&workspace().join("graphs").join(graph), &arguments);
+    let result = &ended.report().results["recorder"];
+    assert_eq!(result["lost"], 0, "{}", ended.stderr);
+    assert_eq!(result["ended"], serde_json::Value::Null);
+    file
+}
+
+fn verified(file: &Path) -> (Option<i32>, String) {
+    let output = motorium(&["replay", text(file), "--verify"]);
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8_lossy(&said).into_owned())
+}
+
+#[test]
+fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    for graph in ["panda-reach.toml", "quadruped-trot.toml", "two-arms.toml"] {
+        let file = recorded(folder.path(), graph, &["--for", "400 ms"]);
+        let (code, said) = verified(&file);
+        assert_eq!(code, Some(0), "{graph}: {said}");
+        assert!(said.contains("are equal to the last bit"), "{said}");
+    }
+}
+
+#[test]
+fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
+    let mut bytes = std::fs::read(&file).expect("readable");
+    // A target is at rest at first: its position stands in many samples. That of one in the middle is changed.
+    let recording = motorium_bridges::recording::Recording::open(&file).expect("a recording");
+    let topic = recording.topic("panda/target").expect("recorded");
+    let sample = recording
+        .samples()
+        .map(|sample| sample.expect("readable"))
+        .filter(|sample| sample.topic == topic)
+        .nth(150)
+        .expect("it has so many");
+    let mut message = Vec::new();
+    recording.topics()[topic].derived().encode(&sample.stamp, &sample.bytes, &mut message);
+    drop(recording);
+    let place = bytes.windows(message.len()).position(|part| part == message).expect("it is there");
+    let position = message.windows(8).position(|part| part == &sample.bytes[..8]).expect("the first number");
+    bytes[place + position] ^= 1;
+    std::fs::write(&file, bytes).expect("written");
+    let (code, said) = verified(&file);
+    assert_eq!(code, Some(1), "{said}");
+    let sequence = sample.stamp.sequence;
+    assert!(
+        said.contains("topic `panda/target`, tick") && said.contains(&format!("sample {sequence})")),
+        "{said}"
+    );
+    assert!(said.contains("field `position[0]`: recorded "), "{said}");
+}
+
+#[test]
+fn a_controller_runs_on_the_recorded_sensors() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
+    let output = motorium(&["replay", text(&file), "--live", "controller", "--speed", "0", "--json"]);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let report: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}"));
+    assert_eq!(report["results"]["encoder"]["published"], 300, "{errors}");
+    assert_eq!(report["results"]["encoder"]["left"], 0);
+    let steps = report["components"].as_array().expect("components").iter();
+    let controller = steps.clone().find(|component| component["name"] == "controller").expect("it runs");
+    assert_eq!(controller["steps"], 300);
+    let unknown = motorium(&["replay", text(&file), "--live", "contoller"]);
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("no component `contoller`"));
+}
+
+/// A disk that is full: files of this process can have a megabyte, the shared memory of a run needs less.
+#[test]
+fn a_full_disk_ends_the_recording_and_not_the_run() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.mcap");
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 16384; exec {MOTORIUM} run graphs/panda-reach.toml --clock lockstep --hosting inline \
+         --for 20s --no-expect --json --record {}",
+        text(&file)
+    );
+    let output =
+        Command::new("bash").args(["-c", &script]).current_dir(workspace()).output().expect("bash starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let report: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}"));
+    assert_eq!(report["exit"], "finished", "{errors}");
+    let ended = report["results"]["recorder"]["ended"].as_str().expect("a reason");
+    assert!(ended.contains("too large"), "{ended}");
+    let whole = folder.path().join("whole.mcap");
+    let recovered = motorium(&["recover", text(&file), "--output", text(&whole)]);
+    assert!(recovered.status.success(), "{}", String::from_utf8_lossy(&recovered.stderr));
+    let (code, said) = verified(&whole);
+    assert_eq!(code, Some(0), "{said}");
+}
+
+const READER: &str = r#"
+import sys
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+counts, first, frames, attachments = {}, {}, set(), []
+with open(sys.argv[1], "rb") as stream:
+    reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+    attachments = [attachment.name for attachment in reader.iter_attachments()]
+    for schema, channel, message, decoded in reader.iter_decoded_messages():
+        counts[channel.topic] = counts.get(channel.topic, 0) + 1
+        first.setdefault(channel.topic, (schema.name, decoded))
+        if schema.name == "foxglove.FrameTransforms":
+            frames.update(transform.child_frame_id for transform in decoded.transforms)
+name, state = first["panda/joint_state"]
+print(name, counts["panda/joint_state"], state.stamp.sequence, len(state.position), state.position[1])
+name, drawn = first["panda/joint_state/joints"]
+print(name, drawn.joints[1].name, drawn.joints[1].position == state.position[1])
+print("panda_hand" in frames, "<robot" in first["/robot_description"][1].data)
+print(first["/log"][0], "plan.json" in attachments, "panda.urdf" in attachments)
+"#;
+
+#[test]
+fn the_reader_of_mcap_for_python_reads_every_sample() {
+    let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
+    let check = Command::new(&python).args(["-c", "import mcap, mcap_protobuf"]).output();
+    if !check.is_ok_and(|check| check.status.success()) {
+        eprintln!(
+            "skipped: no python3 with the reader (pip install mcap-protobuf-support, then MOTORIUM_PYTHON)"
+        );
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "250 ms"]);
+    let output = Command::new(&python).args(["-c", READER, text(&file)]).output().expect("python runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let lines = String::from_utf8_lossy(&output.stdout);
+    let lines: Vec<&str> = lines.lines().collect();
+    assert!(lines[0].starts_with("motorium.v1.JointState 250 1 8 "), "{lines:?}\n{errors}");
+    assert_eq!(lines[1], "foxglove.JointStates panda_joint2 True");
+    assert_eq!(lines[2], "True True");
+    assert_eq!(lines[3], "foxglove.Log True True");
+}
+
+#[test]
+fn a_recording_is_drawn_told_and_exported() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
+    let picture = folder.path().join("a.svg");
+    let signal = "panda/joint_state.position[0..7]";
+    let plotted = motorium(&["plot", text(&file), signal, "--output", text(&picture)]);
+    assert!(plotted.status.success(), "{}", String::from_utf8_lossy(&plotted.stderr));
+    let picture = std::fs::read_to_string(picture).expect("written");
+    assert!(picture.contains("panda_joint7") && !picture.contains("panda_finger"), "{picture}");
+    let shown = motorium(&["plot", text(&file), "panda/joint_state.position[3]"]);
+    assert!(String::from_utf8_lossy(&shown.stdout).chars().any(|c| ('\u{2801}'..='\u{28ff}').contains(&c)));
+    let wrong = motorium(&["plot", text(&file), "panda/joint_state.positon"]);
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("did you mean `position`?"));
+
+    let page = folder.path().join("a.html");
+    let told = motorium(&["report", text(&file), "--output", text(&page)]);
+    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    let page = std::fs::read_to_string(page).expect("written");
+    for part in ["<svg", "panda/joint_command", "Tracking", "panda_joint3", "Events", "created"] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("http://") || !page.contains("src="), "it needs no network");
+
+    let tables = folder.path().join("tables");
+    let exported =
+        motorium(&["export", text(&file), "--topic", "panda/joint_state", "--output", text(&tables)]);
+    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
+    let table = std::fs::read_to_string(tables.join("panda-joint_state.csv")).expect("written");
+    assert_eq!(table.lines().count(), 301);
+    let header = table.lines().next().expect("a header");
+    assert!(
+        header.starts_with("time_ns,sequence,publish_time_ns,") && header.contains(",position[7],"),
+        "{header}"
+    );
+}

@@ -1,0 +1,40 @@
+//! The page that is part of the program is the one that its sources make.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::support::workspace;
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().flatten() {
+        let (path, target) = (entry.path(), to.join(entry.file_name()));
+        match path.is_dir() {
+            true if entry.file_name() == "node_modules" || entry.file_name() == "dist" => {}
+            true => copy(&path, &target),
+            false => drop(std::fs::copy(&path, &target).unwrap()),
+        }
+    }
+}
+
+#[test]
+fn the_bundle_in_the_repository_is_what_its_sources_and_locked_packages_make() {
+    let page = workspace().join("tools/view/page");
+    let copied = tempfile::tempdir().unwrap();
+    copy(&page, copied.path());
+    let install = ["ci", "--no-audit", "--no-fund", "--silent"];
+    let installed = Command::new("npm").args(install).current_dir(copied.path()).output();
+    if !installed.is_ok_and(|output| output.status.success()) {
+        eprintln!("no npm, or no packages: the bundle is not built");
+        return;
+    }
+    let built = Command::new("node").arg("build.mjs").current_dir(copied.path()).output().unwrap();
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    for file in ["index.html", "page.css", "page.js", "licences.txt"] {
+        let read = |folder: &Path| std::fs::read(folder.join("dist").join(file)).unwrap();
+        assert!(
+            read(&page) == read(copied.path()),
+            "{file} is not what its sources make: `npm ci && npm run build` in tools/view/page"
+        );
+    }
+}

@@ -1,0 +1,126 @@
+//! The page in a headless browser. Left out where no Chromium can be had.
+
+use std::time::{Duration, Instant};
+
+use motorium::transport::ParameterTable;
+use motorium_view::browser::Browser;
+use serde_json::Value as Json;
+
+use crate::support::{Run, await_that, machine, panda_reach, workspace};
+use crate::viewer::{Viewer, installed};
+
+const WITHIN: Duration = Duration::from_secs(90);
+
+/// True, with a word about it, where there is no browser.
+fn without_browser() -> bool {
+    let missing = Browser::find().is_none();
+    if missing {
+        eprintln!("no Chromium on PATH: the page is not tested");
+    }
+    missing
+}
+
+fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> bool) -> Json {
+    let began = Instant::now();
+    loop {
+        let state = browser.evaluate("globalThis.motorium ? motorium.state() : null").unwrap();
+        if is_so(&state) {
+            return state;
+        }
+        assert!(began.elapsed() < WITHIN, "{what}: not within {} s; {state}", WITHIN.as_secs());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn the_check_compares_the_page_with_the_run_and_writes_its_picture() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let (installed, out) = (installed(), tempfile::tempdir().unwrap());
+    let picture = out.path().join("below/view.png");
+    let output = std::process::Command::new(installed.path().join("motorium"))
+        .args(["view", "graphs/panda-reach.toml", "--port", "0", "--headless-check"])
+        .arg(&picture)
+        .args(["--", "--for", "300s", "--no-expect"])
+        .current_dir(workspace())
+        .output()
+        .unwrap();
+    let (text, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{text}{errors}");
+    for words in [
+        "first picture of the robot:",
+        "equal on the page and in the run",
+        "pictures a second",
+        "all links within",
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
+    let png = std::fs::read(&picture).unwrap();
+    assert!(png.starts_with(b"\x89PNG\r\n") && png.len() > 20_000, "{} bytes", png.len());
+}
+
+#[test]
+fn the_page_commands_the_run_and_survives_its_end() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "600s"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1280, 860)).unwrap();
+    let state = until(&mut browser, "the robot is drawn", |state| {
+        state["robots"][0]["drawn"] == true
+            && state["components"].as_array().is_some_and(|all| all.len() == 4)
+    });
+    assert!(state["triangles"].as_u64().unwrap() > 100, "{state}");
+    until(&mut browser, "the plot has points", |state| state["plot"]["points"].as_u64() > Some(10));
+
+    // a slider
+    let name = browser
+        .evaluate("document.querySelector('[data-parameter]:has(input[type=range])').dataset.parameter");
+    let name = name.unwrap().as_str().expect("there is a slider").to_string();
+    let wanted = browser
+        .evaluate(
+            "(() => { const slider = document.querySelector('[data-parameter] input[type=range]'); \
+             slider.value = Number(slider.min) + 0.25 * (slider.max - slider.min); \
+             slider.dispatchEvent(new Event('input')); return Number(slider.value); })()",
+        )
+        .unwrap();
+    let value = || {
+        let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
+        let all = table.list().unwrap().into_iter();
+        let mut found =
+            all.filter(|(component, plan, _)| format!("{component}.{}", plan.declaration.name) == name);
+        serde_json::to_value(found.next().unwrap().2).unwrap().as_f64()
+    };
+    await_that("the slider's value reaches the component", || value() == wanted.as_f64());
+    until(&mut browser, "the value comes back", |state| {
+        state["parameters"][&name].as_f64() == wanted.as_f64()
+    });
+
+    // the stop button
+    browser.evaluate("document.getElementById('stop').click()").unwrap();
+    await_that("the robot is in its safe state", || run.is_safe("physics"));
+    until(&mut browser, "the page shows the stop", |state| !state["run"]["latched"].is_null());
+    let badge = browser.evaluate("document.getElementById('state').textContent").unwrap();
+    assert!(badge.as_str().unwrap().starts_with("stopped"), "{badge}");
+    browser.evaluate("document.getElementById('resume').click()").unwrap();
+    await_that("the robot follows its commands again", || !run.is_safe("physics"));
+    until(&mut browser, "the page shows the release", |state| state["run"]["latched"].is_null());
+
+    // the end of the run, and another one
+    browser.evaluate("document.getElementById('end').click()").unwrap();
+    until(&mut browser, "the page shows the end", |state| state["run"]["state"] == "ended");
+    assert!(run.finish().report.is_some());
+    let second = Run::start(&panda_reach(), &["--for", "600s"]);
+    let id = second.folder.id();
+    until(&mut browser, "the page shows the second run", |state| {
+        state["run"]["run"] == id
+            && state["robots"][0]["drawn"] == true
+            && state["robots"][0]["sequence"].as_u64() > Some(1)
+    });
+    let errors = browser.evaluate("motorium.state().errors").unwrap();
+    assert_eq!(errors, serde_json::json!([]));
+}

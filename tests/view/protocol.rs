@@ -1,0 +1,249 @@
+//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands, files.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use motorium::region::Latch;
+use motorium::transport::{ParameterTable, Tap};
+use motorium_bridges::foxglove::Derived;
+use serde_json::{Value as Json, json};
+
+use crate::client::{Client, Heard};
+use crate::support::{Run, await_that, machine, panda_reach};
+use crate::viewer::Viewer;
+
+const SUBPROTOCOL: &str = "foxglove.sdk.v1";
+const STATE: &str = "panda/joint_state";
+
+/// A run of the Panda that goes on, and a viewer of it.
+fn viewed() -> (Run, Viewer) {
+    let run = Run::start(&panda_reach(), &["--for", "300s"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    (run, viewer)
+}
+
+#[test]
+fn what_a_viewer_subscribes_to_is_what_is_in_the_shared_memory_of_the_run() {
+    let _machine = machine();
+    let (run, viewer) = viewed();
+    let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    client.await_channels(&[
+        STATE,
+        "panda/joint_state/joints",
+        "panda/true_joint_state/transforms",
+        "panda/target/pose",
+        "/robot_description",
+        "/motorium/graph",
+        "/motorium/run",
+        "/motorium/top",
+    ]);
+    let capabilities = client.info["capabilities"].as_array().unwrap().clone();
+    for capability in ["parameters", "parametersSubscribe", "services", "assets"] {
+        assert!(capabilities.contains(&json!(capability)), "{capabilities:?}");
+    }
+    assert_eq!(client.info["sessionId"], run.folder.id());
+    for (topic, schema) in [
+        (STATE, "motorium.v1.JointState"),
+        ("panda/joint_state/joints", "foxglove.JointStates"),
+        ("panda/true_joint_state/transforms", "foxglove.FrameTransforms"),
+        ("panda/target/pose", "foxglove.PoseInFrame"),
+    ] {
+        let channel = &client.channels[topic];
+        assert_eq!((&channel["encoding"], &channel["schemaName"]), (&json!("protobuf"), &json!(schema)));
+        assert!(channel["schema"].as_str().unwrap().len() > 100, "{topic} has a schema");
+    }
+    let plan = run.folder.plan().unwrap();
+    let topic = plan.topics.iter().find(|topic| topic.name == STATE).unwrap();
+    let mut tap = Tap::open(&run.folder.domain().unwrap(), topic).unwrap();
+    let derived = Derived::new(&topic.layout).unwrap();
+    let (mut in_run, mut seen): (BTreeMap<u64, Vec<u8>>, BTreeMap<u64, Vec<u8>>) = Default::default();
+    let subscription = client.subscribe(STATE);
+    let equal = client.hear_until("samples on both sides", |_, heard| {
+        while let Some(sample) = tap.next_unread() {
+            in_run.insert(sample.stamp.sequence, sample.bytes);
+        }
+        if let Heard::Message(of, time, message) = heard
+            && *of == subscription
+        {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
+            assert!(now.abs_diff(*time) < 60_000_000_000, "a time of this day, {time} ns");
+            let (stamp, bytes) = derived.decode(message).expect("a message of the schema");
+            assert_eq!(stamp.restart_count, 0);
+            seen.insert(stamp.sequence, bytes);
+        }
+        let both: Vec<_> = seen
+            .iter()
+            .filter_map(|(sequence, bytes)| Some((sequence, bytes, in_run.get(sequence)?)))
+            .collect();
+        for (sequence, bytes, of_run) in &both {
+            // Entries beyond the count mean nothing.
+            let positions = 8..8 + 8 * 8;
+            assert_eq!(bytes[positions.clone()], of_run[positions], "sample {sequence}");
+        }
+        (both.len() >= 5).then_some(both.len())
+    });
+    assert!(equal >= 5);
+    let description = client.next_json("/robot_description");
+    assert!(description["data"].as_str().unwrap().contains("<robot name=\"panda\""));
+    let graph = client.next_json("/motorium/graph");
+    assert_eq!(
+        (&graph["graph"], &graph["components"][0]["budget_ns"]),
+        (&json!("panda-reach"), &json!(200_000))
+    );
+    let top = client.next_json("/motorium/top");
+    let names: Vec<&str> =
+        top["components"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["physics", "encoder", "policy", "controller"]);
+}
+
+#[test]
+fn parameters_are_set_with_the_token_alone_and_told_to_all() {
+    let _machine = machine();
+    let (run, viewer) = viewed();
+    let mut guest = Client::connect(viewer.port, "?token=wrong", SUBPROTOCOL).unwrap();
+    let mut owner = Client::connect(viewer.port, &format!("?token={}", viewer.token), SUBPROTOCOL).unwrap();
+    guest.await_channels(&["/motorium/graph"]);
+    owner.await_channels(&["/motorium/graph"]);
+    let graph = guest.next_json("/motorium/graph");
+    let parameters = guest.parameters();
+    // a number with a range, of any component
+    let (name, min, max) = graph["components"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|component| {
+            component["parameters"].as_array().unwrap().iter().map(move |one| (component, one))
+        })
+        .find_map(|(component, one)| {
+            let name = format!("{}.{}", component["name"].as_str()?, one["name"].as_str()?);
+            (one["default"].is_f64()).then_some((name, one["min"].as_f64()?, one["max"].as_f64()?))
+        })
+        .expect("the graph has such a parameter");
+    let before =
+        parameters.iter().find(|one| one["name"] == name.as_str()).expect("it is told")["value"].clone();
+    let wanted = min + 0.625 * (max - min);
+    let refused = guest.set(&name, &json!(wanted)).unwrap_err();
+    assert!(refused.contains("token"), "{refused}");
+    let value = |name: &str| {
+        let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
+        let found = table
+            .list()
+            .unwrap()
+            .into_iter()
+            .find(|(component, plan, _)| format!("{component}.{}", plan.declaration.name) == name);
+        serde_json::to_value(found.unwrap().2).unwrap()
+    };
+    assert_eq!(value(&name), before);
+    guest.send(&json!({ "op": "subscribeParameterUpdates", "parameterNames": [name] }));
+    assert_eq!(owner.set(&name, &json!(wanted)), Ok(json!(wanted)));
+    assert_eq!(value(&name), json!(wanted));
+    let told = |client: &mut Client, expected: f64| {
+        client.hear_until("the new value", |_, heard| match heard {
+            Heard::Text(text) if text["op"] == "parameterValues" => {
+                text["parameters"].as_array()?.iter().find(|one| one["name"] == name.as_str())?["value"]
+                    .as_f64()
+                    .filter(|value| *value == expected)
+            }
+            _ => None,
+        })
+    };
+    told(&mut guest, wanted);
+    // what somebody else sets is told as well
+    let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
+    table.set(&name, min.into()).unwrap();
+    told(&mut guest, min);
+    // beyond its range: refused, and the value stays
+    let refused = owner.set(&name, &json!(max + 1.0)).unwrap_err();
+    assert!(refused.contains("expected from"), "{refused}");
+    assert_eq!(value(&name), json!(min));
+    // the token may be given as a parameter, as viewers that cannot write it into the address do
+    assert!(guest.set("motorium/token", &json!("wrong")).unwrap_err().contains("token"));
+    guest.send(&json!({ "op": "setParameters", "parameters": [{ "name": "motorium/token", "value": viewer.token }] }));
+    assert_eq!(guest.set(&name, &json!(wanted)), Ok(json!(wanted)));
+}
+
+#[test]
+fn the_stop_service_stops_the_robot_and_resume_releases_it() {
+    let _machine = machine();
+    let (run, viewer) = viewed();
+    let region = run.folder.region().unwrap();
+    let mut guest = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    assert!(guest.call("/motorium/stop").unwrap_err().contains("token"));
+    assert_eq!(region.header().latched(), None);
+    let mut owner = Client::connect(viewer.port, &format!("?token={}", viewer.token), SUBPROTOCOL).unwrap();
+    let outcome = owner.call("/motorium/stop").unwrap();
+    assert_eq!(outcome["done"], true, "{outcome}");
+    assert_eq!(region.header().latched(), Some(Latch::Stop));
+    assert!(run.is_safe("physics"));
+    let outcome = owner.call("/motorium/resume").unwrap();
+    assert_eq!(outcome["done"], true, "{outcome}");
+    assert_eq!(region.header().latched(), None);
+    await_that("the robot follows its commands", || !run.is_safe("physics"));
+    let refused = owner.call("/motorium/start").unwrap_err();
+    assert!(refused.contains("cannot start"), "{refused}");
+}
+
+#[test]
+fn another_run_of_the_graph_takes_the_place_of_one_that_has_ended() {
+    let _machine = machine();
+    let (run, viewer) = viewed();
+    let first = run.folder.id().to_string();
+    let mut client = Client::connect(viewer.port, &format!("?token={}", viewer.token), SUBPROTOCOL).unwrap();
+    client.await_channels(&[STATE, "/motorium/run"]);
+    let about = client.subscribe("/motorium/run");
+    let state = |client: &mut Client, wanted: &str| {
+        client.hear_until(wanted, |_, heard| match heard {
+            Heard::Message(of, _, bytes) if *of == about => {
+                serde_json::from_slice::<Json>(bytes).ok().filter(|state| state["state"] == wanted)
+            }
+            _ => None,
+        })
+    };
+    assert_eq!(state(&mut client, "running")["run"], first.as_str());
+    let outcome = client.call("/motorium/end").unwrap();
+    assert_eq!(outcome["done"], true, "{outcome}");
+    assert_eq!(state(&mut client, "ended")["run"], first.as_str());
+    client.hear_until("its channels are gone", |client, _| {
+        (!client.channels.contains_key(STATE)).then_some(())
+    });
+    assert!(run.finish().report.is_some());
+    let second = Run::start(&panda_reach(), &["--for", "300s"]);
+    let running = state(&mut client, "running");
+    assert_eq!(running["run"], second.folder.id());
+    client.await_channels(&[STATE]);
+    assert_eq!(client.info["sessionId"], second.folder.id());
+    let subscription = client.subscribe(STATE);
+    client.hear_until("a sample of the second run", |_, heard| {
+        matches!(heard, Heard::Message(of, ..) if *of == subscription).then_some(())
+    });
+    let header = second.folder.region().unwrap();
+    assert!(header.header().start_ns.load(Relaxed) > 0);
+}
+
+#[test]
+fn the_port_serves_the_page_and_files_of_robots_and_nothing_else() {
+    let _machine = machine();
+    let packages = tempfile::tempdir().unwrap();
+    let mesh = packages.path().join("arm/meshes/hand.stl");
+    std::fs::create_dir_all(mesh.parent().unwrap()).unwrap();
+    std::fs::write(&mesh, b"solid hand").unwrap();
+    let run = Run::start(&panda_reach(), &["--for", "300s"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[("ROS_PACKAGE_PATH", packages.path())]);
+    let page = viewer.ask("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert!(page.starts_with("HTTP/1.1 200 OK\r\n") && page.contains("<title>motorium</title>"), "{page}");
+    let script = viewer.ask("GET /page.js HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert!(script.contains("text/javascript") && script.len() > 100_000);
+    assert!(viewer.ask("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").starts_with("HTTP/1.1 403 "));
+    assert!(viewer.ask("GET /token HTTP/1.1\r\nHost: localhost\r\n\r\n").starts_with("HTTP/1.1 404 "));
+    for answer in [&page, &script] {
+        assert!(!answer.contains(&viewer.token), "the page does not know the token");
+    }
+    assert!(Client::connect(viewer.port, "", "foxglove.websocket.v1").is_err(), "a protocol of another time");
+    let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    client.await_channels(&[STATE]);
+    assert_eq!(client.fetch("package://arm/meshes/hand.stl"), Ok(b"solid hand".to_vec()));
+    assert!(client.fetch("package://arm/meshes/foot.stl").unwrap_err().contains("is not there"));
+    assert!(client.fetch("file:///etc/passwd").unwrap_err().contains("names no file of a robot"));
+    assert!(!viewer.said().contains("panicked"));
+}

@@ -1,0 +1,106 @@
+//! A viewer that has been started as `motorium view` by its user.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+
+use crate::support::{signal, workspace};
+use crate::{MOTORIUM, VIEW};
+
+/// A folder in which `motorium` and `motorium-view` are installed.
+pub(crate) fn installed() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (program, name) in [(MOTORIUM, "motorium"), (VIEW, "motorium-view")] {
+        let at = folder.path().join(name);
+        if std::fs::hard_link(program, &at).is_err() {
+            std::fs::copy(program, &at).unwrap();
+        }
+    }
+    folder
+}
+
+pub(crate) struct Viewer {
+    child: Child,
+    lines: Receiver<String>,
+    pub(crate) port: u16,
+    pub(crate) token: String,
+    _installed: tempfile::TempDir,
+}
+
+impl Viewer {
+    /// Starts `motorium view ARGUMENTS --port 0` and waits until it serves.
+    pub(crate) fn start(arguments: &[&str], environment: &[(&str, &Path)]) -> Self {
+        let installed = installed();
+        let mut child = Command::new(installed.path().join("motorium"))
+            .args(["view", "--port", "0"])
+            .args(arguments)
+            .envs(environment.iter().copied())
+            .current_dir(workspace())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("motorium starts");
+        let errors = child.stderr.take().unwrap();
+        let (sender, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            BufReader::new(errors).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        let (began, mut said) = (Instant::now(), Vec::new());
+        loop {
+            let line = lines.recv_timeout(Duration::from_secs(60).saturating_sub(began.elapsed()));
+            let line = line.unwrap_or_else(|_| panic!("it does not serve:\n{}", said.join("\n")));
+            if let Some((_, rest)) = line.split_once("view at http://localhost:") {
+                let (port, token) = rest.trim().split_once("/?token=").expect("an address with its token");
+                let (port, token) = (port.parse().unwrap(), token.to_string());
+                return Self { child, lines, port, token, _installed: installed };
+            }
+            said.push(line);
+        }
+    }
+
+    /// What it has said since the last call.
+    pub(crate) fn said(&self) -> String {
+        self.lines.try_iter().collect::<Vec<_>>().join("\n")
+    }
+
+    /// The address of the page, with the right to command.
+    pub(crate) fn address(&self) -> String {
+        format!("http://localhost:{}/?token={}", self.port, self.token)
+    }
+
+    /// The answer to a request.
+    pub(crate) fn ask(&self, request: &str) -> String {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("somebody listens");
+        stream.write_all(request.as_bytes()).expect("it is heard");
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).expect("it answers");
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        // The command waits for the viewer, which ends the graph that it has started.
+        let children = format!("/proc/{0}/task/{0}/children", self.child.id());
+        let children = std::fs::read_to_string(children).unwrap_or_default();
+        children
+            .split_whitespace()
+            .filter_map(|pid| pid.parse().ok())
+            .for_each(|pid| signal(pid, Signal::TERM));
+        let began = Instant::now();
+        while self.child.try_wait().is_ok_and(|ended| ended.is_none()) {
+            if began.elapsed() > Duration::from_secs(30) {
+                let _ = self.child.kill();
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let _ = self.child.wait();
+    }
+}

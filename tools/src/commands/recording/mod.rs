@@ -1,0 +1,61 @@
+//! Recordings: making, repairing and replaying them.
+
+mod export;
+mod page;
+mod plot;
+mod recover;
+mod replay;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+
+pub(super) use export::Export;
+pub(super) use page::Report;
+pub(super) use plot::Plot;
+pub(super) use recover::Recover;
+pub(super) use replay::Replay;
+
+use crate::overheads;
+
+/// Name of the component that `motorium run --record` adds.
+const RECORDER: &str = "recorder";
+
+/// A file to lay over a graph that adds a recorder of all its topics. It is removed when this is dropped.
+pub(super) struct Overlay(PathBuf);
+
+impl Overlay {
+    /// Writes the file.
+    pub(super) fn recording(output: &Path, last: Option<&str>) -> anyhow::Result<Self> {
+        let absolute = |path: &Path| -> anyhow::Result<toml::Value> {
+            let path = std::path::absolute(path).with_context(|| format!("finding {}", path.display()))?;
+            Ok(path.to_str().context("the name of the recording is not UTF-8")?.into())
+        };
+        let mut config = toml::Table::from_iter([("output".to_string(), absolute(output)?)]);
+        if let Some(last) = last {
+            config.insert("last".to_string(), last.into());
+        }
+        if let Some(calibration) = overheads::file().filter(|file| file.exists()) {
+            config.insert("attach".to_string(), vec![absolute(&calibration)?].into());
+        }
+        // What becomes of a recording is no concern of the robot.
+        let text = format!(
+            "[component.{RECORDER}]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
+             on_failure = \"ignore\"\n\n[component.{RECORDER}.config]\n{config}"
+        );
+        let path = std::env::temp_dir().join(format!("motorium-record-{}.toml", std::process::id()));
+        std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
+        Ok(Self(path))
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Overlay {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}

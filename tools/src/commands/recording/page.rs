@@ -1,0 +1,250 @@
+//! `motorium report`: a recording as one page.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium::plan::Plan;
+use motorium_bridges::recording::{Analysis, Recording, TopicAnalysis, Tracking, analyse, quantile};
+
+use crate::chart::{Chart, Series};
+use crate::draw::{self, Measured, escape};
+use crate::out::errln;
+use crate::report::microseconds;
+use crate::robots;
+
+/// Bars of a histogram.
+const BARS: usize = 40;
+/// Most events on the page.
+const EVENTS: usize = 500;
+
+/// Write a page about a recording: its graph with what was measured, latencies, tracking errors, events.
+///
+/// The page is one file and needs no network.
+///
+/// Example: motorium report out/a.mcap --output out/a.html
+#[derive(Debug, clap::Args)]
+pub(crate) struct Report {
+    /// The recording
+    #[arg(value_name = "FILE.mcap")]
+    file: PathBuf,
+    /// The page; FILE with `.html` in place of `.mcap` if not given
+    #[arg(long, short, value_name = "FILE.html")]
+    output: Option<PathBuf>,
+}
+
+impl Report {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let recording = Recording::open(&self.file)?;
+        let plan = recording.plan()?;
+        let analysis = analyse(&recording, &plan)?;
+        let output = self.output.unwrap_or_else(|| self.file.with_extension("html"));
+        if let Some(folder) = output.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        std::fs::write(&output, page(&recording, &plan, &analysis))
+            .with_context(|| format!("writing {}", output.display()))?;
+        errln!("{}: {} topics, {:.3} s", output.display(), analysis.topics.len(), analysis.duration_s);
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1f2328}\
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #d0d7de;text-align:left}\
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}h2{margin-top:2em}svg{max-width:100%;height:auto}\
+.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}";
+
+fn page(recording: &Recording, plan: &Plan, analysis: &Analysis) -> String {
+    let mut html = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><title>{0}</title><style>{STYLE}</style>\
+         </head>\n<body>\n<h1>{0}</h1>\n",
+        escape(&plan.name)
+    );
+    facts(&mut html, recording, analysis);
+    html += "<h2>Graph</h2>\n";
+    html += &draw::svg(plan, Some(&measured(plan, analysis)));
+    topics(&mut html, analysis);
+    misses(&mut html, analysis);
+    tracking(&mut html, plan, analysis);
+    events(&mut html, analysis);
+    html + "</body>\n</html>\n"
+}
+
+fn facts(html: &mut String, recording: &Recording, analysis: &Analysis) {
+    let fact = |name: &str| recording.fact(name).unwrap_or("unknown").to_string();
+    let machine: serde_json::Value = recording
+        .attachment("machine.json")
+        .and_then(|text| serde_json::from_slice(text).ok())
+        .unwrap_or_default();
+    let of_machine = |name: &str| machine[name].as_str().unwrap_or("unknown").to_string();
+    let samples: u64 = analysis.topics.iter().map(|topic| topic.samples).sum();
+    let gaps: u64 = analysis.topics.iter().map(|topic| topic.gaps).sum();
+    let end = if recording.is_whole() { "" } else { " (the file has no end)" };
+    let rows = [
+        ("file", recording.path().display().to_string()),
+        ("graph", fact("file")),
+        ("clock", fact("clock")),
+        ("seed", fact("seed")),
+        ("duration", format!("{:.3} s{end}", analysis.duration_s)),
+        ("samples", format!("{samples}, {gaps} missing")),
+        ("motorium", fact("version")),
+        ("processor", of_machine("processor")),
+        ("kernel", of_machine("kernel")),
+    ];
+    html.push_str("<table>\n");
+    for (name, value) in rows {
+        let _ = writeln!(html, "<tr><th>{name}</th><td>{}</td></tr>", escape(&value));
+    }
+    html.push_str("</table>\n");
+}
+
+/// The measured values on the picture of the graph.
+fn measured(plan: &Plan, analysis: &Analysis) -> Measured {
+    let of = |index: usize| analysis.topics.iter().find(|topic| topic.name == plan.topics[index].name);
+    let latency = |topic: &TopicAnalysis| {
+        let at = |part| microseconds(quantile(&topic.latency_ns, part));
+        (topic.samples > 0).then(|| format!("latency p50 {} / p99 {} us", at(0.5), at(0.99)))
+    };
+    let rate = |component: usize| {
+        let topics = plan.topics.iter().enumerate().filter(|(_, topic)| topic.writer == component);
+        let samples = topics.filter_map(|(index, _)| of(index)).map(|topic| topic.samples).max()?;
+        (analysis.duration_s > 0.0).then(|| format!("{:.1} Hz", samples as f64 / analysis.duration_s))
+    };
+    let budget = |budget: &motorium::plan::LatencyPlan| {
+        let topic = of(budget.to)?;
+        let missed = topic.latency_ns.iter().filter(|latency| **latency > budget.max_ns).count();
+        let p99 = microseconds(quantile(&topic.latency_ns, 0.99));
+        Some(format!("p99 {p99} us, {missed} missed"))
+    };
+    Measured {
+        rates: (0..plan.components.len()).map(rate).collect(),
+        topics: (0..plan.topics.len()).map(|index| of(index).and_then(latency)).collect(),
+        latencies: plan.latencies.iter().map(budget).collect(),
+    }
+}
+
+fn topics(html: &mut String, analysis: &Analysis) {
+    html.push_str(
+        "<h2>Topics</h2>\n<table>\n<tr><th>topic</th><th>type</th><th class=n>samples</th><th class=n>missing</th>\
+         <th class=n>interval p50 / p99 / max, us</th><th class=n>latency p50 / p99 / max, us</th></tr>\n",
+    );
+    for topic in &analysis.topics {
+        let three = |values: &[u64]| match values.is_empty() {
+            true => "-".to_string(),
+            false => {
+                [0.5, 0.99, 1.0].map(|part| microseconds(quantile(values, part)).to_string()).join(" / ")
+            }
+        };
+        let _ = writeln!(
+            html,
+            "<tr><td>{}</td><td>{}</td><td class=n>{}</td><td class=n>{}</td><td class=n>{}</td><td class=n>{}</td></tr>",
+            escape(&topic.name),
+            escape(&topic.type_name),
+            topic.samples,
+            topic.gaps,
+            three(&topic.interval_ns),
+            three(&topic.latency_ns)
+        );
+    }
+    html.push_str("</table>\n");
+    for topic in &analysis.topics {
+        for (what, values) in [("interval", &topic.interval_ns), ("latency", &topic.latency_ns)] {
+            if let Some(chart) = histogram(&format!("{}: {what}", topic.name), values) {
+                html.push_str(&chart.svg());
+            }
+        }
+    }
+}
+
+/// The histogram of rising times; `None` if all are equal, as they are in lockstep.
+fn histogram(title: &str, rising: &[u64]) -> Option<Chart> {
+    let (first, last) = (*rising.first()?, *rising.last()?);
+    if first == last {
+        return None;
+    }
+    let width = (last - first) as f64 / BARS as f64;
+    let mut counts = [0u64; BARS];
+    for value in rising {
+        let bar = ((value - first) as f64 / width) as usize;
+        counts[bar.min(BARS - 1)] += 1;
+    }
+    let edge = |bar: usize| (first as f64 + bar as f64 * width) * 1e-3;
+    // Drawn as steps, from a count of 1: the rare late ones are what matters.
+    let points = counts.iter().enumerate().flat_map(|(bar, count)| {
+        let height = (*count as f64).max(0.5);
+        [[edge(bar), height, 0.0], [edge(bar + 1), height, 0.0]]
+    });
+    Some(Chart {
+        title: title.to_string(),
+        x: "time, us".to_string(),
+        y: "samples".to_string(),
+        log_x: false,
+        log_y: true,
+        series: vec![Series { name: format!("{} samples", rising.len()), points: points.collect() }],
+    })
+}
+
+/// What was late or refused, by the words of its events.
+fn misses(html: &mut String, analysis: &Analysis) {
+    html.push_str("<h2>Misses</h2>\n");
+    let kinds = ["missed", "latency_missed", "refused", "loses_steps"];
+    let lines: Vec<_> = analysis.events.iter().filter(|event| kinds.contains(&event.kind)).collect();
+    if lines.is_empty() {
+        html.push_str(
+            "<p class=dim>No deadline was missed and no command refused while it was recorded.</p>\n",
+        );
+        return;
+    }
+    html.push_str("<table>\n");
+    for event in lines {
+        let _ =
+            writeln!(html, "<tr><td class=n>{:.3} s</td><td>{}</td></tr>", event.time_s, escape(&event.text));
+    }
+    html.push_str("</table>\n");
+}
+
+fn tracking(html: &mut String, plan: &Plan, analysis: &Analysis) {
+    for Tracking { command, state, joints } in &analysis.tracking {
+        let index = plan.topics.iter().position(|topic| topic.name == *state);
+        let names = index.and_then(|index| robots::joints_of_topic(plan, index)).unwrap_or_default();
+        let _ = writeln!(
+            html,
+            "<h2>Tracking: {} after {}</h2>\n<table>\n<tr><th>joint</th><th class=n>root mean square, rad or m</th>\
+             <th class=n>greatest</th></tr>",
+            escape(state),
+            escape(command)
+        );
+        for (joint, (rms, most)) in joints.iter().enumerate() {
+            let name = names.get(joint).cloned().unwrap_or_else(|| joint.to_string());
+            let _ = writeln!(
+                html,
+                "<tr><td>{}</td><td class=n>{rms:.3e}</td><td class=n>{most:.3e}</td></tr>",
+                escape(&name)
+            );
+        }
+        html.push_str("</table>\n");
+    }
+}
+
+fn events(html: &mut String, analysis: &Analysis) {
+    html.push_str("<h2>Events</h2>\n<table>\n");
+    for event in analysis.events.iter().take(EVENTS) {
+        let class = match event.severity {
+            0 => "dim",
+            1 => "warning",
+            _ => "error",
+        };
+        let _ = writeln!(
+            html,
+            "<tr class={class}><td class=n>{:.3} s</td><td>{}</td><td>{}</td></tr>",
+            event.time_s,
+            event.kind,
+            escape(&event.text)
+        );
+    }
+    html.push_str("</table>\n");
+    if analysis.events.len() > EVENTS {
+        let _ = writeln!(html, "<p class=dim>{} more</p>", analysis.events.len() - EVENTS);
+    }
+}

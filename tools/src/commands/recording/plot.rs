@@ -1,0 +1,112 @@
+//! `motorium plot`: numbers of a recording over time.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_bridges::recording::{Curve, Recording, Signal, curves};
+
+use crate::chart::{Chart, Series, braille};
+use crate::out::{errln, out};
+use crate::robots;
+
+/// Most points of a curve in a picture: more than it has columns.
+const POINTS: usize = 2000;
+
+/// Draw numbers of a recording over time: in the terminal, or as a picture.
+///
+/// A signal is TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B].
+///
+/// Example: motorium plot out/a.mcap panda/joint_state.position[0..7] --output out/a.svg
+#[derive(Debug, clap::Args)]
+pub(crate) struct Plot {
+    /// The recording
+    #[arg(value_name = "FILE.mcap")]
+    file: PathBuf,
+    /// The numbers to draw, such as `panda/joint_state.position[0..7]`
+    #[arg(value_name = "SIGNAL", required = true)]
+    signals: Vec<Signal>,
+    /// Write a picture (.svg), or the numbers (.csv)
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Beginning of the time that is drawn, s since the recording began
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    from: f64,
+    /// End of the time that is drawn, s; that of the recording if not given
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+}
+
+impl Plot {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let recording = Recording::open(&self.file)?;
+        let end = self.to.unwrap_or(f64::INFINITY);
+        let mut curves = curves(&recording, &self.signals)?;
+        for curve in &mut curves {
+            curve.points.retain(|(time, _)| (self.from..=end).contains(time));
+        }
+        curves.retain(|curve| !curve.points.is_empty());
+        anyhow::ensure!(!curves.is_empty(), "no sample of these signals lies in this time");
+        let series = curves.iter().map(|curve| Series {
+            name: label(&recording, curve, self.signals.len() > 1),
+            points: curve.thinned(POINTS).into_iter().map(|(time, value)| [time, value, 0.0]).collect(),
+        });
+        let titles: Vec<String> = self.signals.iter().map(title).collect();
+        let chart = Chart {
+            title: titles.join(", "),
+            x: "time, s".to_string(),
+            y: String::new(),
+            log_x: false,
+            log_y: false,
+            series: series.collect(),
+        };
+        let Some(output) = &self.output else {
+            out!("{}", braille(&chart, size(), std::io::stdout().is_terminal()));
+            return Ok(ExitCode::SUCCESS);
+        };
+        let text = match output.extension().and_then(|extension| extension.to_str()) {
+            Some("svg") => chart.svg(),
+            Some("csv") => chart.csv(),
+            _ => anyhow::bail!(
+                "{}: the name of a picture ends in .svg, that of a table in .csv",
+                output.display()
+            ),
+        };
+        if let Some(folder) = output.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        std::fs::write(output, text).with_context(|| format!("writing {}", output.display()))?;
+        errln!("{}: {} curves", output.display(), curves.len());
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn title(signal: &Signal) -> String {
+    match &signal.field {
+        Some(field) => format!("{}.{field}", signal.topic),
+        None => signal.topic.clone(),
+    }
+}
+
+/// The name of a curve: of a joint its own.
+fn label(recording: &Recording, curve: &Curve, several: bool) -> String {
+    let (topic, _) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
+    let of_joints = recording
+        .topic(topic)
+        .is_some_and(|index| recording.topics()[index].layout.type_name.starts_with("motorium.Joint"));
+    let joint = curve.entry.filter(|_| of_joints && !several).and_then(|entry| {
+        let plan = recording.plan().ok()?;
+        let index = plan.topics.iter().position(|known| known.name == topic)?;
+        robots::joints_of_topic(&plan, index)?.get(entry).cloned()
+    });
+    joint.unwrap_or_else(|| {
+        curve.name.rsplit_once('/').map_or(curve.name.clone(), |(_, name)| name.to_string())
+    })
+}
+
+/// Columns and rows of the terminal, at most those that are pleasant to read.
+fn size() -> (u16, u16) {
+    let (columns, rows) = ratatui::crossterm::terminal::size().unwrap_or((100, 30));
+    (columns.clamp(40, 160), rows.saturating_sub(2).clamp(12, 40))
+}

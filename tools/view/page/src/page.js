@@ -1,0 +1,197 @@
+// The page of motorium view: what comes from the run, shown; what the user does, sent to it.
+
+import { Box3 } from "three";
+import "uplot/dist/uPlot.min.css";
+import { Connection } from "./connection.js";
+import { Frames } from "./frames.js";
+import { Parameters } from "./parameters.js";
+import { Plot } from "./plot.js";
+import { Robot } from "./robot.js";
+import { View } from "./scene.js";
+import { Components, Joints } from "./table.js";
+
+const $ = (id) => document.getElementById(id);
+const SCENES = ["foxglove.SceneUpdate"];
+const TABLE_MS = 100;
+
+const connection = new Connection(`ws://${location.host}/${location.search}`);
+const view = new View($("scene"));
+const frames = new Frames();
+const plot = new Plot(connection, $("plot"), $("plot-topic"), $("plot-field"));
+const parameters = new Parameters(connection, $("parameters"));
+const components = new Components($("components"), $("latencies"));
+const joints = new Joints($("joints"));
+
+let robots = [];
+let graph;
+let run = { state: "waiting" };
+let first; // the time of the first picture of the robots
+let pictures = 0;
+let looked = false;
+const exact = new Map(); // by topic: the newest exact joint state
+const errors = [];
+const subscribed = new Map(); // by topic: the listener
+
+function say(text, bad = false) {
+  $("message").textContent = text;
+  $("message").title = text;
+  $("message").className = bad ? "bad" : "";
+  if (bad) errors.push(text);
+}
+
+function listen(topic, listener) {
+  if (!topic || subscribed.has(topic)) return;
+  subscribed.set(topic, listener);
+  connection.subscribe(topic, listener);
+}
+
+/** Forgets the run that was shown; its last picture stays until another begins. */
+function forget() {
+  for (const [topic, listener] of subscribed) connection.unsubscribe(topic, listener);
+  subscribed.clear();
+}
+
+function begin(about) {
+  graph = about;
+  for (const robot of robots) robot.remove();
+  frames.clear();
+  view.clear();
+  exact.clear();
+  looked = false;
+  robots = about.robots.filter((robot) => robot.is_urdf).map((robot) => {
+    const shown = new Robot(robot, connection, view.scene, (problem) => say(problem, true));
+    listen(robot.description, ({ data }) => shown.load(data));
+    listen(robot.joints, (state) => shown.take(state));
+    listen(robot.state, (state) => exact.set(robot.name, state));
+    listen(robot.base, (told) => frames.take(told));
+    listen(robot.transforms, (told) => {
+      frames.take(told);
+      shown.told(told);
+    });
+    listen(robot.odometry, ({ frameId, bodyFrameId, pose }) => {
+      // The true place of a base is better than the one that its wheels tell.
+      if (robot.base || !pose) return;
+      const { position: translation, orientation: rotation } = pose;
+      frames.take({ transforms: [{ parentFrameId: frameId, childFrameId: bodyFrameId, translation, rotation }] });
+    });
+    return shown;
+  });
+  const others = about.robots.filter((robot) => !robot.is_urdf).map((robot) => robot.name);
+  $("note").textContent = others.length ? `not drawn, since not described by URDF: ${others.join(", ")}` : "";
+  components.plan(about);
+  parameters.plan(about);
+  channels();
+}
+
+/** Listens to what can be drawn, and offers what can be plotted. */
+function channels() {
+  if (!graph) return;
+  for (const { topic, schemaName } of connection.channels) {
+    if (SCENES.includes(schemaName)) listen(topic, (update) => view.update(topic, update));
+    if (schemaName === "foxglove.PoseInFrame") listen(topic, ({ pose }) => view.target(topic, pose));
+    if (schemaName === "foxglove.FrameTransforms") listen(topic, (told) => frames.take(told));
+  }
+  const known = new Set(connection.channels.map(({ topic }) => topic));
+  const offered = graph.topics.map(({ name }) => name).filter((name) => known.has(name));
+  const joint = graph.robots.map(({ state }) => state).find((topic) => known.has(topic));
+  if (offered.length) plot.offer(offered, joint);
+}
+
+function showRun() {
+  const lost = !connection.connected;
+  const held = run.state === "running" && run.latched;
+  const words = lost ? "no connection" : held ? `stopped (${run.latched})` : run.state;
+  $("graph").textContent = run.graph ?? "motorium";
+  $("run").textContent = run.run ?? "";
+  $("state").textContent = words;
+  $("state").className = `badge ${lost ? "lost" : held ? "latched" : run.state}`;
+  document.title = `${run.graph ?? "motorium"}: ${words}`;
+  const runs = !lost && run.state === "running";
+  $("stop").disabled = !runs;
+  $("resume").hidden = !(runs && held);
+  $("end").hidden = !runs;
+  $("start").hidden = lost || !run.can_start;
+}
+
+async function command(name) {
+  try {
+    const { message } = await connection.call(`/motorium/${name}`);
+    say(message.split("\n").at(-1));
+  } catch (error) {
+    say(error.message, true);
+  }
+}
+
+for (const name of ["stop", "resume", "end", "start"]) $(name).addEventListener("click", () => command(name));
+addEventListener("keydown", (event) => {
+  if (event.code !== "Space" || event.target.closest?.("input, select, button")) return;
+  event.preventDefault();
+  command("stop");
+});
+
+connection.addEventListener("open", showRun);
+connection.addEventListener("close", () => {
+  forget();
+  showRun();
+});
+connection.addEventListener("session", forget);
+connection.addEventListener("channels", channels);
+connection.addEventListener("status", ({ detail: { level, message } }) => say(message, level > 0));
+connection.subscribe("/motorium/run", (state) => {
+  run = state;
+  showRun();
+  if (run.state !== "running") return;
+  if (graph?.run !== run.run) connection.again("/motorium/graph");
+  else for (const robot of robots.filter(({ model }) => !model)) connection.again(robot.about.description);
+});
+connection.subscribe("/motorium/graph", (about) => {
+  if (about.run !== graph?.run || subscribed.size === 0) begin(about);
+});
+connection.subscribe("/motorium/top", (top) => {
+  components.take(top);
+  $("time").textContent = `${top.elapsed_s.toFixed(1)} s`;
+});
+
+let tabled = 0;
+function picture(now) {
+  requestAnimationFrame(picture);
+  for (const robot of robots) robot.place(frames);
+  const drawn = robots.length > 0 && robots.every((robot) => robot.isDrawn);
+  if (drawn && !looked) {
+    looked = true;
+    view.look(robots.reduce((box, robot) => box.union(robot.box), new Box3()));
+  }
+  view.render(frames);
+  pictures += 1;
+  if (drawn && first === undefined) first = performance.timeOrigin + performance.now();
+  if (now - tabled >= TABLE_MS) {
+    tabled = now;
+    joints.show(robots);
+  }
+}
+requestAnimationFrame(picture);
+showRun();
+
+/** What the page shows, for programs that look at it. */
+globalThis.motorium = {
+  state: () => ({
+    connected: connection.connected,
+    run,
+    first_picture_ms: first ?? null,
+    pictures,
+    triangles: view.renderer.info.render.triangles,
+    robots: robots.map((robot) => ({
+      name: robot.about.name,
+      topic: robot.about.state,
+      drawn: robot.isDrawn,
+      deviation_m: robot.deviation(frames) ?? null,
+      sequence: exact.has(robot.about.name) ? Number(exact.get(robot.about.name).stamp.sequence) : null,
+      position: exact.get(robot.about.name)?.position ?? [],
+      joints: Object.fromEntries((robot.state?.joints ?? []).map(({ name, position }) => [name, position])),
+    })),
+    components: (components.rows ?? []).map(([{ text }, , rate]) => ({ name: text, rate: rate.text })),
+    parameters: parameters.values,
+    plot: plot.state,
+    errors,
+  }),
+};

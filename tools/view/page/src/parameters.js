@@ -1,0 +1,115 @@
+// Parameters: a slider for a number with a range, a field for one without, a list for a choice, a box for true and false.
+
+const STEPS = 1000;
+
+function element(tag, properties) {
+  return Object.assign(document.createElement(tag), properties);
+}
+
+/** The inputs of one parameter: `show` a value, and `changed` is told of one that the user gives. */
+function inputs({ default: initial, min, max, choices = [] }, changed) {
+  if (typeof initial === "boolean") {
+    const box = element("input", { type: "checkbox", className: "wide box" });
+    box.addEventListener("change", () => changed(box.checked));
+    return { elements: [box], show: (value) => (box.checked = value) };
+  }
+  if (typeof initial === "string") {
+    const list = element("select", { className: "wide" });
+    list.append(...choices.map((choice) => new Option(choice, choice)));
+    list.addEventListener("change", () => changed(list.value));
+    return { elements: [list], show: (value) => (list.value = value) };
+  }
+  if (Array.isArray(initial)) {
+    const field = element("input", { type: "text", className: "wide", title: "numbers, separated by commas" });
+    field.addEventListener("change", () => {
+      const numbers = field.value.split(",").map(Number);
+      changed(numbers, "float64_array");
+    });
+    return { elements: [field], show: (value) => (field.value = value.join(", ")) };
+  }
+  // A whole number as JSON has it may be a float with no fraction: the server knows which it is.
+  const field = element("input", { type: "number", min: min ?? "", max: max ?? "", step: "any" });
+  field.addEventListener("change", () => field.value !== "" && changed(Number(field.value)));
+  const exact = (value) => (field.value = Number(value.toPrecision(12)));
+  if (min == null || max == null) {
+    return { elements: [element("span", {}), field], show: exact };
+  }
+  const slider = element("input", { type: "range", min, max, step: (max - min) / STEPS });
+  slider.addEventListener("input", () => {
+    const value = Number(slider.value);
+    exact(value);
+    changed(value);
+  });
+  const show = (value) => {
+    slider.value = value;
+    exact(value);
+  };
+  return { elements: [slider, field], show };
+}
+
+export class Parameters {
+  #shown = new Map(); // by name: the function that shows a value
+  values = {};
+
+  constructor(connection, place) {
+    this.connection = connection;
+    this.place = place;
+    connection.addEventListener("parameters", ({ detail }) => this.take(detail));
+  }
+
+  /** Makes the inputs for the parameters of a graph. */
+  plan({ components }) {
+    this.#shown.clear();
+    this.place.replaceChildren();
+    for (const component of components) {
+      for (const parameter of component.parameters) {
+        const name = `${component.name}.${parameter.name}`;
+        const { elements, show } = inputs(parameter, (value, type) => this.#set(name, value, type));
+        const line = element("div", { className: "parameter", title: parameter.doc });
+        line.dataset.parameter = name;
+        const unit = parameter.unit ? ` (${parameter.unit})` : "";
+        const label = element("label", { textContent: `${name}${unit}` });
+        line.append(label, ...elements);
+        this.place.append(line);
+        this.#shown.set(name, show);
+        show(parameter.default);
+      }
+    }
+    this.connection.getParameters();
+  }
+
+  take(parameters) {
+    for (const { name, value } of parameters) {
+      this.values[name] = value;
+      // What the user has in his hand is not taken from it.
+      const line = document.activeElement?.closest?.("[data-parameter]");
+      if (line?.dataset.parameter === name && this.#moving) continue;
+      this.#shown.get(name)?.(value);
+    }
+  }
+
+  #moving = false;
+  #pending;
+
+  /** Sends a value; of a slider that moves the newest, at most twenty a second. */
+  #set(name, value, type) {
+    const begin = this.#pending === undefined;
+    this.#moving = true;
+    this.#pending = { name, value, type };
+    if (!begin) return;
+    const send = () => {
+      const { name, value, type } = this.#pending;
+      this.connection.setParameter(name, value, type);
+      const sent = this.#pending;
+      setTimeout(() => {
+        if (this.#pending === sent) {
+          this.#pending = undefined;
+          this.#moving = false;
+        } else {
+          send();
+        }
+      }, 50);
+    };
+    send();
+  }
+}

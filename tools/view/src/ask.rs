@@ -1,0 +1,116 @@
+//! What viewers ask of the run, on its way from the server's threads to the one that follows the run.
+
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+
+use foxglove::SinkId;
+use foxglove::websocket::service::{Handler, Request, Responder};
+use foxglove::websocket::{
+    AnyClient, ChannelView, Client, GetParametersResponder, Parameter, ParameterHandler, ServerListener,
+    SetParametersResponder,
+};
+
+use crate::rights::Rights;
+
+/// What a viewer asks for.
+#[derive(Debug)]
+pub(crate) enum Ask {
+    /// The values of these parameters, or of all if none is named.
+    Get(Vec<String>, GetParametersResponder),
+    /// To set parameters, with the right to.
+    Set(Vec<Parameter>, AnyClient, SetParametersResponder),
+    /// A command, with the right to.
+    Command(Command, Responder),
+    /// The values that do not change, of a topic that it has subscribed to.
+    Latched(String, Option<SinkId>),
+}
+
+/// A command to the run, called as a service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Command {
+    /// Bring the robot to its safe state at once, and keep it there.
+    Stop,
+    /// Release the robot from a stop.
+    Resume,
+    /// End the run in good order.
+    End,
+    /// Start the graph again.
+    Start,
+}
+
+impl Command {
+    pub(crate) const ALL: [Self; 4] = [Self::Stop, Self::Resume, Self::End, Self::Start];
+
+    /// Name of its service.
+    pub(crate) fn service(self) -> &'static str {
+        match self {
+            Self::Stop => "/motorium/stop",
+            Self::Resume => "/motorium/resume",
+            Self::End => "/motorium/end",
+            Self::Start => "/motorium/start",
+        }
+    }
+}
+
+/// The ends of the server that pass on what is asked.
+#[derive(Debug, Clone)]
+pub(crate) struct Asks {
+    pub(crate) sender: Sender<Ask>,
+    pub(crate) rights: Arc<Rights>,
+}
+
+impl Asks {
+    fn send(&self, ask: Ask) {
+        // Nobody follows the run any more: the program ends. What answers is dropped, which the client is told.
+        let _ = self.sender.send(ask);
+    }
+}
+
+/// The words for a client without the right to command.
+const REFUSED: &str = "commands need the token: connect to the address that `motorium view` printed, or set the parameter \
+                       `motorium/token` to it";
+
+impl ParameterHandler for Asks {
+    fn get(&self, _: AnyClient, names: Vec<String>, _: Option<String>, responder: GetParametersResponder) {
+        self.send(Ask::Get(names, responder));
+    }
+
+    fn set(
+        &self,
+        client: AnyClient,
+        mut parameters: Vec<Parameter>,
+        _: Option<String>,
+        responder: SetParametersResponder,
+    ) {
+        if !self.rights.take_token(client.id(), &mut parameters) {
+            client.send_error("this is not the token of this `motorium view`");
+        }
+        if parameters.is_empty() {
+            return responder.respond(Vec::new());
+        }
+        if !self.rights.may_command(client.id()) {
+            client.send_error(REFUSED);
+            return responder.respond(Vec::new());
+        }
+        self.send(Ask::Set(parameters, client, responder));
+    }
+}
+
+impl ServerListener for Asks {
+    fn on_subscribe(&self, client: Client, channel: ChannelView) {
+        self.send(Ask::Latched(channel.topic().to_string(), client.sink_id()));
+    }
+}
+
+/// The service of a command.
+pub(crate) struct Service(pub(crate) Command, pub(crate) Asks);
+
+impl Handler for Service {
+    fn call(&self, request: Request, responder: Responder) {
+        if self.1.rights.may_command(request.client_id()) {
+            self.1.send(Ask::Command(self.0, responder));
+        } else {
+            responder.respond_err(REFUSED.to_string());
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The `motorium` commands that the viewer starts: the run of a graph, its times, a stop.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Time that a run may take to end before it is left alone with its guard.
+const END_WITHIN: Duration = Duration::from_secs(15);
+
+/// A graph that the viewer has started.
+#[derive(Debug)]
+pub(crate) struct Started(Child);
+
+impl Started {
+    /// Starts `motorium run GRAPH ARGUMENTS`. Its report goes to standard output unless `quiet`.
+    pub(crate) fn run(
+        motorium: &Path,
+        graph: &Path,
+        arguments: &[String],
+        quiet: bool,
+    ) -> anyhow::Result<Self> {
+        let mut command = Command::new(motorium);
+        command.arg("run").arg(graph).args(arguments).stdin(Stdio::null());
+        if quiet {
+            command.stdout(Stdio::null());
+        }
+        Ok(Self(command.spawn().with_context(|| format!("starting {}", motorium.display()))?))
+    }
+
+    /// The launcher of its run.
+    pub(crate) fn pid(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Its exit status, once it has ended.
+    pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
+        self.0.try_wait().ok().flatten()
+    }
+
+    /// Ends it in good order: the robot comes to its safe state first. `told` is true if it has been asked already, as by
+    /// `Ctrl-C` in the terminal that it shares with the viewer.
+    pub(crate) fn end(&mut self, told: bool) {
+        if !told {
+            interrupt(self.pid());
+        }
+        let began = Instant::now();
+        while self.ended().is_none() && began.elapsed() < END_WITHIN {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        if self.ended().is_none() {
+            self.end(false);
+        }
+    }
+}
+
+/// Asks a process to end in good order.
+fn interrupt(pid: u32) {
+    if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
+        // It may have ended at this moment.
+        let _ = kill_process(pid, Signal::INT);
+    }
+}
+
+/// The times of a run as `motorium top --json` reads them, a line each half second.
+#[derive(Debug)]
+pub(crate) struct Times {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Times {
+    pub(crate) fn of(motorium: &Path, run: &str) -> anyhow::Result<Self> {
+        let mut child = Command::new(motorium)
+            .args(["top", "--json", "--interval", "500ms", "--run", run])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .with_context(|| format!("starting {}", motorium.display()))?;
+        let output = child.stdout.take().context("it has a standard output")?;
+        let (sender, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            let read = BufReader::new(output).lines().map_while(Result::ok);
+            // The receiver is gone when nobody looks any more.
+            let _ = read.into_iter().try_for_each(|line| sender.send(line));
+        });
+        Ok(Self { child, lines })
+    }
+
+    /// The newest line since the last call.
+    pub(crate) fn newest(&self) -> Option<String> {
+        self.lines.try_iter().last()
+    }
+}
+
+impl Drop for Times {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Runs a command of `motorium` on a run and gives its words: on success those of standard output.
+pub(crate) fn command(motorium: &PathBuf, arguments: &[&str]) -> Result<String, String> {
+    let output = Command::new(motorium).args(arguments).stdin(Stdio::null()).output();
+    let output = output.map_err(|error| format!("{} does not start: {error}", motorium.display()))?;
+    let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_string();
+    if output.status.success() { Ok(words(&output.stdout)) } else { Err(words(&output.stderr)) }
+}

@@ -1,0 +1,114 @@
+//! The graph of a run as viewers are told of it.
+
+use std::path::PathBuf;
+
+use motorium::declare::RobotReference;
+use motorium::plan::{Activation, ComponentPlan, Plan, Program};
+use motorium_bridges::foxglove::{channels, descriptions, robot_of_topic};
+use motorium_robots::RobotSource;
+use serde_json::{Value as Json, json};
+
+/// The robots of a plan, each once.
+pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
+    let mut found: Vec<&RobotReference> = Vec::new();
+    for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
+    {
+        if !found.iter().any(|known| known.name == robot.name) {
+            found.push(robot);
+        }
+    }
+    found
+}
+
+/// The file of a robot, if it has one.
+pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
+    let source = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        pose: None,
+    };
+    source.load().ok()?.path
+}
+
+/// Components, topics, parameters and robots of a graph.
+pub(crate) fn describe(run: &str, plan: &Plan) -> Json {
+    let topics = plan.topics.iter().map(|topic| {
+        let name = |index: &usize| plan.components[*index].name.as_str();
+        let readers: Vec<&str> = topic.readers.iter().map(name).collect();
+        json!({
+            "name": topic.name,
+            "type": topic.layout.type_name,
+            "writer": plan.components[topic.writer].name,
+            "readers": readers,
+        })
+    });
+    let latencies = plan.latencies.iter().map(|latency| {
+        let name = |index: usize| plan.topics[index].name.as_str();
+        json!({ "from": name(latency.from), "to": name(latency.to), "max_ns": latency.max_ns })
+    });
+    json!({
+        "run": run,
+        "graph": plan.name,
+        "clock": plan.clock,
+        "components": plan.components.iter().map(|it| component(plan, it)).collect::<Vec<_>>(),
+        "topics": topics.collect::<Vec<_>>(),
+        "latencies": latencies.collect::<Vec<_>>(),
+        "robots": drawn(plan),
+    })
+}
+
+fn component(plan: &Plan, component: &ComponentPlan) -> Json {
+    let kind = match &component.program {
+        Program::Builtin { kind } | Program::Sibling { kind, .. } => kind.clone(),
+        Program::Exec { path } => path.display().to_string(),
+    };
+    let trigger = match component.activation {
+        Activation::Triggered { topic, .. } => Some(plan.topics[topic].name.as_str()),
+        Activation::Periodic { .. } | Activation::Descriptor { .. } => None,
+    };
+    let parameters = component.parameters.iter().map(|parameter| &parameter.declaration);
+    json!({
+        "name": component.name,
+        "kind": kind,
+        "rate_hz": 1e9 / component.period_ns().max(1) as f64,
+        "trigger": trigger,
+        "budget_ns": component.budget_ns,
+        "core": component.core,
+        "actuator": component.actuator,
+        "parameters": parameters.collect::<Vec<_>>(),
+    })
+}
+
+/// Each robot with the channels that pose it: of its joints, and of its base if that moves.
+fn drawn(plan: &Plan) -> Vec<Json> {
+    let described = descriptions(plan);
+    let robots = described.iter().map(|robot| {
+        let own: Vec<_> = (0..plan.topics.len())
+            .filter(|index| robot_of_topic(plan, *index).is_some_and(|it| it.name == robot.robot))
+            .flat_map(|index| channels(plan, index).unwrap_or_default())
+            .collect();
+        let of = |end: &str, kind: &str| {
+            let found = own.iter().find(|channel| {
+                channel.name.ends_with(end) && plan.topics[channel.topic].layout.type_name == kind
+            });
+            found.map(|channel| channel.name.clone())
+        };
+        let transforms = of("/transforms", "motorium.JointState");
+        let joints = transforms.as_deref().and_then(|name| name.strip_suffix("/transforms"));
+        json!({
+            "name": robot.robot,
+            "description": robot.topic,
+            "is_urdf": robot.is_urdf,
+            "frame_prefix": robot.frame_prefix,
+            "state": joints,
+            "joints": joints.map(|topic| format!("{topic}/joints")),
+            "transforms": transforms,
+            "base": of("/transforms", "motorium.BaseState"),
+            "odometry": of("/odometry", "motorium.Odometry"),
+        })
+    });
+    robots.collect()
+}

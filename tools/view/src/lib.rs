@@ -1,0 +1,111 @@
+//! The viewer of motorium: a program beside `motorium`, which starts it by `motorium view`.
+//!
+//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket protocol
+//! (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads from the shared memory of
+//! the run by taps, from the shared cores, at most [`Request::rate_hz`] times a second, and only while somebody looks: no
+//! component waits for it or does anything for it.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `request` | the order of `motorium view` |
+//! | `front` | the port: files of the page, WebSockets |
+//! | `server`, `ask`, `rights`, `assets` | the server of the protocol: channels, services, parameters, files; the token |
+//! | `follow`, `joined`, `graph`, `world`, `parameters` | the run: finding it, reading it, what is told of it |
+//! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
+//! | `browser`, `check` | a look at the page in a headless browser |
+
+mod ask;
+mod assets;
+pub mod browser;
+mod check;
+mod children;
+mod cores;
+mod follow;
+mod front;
+mod graph;
+mod joined;
+mod parameters;
+mod request;
+mod rights;
+mod server;
+mod world;
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, mpsc};
+
+use anyhow::Context as _;
+use motorium::program::{Program, list};
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+pub use request::{Request, SERVE};
+
+/// The whole program.
+pub fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    // `motorium` asks each program of its family for its version and its kinds: this one has none.
+    if let Some(Program::Kinds) = Program::from_arguments(&arguments) {
+        return list(&[]);
+    }
+    motorium::transport::quieten();
+    let request = match arguments.as_slice() {
+        [_, first, request] if first == SERVE => serde_json::from_str::<Request>(request),
+        _ => {
+            eprintln!("this program is started by `motorium view GRAPH`");
+            return ExitCode::from(2);
+        }
+    };
+    let served = request.context("the order of `motorium view`: is it of another version?").and_then(serve);
+    match served {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Serves a run, and checks the page if that was asked for.
+fn serve(request: Request) -> anyhow::Result<ExitCode> {
+    anyhow::ensure!(
+        request.rate_hz.is_finite() && (1.0..=1000.0).contains(&request.rate_hz),
+        "--rate is {} Hz, expected 1 to 1000",
+        request.rate_hz
+    );
+    let front = front::Front::bind(request.port)?;
+    let token = match &request.token {
+        Some(token) => token.clone(),
+        None => rights::new_token().context("the random source")?,
+    };
+    let (over, interrupted) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    signal_hook::flag::register(SIGINT, interrupted.clone()).context("catching signals")?;
+    signal_hook::flag::register(SIGTERM, over.clone()).context("catching signals")?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let (sender, asks) = mpsc::channel();
+    let rights = Arc::new(rights::Rights::new(token.clone()));
+    let server = Arc::new(runtime.block_on(server::Server::start(ask::Asks { sender, rights }))?);
+    let port = front.port();
+    runtime.spawn(front.serve(server.address(), token.clone()));
+    eprintln!("view at http://localhost:{port}/?token={token}");
+    eprintln!("for Foxglove and Lichtblick: ws://localhost:{port}/?token={token}");
+    let check = match request.headless_check.clone() {
+        None => None,
+        Some(picture) => {
+            let address = format!("http://localhost:{port}/?token={token}");
+            let (over, began) = (over.clone(), request.began_ms);
+            Some(std::thread::spawn(move || {
+                let checked = check::check(&address, &picture, began, &over);
+                over.store(true, Relaxed);
+                checked
+            }))
+        }
+    };
+    let followed = follow::Follower::new(request, server, asks)
+        .and_then(|follower| follower.follow(&over, &interrupted));
+    over.store(true, Relaxed);
+    let checked = check.map(|check| check.join().unwrap_or_else(|_| anyhow::bail!("the check failed")));
+    runtime.shutdown_background();
+    followed?;
+    checked.unwrap_or(Ok(()))?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,47 @@
+//! The order of `motorium view` to this program.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+/// First argument of the program when `motorium view` starts it; its order, as JSON, is the second.
+pub const SERVE: &str = "motorium-view";
+
+/// The order of `motorium view`.
+///
+/// ```
+/// use motorium_view::Request;
+///
+/// let text = r#"{"motorium": "/usr/bin/motorium", "graph": "graph.toml", "port": 8765, "rate_hz": 60.0}"#;
+/// let request: Request = serde_json::from_str(text)?;
+/// assert_eq!((request.port, request.arguments.len(), request.run), (8765, 0, None));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The `motorium` command that gives the order; what is started is started by it.
+    pub motorium: PathBuf,
+    /// The graph to start; `None` to look at a run that somebody else has started.
+    #[serde(default)]
+    pub graph: Option<PathBuf>,
+    /// Options for `motorium run`, besides the graph.
+    #[serde(default)]
+    pub arguments: Vec<String>,
+    /// Id of the run to look at first; then the newest run of its graph. Without it, and without a graph, any newest run.
+    #[serde(default)]
+    pub run: Option<String>,
+    /// Port on the loopback interface; 0 for any that is free.
+    pub port: u16,
+    /// Most samples of a topic that are sent a second.
+    pub rate_hz: f64,
+    /// Where to write a picture of the page, made by a headless browser that also checks it; `None` to serve.
+    #[serde(default)]
+    pub headless_check: Option<PathBuf>,
+    /// Time of the command, ms since 1970.
+    #[serde(default)]
+    pub began_ms: Option<u64>,
+    /// The token that commands need; `None` for one that nobody can guess.
+    #[serde(default)]
+    pub token: Option<String>,
+}

@@ -1,0 +1,85 @@
+//! The right to command: held by clients that know the token.
+
+use std::collections::HashSet;
+use std::sync::Mutex;
+
+use foxglove::websocket::{ClientId, Parameter, ParameterValue};
+use motorium::os::random_bytes;
+use serde_json::json;
+
+/// The parameter by which a client gives the token.
+pub(crate) const TOKEN: &str = "motorium/token";
+
+/// The clients that may command, and the token that gives the right.
+#[derive(Debug)]
+pub(crate) struct Rights {
+    token: String,
+    holders: Mutex<HashSet<ClientId>>,
+}
+
+impl Rights {
+    /// Rights that this token gives.
+    pub(crate) fn new(token: String) -> Self {
+        Self { token, holders: Mutex::default() }
+    }
+
+    /// Takes the token out of parameters that a client sets, and gives it the right to command if it is the right one. False
+    /// if a wrong one is among them.
+    pub(crate) fn take_token(&self, client: ClientId, parameters: &mut Vec<Parameter>) -> bool {
+        let mut right = true;
+        parameters.retain(|parameter| {
+            if parameter.name != TOKEN {
+                return true;
+            }
+            match &parameter.value {
+                Some(ParameterValue::String(given)) if is_token(&self.token, given) => {
+                    self.holders().insert(client);
+                }
+                _ => right = false,
+            }
+            false
+        });
+        right
+    }
+
+    /// True if a client may command.
+    pub(crate) fn may_command(&self, client: ClientId) -> bool {
+        self.holders().contains(&client)
+    }
+
+    fn holders(&self) -> std::sync::MutexGuard<'_, HashSet<ClientId>> {
+        self.holders.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+/// A token that nobody can guess.
+pub(crate) fn new_token() -> std::io::Result<String> {
+    Ok(random_bytes::<16>()?.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// True if a token is the right one. The time it takes does not tell how much of it is right.
+pub(crate) fn is_token(token: &str, given: &str) -> bool {
+    let differences = token.bytes().zip(given.bytes()).fold(0, |all, (one, other)| all | (one ^ other));
+    token.len() == given.len() && differences == 0
+}
+
+/// The message with which a client gives the token.
+pub(crate) fn grant(token: &str) -> String {
+    json!({ "op": "setParameters", "parameters": [{ "name": TOKEN, "value": token }] }).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tokens_differ_and_only_the_whole_one_is_right() {
+        let token = new_token().unwrap();
+        assert_ne!(token, new_token().unwrap());
+        assert_eq!(token.len(), 32);
+        assert!(is_token(&token, &token.clone()));
+        for wrong in ["", &token[..31], &format!("{token}0"), "0123456789abcdef0123456789abcdeg"] {
+            assert!(!is_token(&token, wrong), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The server of Foxglove's WebSocket protocol, and the channels that it advertises.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::{Arc, RwLock};
+
+use anyhow::Context as _;
+use foxglove::websocket::service::{Service, ServiceSchema};
+use foxglove::websocket::{Capability, Parameter};
+use foxglove::{ChannelBuilder, Context, RawChannel, Schema, WebSocketServer, WebSocketServerHandle};
+
+use crate::ask::{self, Asks, Command};
+use crate::assets::Assets;
+
+/// The server.
+pub(crate) struct Server {
+    handle: WebSocketServerHandle,
+    context: Arc<Context>,
+    assets: Arc<RwLock<Assets>>,
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("port", &self.handle.port()).finish_non_exhaustive()
+    }
+}
+
+impl Server {
+    /// Starts it on a free port of the loopback interface, on this runtime.
+    pub(crate) async fn start(asks: Asks) -> anyhow::Result<Self> {
+        let context = Context::new();
+        let assets = Arc::new(RwLock::new(Assets::default()));
+        let served = assets.clone();
+        let services = Command::ALL.map(|command| service(command, asks.clone()));
+        let server = WebSocketServer::new()
+            .name("motorium view")
+            .bind("127.0.0.1", 0)
+            .context(&context)
+            .capabilities([Capability::Parameters, Capability::Services, Capability::Assets])
+            .supported_encodings(["json"])
+            .services(services)
+            .parameter_handler(Arc::new(asks.clone()))
+            .listener(Arc::new(asks))
+            .fetch_asset_handler_blocking_fn(move |_, uri| {
+                served.read().unwrap_or_else(std::sync::PoisonError::into_inner).fetch(&uri)
+            });
+        let handle = server.start().await.context("the server of the WebSocket protocol")?;
+        Ok(Self { handle, context, assets })
+    }
+
+    /// Its own address, behind the port of the viewer.
+    pub(crate) fn address(&self) -> SocketAddr {
+        ([127, 0, 0, 1], self.handle.port()).into()
+    }
+
+    /// Tells viewers that another run begins: they forget what they have seen of the one before. Its channels are advertised
+    /// after this.
+    pub(crate) fn begin_session(&self, run: &str, packages: Vec<PathBuf>, files: Vec<PathBuf>) {
+        self.handle.clear_session(Some(run.to_string()));
+        *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) =
+            Assets::new(packages, files);
+    }
+
+    /// Advertises a channel.
+    pub(crate) fn channel(
+        &self,
+        topic: &str,
+        encoding: &str,
+        schema: Schema,
+    ) -> anyhow::Result<Arc<RawChannel>> {
+        let builder = ChannelBuilder::new(topic).context(&self.context).message_encoding(encoding);
+        builder.schema(schema).build_raw().with_context(|| format!("channel {topic}"))
+    }
+
+    /// Advertises a channel of JSON texts with this JSON Schema.
+    pub(crate) fn json_channel(
+        &self,
+        topic: &str,
+        name: &str,
+        schema: &str,
+    ) -> anyhow::Result<Arc<RawChannel>> {
+        self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
+    }
+
+    /// Tells viewers of the values of parameters.
+    pub(crate) fn publish_parameters(&self, parameters: Vec<Parameter>) {
+        if !parameters.is_empty() {
+            self.handle.publish_parameter_values(parameters);
+        }
+    }
+}
+
+fn service(command: Command, asks: Asks) -> Service {
+    let nothing = || Schema::new("motorium.Nothing", "jsonschema", br#"{"type": "object"}"#.as_slice());
+    let done = Schema::new("motorium.Outcome", "jsonschema", OUTCOME.as_bytes());
+    let schema =
+        ServiceSchema::new("motorium.Command").with_request("json", nothing()).with_response("json", done);
+    Service::builder(command.service(), schema).handler(ask::Service(command, asks))
+}
+
+/// JSON Schema of the answer of a command.
+const OUTCOME: &str = r#"{
+  "type": "object",
+  "required": ["done", "message"],
+  "properties": {
+    "done": { "type": "boolean", "description": "True if what was asked for is so" },
+    "message": { "type": "string", "description": "The outcome in words" }
+  }
+}"#;
