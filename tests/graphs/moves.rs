@@ -69,3 +69,20 @@ fn a_panda_goes_through_its_waypoints() {
     assert_eq!(number(&ended, "physics", "steps_with_saturated_drives"), 0.0);
     assert_nothing_allocates(&ended);
 }
+
+#[test]
+fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
+    let _machine = machine();
+    let runs = [(); 2].map(|()| whole("pick-and-place.toml", &[]));
+    for ended in &runs {
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let cube = &ended.report().results["physics"]["objects"]["cube"];
+        let place = |axis: usize| cube["position"][axis].as_f64().expect("a number");
+        // On the bottom of the bin, 10.5 cm high, within its walls.
+        assert!((place(2) - 0.125).abs() < 1e-3, "{cube}");
+        assert!((place(0) - 0.45).abs() < 0.05 && (place(1) + 0.25).abs() < 0.05, "{cube}");
+        assert!(cube["speed"].as_f64().expect("a number") < 1e-3, "{cube}");
+        assert_nothing_allocates(ended);
+    }
+    assert_eq!(runs[0].report().state_hash, runs[1].report().state_hash);
+}

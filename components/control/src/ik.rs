@@ -5,7 +5,7 @@ use motorium_robots::Model;
 use crate::{
     RobotState,
     levels::{Freedom, Level, LevelSolver, Rows},
-    limits::Limit,
+    limits::{Limit, LimitRows, RowLimit},
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
         UpdateError,
@@ -43,7 +43,7 @@ pub enum IkError {
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
-/// subject to lower <= v <= upper
+/// subject to lower <= v <= upper,   lower <= G v <= upper
 /// ```
 ///
 /// With [`levels`](Self::levels) there are several such sums, in strict priority: each level minimises its own over the
@@ -58,6 +58,8 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     solver: S,
     velocity: Vec<f64>,
     below: Option<Below>,
+    /// First row that no limit has taken yet.
+    next_row: usize,
 }
 
 /// The levels below the first.
@@ -77,7 +79,14 @@ impl DifferentialIk {
         Self::with_solver(solver, IkSettings::default())
     }
 
-    /// The structure of the problem for `model`: one bounded unknown per independent joint.
+    /// For `model` and limits that have `rows` rows together, with default settings and the active-set solver.
+    pub fn with_rows(model: &Model, rows: usize) -> Self {
+        let structure = Self::structure(model).rows(rows, Sides::Both);
+        let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+        Self::with_solver(solver, IkSettings::default())
+    }
+
+    /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base among them.
     pub fn structure(model: &Model) -> Structure {
         Structure::new(model.nv()).bounds(Sides::Both)
     }
@@ -88,7 +97,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
         let velocity = vec![0.0; solver.structure().variables()];
-        Self { settings, problem, solver, velocity, below: None }
+        Self { settings, problem, solver, velocity, below: None, next_row: 0 }
     }
 
     /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks have
@@ -118,11 +127,11 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// ```
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
-        let variables = self.velocity.len();
+        let (variables, row_count) = (self.velocity.len(), self.problem.row_lower.len());
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, *first),
             levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
-            solvers: below.iter().map(|_| LevelSolver::new(variables, 0)).collect(),
+            solvers: below.iter().map(|_| LevelSolver::new(variables, row_count)).collect(),
             freedom: Freedom::new(variables, rows.iter().copied().max().unwrap_or_default()),
         });
         self
@@ -152,6 +161,10 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.gradient.fill(0.0);
         self.problem.lower.fill(f64::NEG_INFINITY);
         self.problem.upper.fill(f64::INFINITY);
+        self.problem.row_matrix.fill(0.0);
+        self.problem.row_lower.fill(f64::NEG_INFINITY);
+        self.problem.row_upper.fill(f64::INFINITY);
+        self.next_row = 0;
         if let Some(below) = &mut self.below {
             below.first.clear();
             below.levels.iter_mut().for_each(|level| level.begin(self.settings.damping));
@@ -182,6 +195,20 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
     pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
         limit.intersect(state, dt, &mut self.problem);
+    }
+
+    /// Adds the rows of `limit` for a tick of `dt` seconds.
+    ///
+    /// # Panics
+    /// If the solver was built for fewer rows than the limits have together.
+    pub fn add_row_limit(&mut self, state: &RobotState<'_>, limit: &mut dyn RowLimit, dt: f64) {
+        let (first, count) = (self.next_row, limit.rows());
+        assert!(
+            first + count <= self.problem.row_lower.len(),
+            "limits with more rows than the solver was built for"
+        );
+        limit.write(state, dt, &mut LimitRows::new(&mut self.problem, first, count));
+        self.next_row += count;
     }
 
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.

@@ -61,6 +61,7 @@
 //! ```
 
 mod component;
+mod cost;
 mod feed_forward;
 mod gains;
 mod goals;
@@ -71,6 +72,7 @@ pub mod limits;
 pub mod multirotor;
 mod setpoint;
 pub mod solver;
+mod stacks;
 mod state;
 pub mod tasks;
 pub mod wheels;
@@ -81,4 +83,5 @@ pub use gains::{GainsError, check_gains};
 pub use goals::{GoalError, GoalRecord, GoalSummary, GoalTolerance};
 pub use ik::{DifferentialIk, IkError, IkSettings};
 pub use setpoint::JointSetpoint;
+pub use stacks::{StackSample, TaskStack, run_stack};
 pub use state::RobotState;

@@ -2,13 +2,14 @@
 //!
 //! A [`Simulator`] is a robot in a [`World`]. [`ArticulatedSimulator`] moves robots with a fixed or a floating base
 //! by motorium's own dynamics and contact solver; [`RapierSimulator`] moves robots with a fixed base by the rapier
-//! engine. Both share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. All
-//! that is a plain library, usable without the runtime.
+//! engine. Both share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. A
+//! [`Batch`] steps many worlds on all cores. All that is a plain library, usable without the runtime.
 //!
 //! [`ArticulatedPhysics`] (`physics.articulated`) and [`RapierPhysics`] (`physics.rapier`) are the components of a
 //! graph; they alone know the runtime.
 
 mod articulated;
+mod batch;
 mod build;
 mod command;
 mod component;
@@ -17,6 +18,7 @@ mod error;
 mod joint;
 mod options;
 mod rapier;
+mod rays;
 mod robot;
 mod rotors;
 mod simulation;
@@ -26,6 +28,7 @@ mod world;
 pub use articulated::{
     Articulated, ArticulatedSimulator, JointEvents, JointSpaceIntegrator, LinkForce, Singular,
 };
+pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
@@ -38,5 +41,7 @@ pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};
 pub use rotors::RotorDrive;
 pub use simulation::{Engine, Simulation};
-pub use simulator::{Contact, ObjectId, Simulator, StepReport};
+pub use simulator::{
+    Capabilities, Contact, ForeignState, ObjectId, RayHit, SavedState, Simulator, StepReport,
+};
 pub use world::{Ground, Object, ObjectShape, World, WorldError};

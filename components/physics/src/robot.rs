@@ -83,6 +83,16 @@ pub(crate) struct State {
     pub(crate) tau_next: Vec<f64>,
 }
 
+/// A saved state of a robot.
+#[derive(Clone, Debug)]
+pub(crate) struct RobotState {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    efforts: Vec<f64>,
+    commands: Vec<JointCommand>,
+    gravity: Vector3<f64>,
+}
+
 impl State {
     fn new(model: &Model, drives: usize) -> Self {
         let (q, v, drive) = (model.neutral(), vec![0.0; model.nv()], vec![0.0; drives]);
@@ -158,6 +168,34 @@ impl Robot {
         self.commands.fill(JointCommand::default());
         self.refresh();
         Ok(())
+    }
+
+    /// Current state, commands and gravity.
+    pub(crate) fn save(&self) -> RobotState {
+        RobotState {
+            q: self.state.q.clone(),
+            v: self.state.v.clone(),
+            efforts: self.state.efforts.clone(),
+            commands: self.commands.clone(),
+            gravity: self.gravity,
+        }
+    }
+
+    /// Goes back to a saved state; `false`, and nothing has changed, where that is another robot's.
+    pub(crate) fn restore(&mut self, saved: &RobotState) -> bool {
+        let lengths = |q: &[f64], v: &[f64], commands: &[JointCommand]| [q.len(), v.len(), commands.len()];
+        if lengths(&saved.q, &saved.v, &saved.commands)
+            != lengths(&self.state.q, &self.state.v, &self.commands)
+        {
+            return false;
+        }
+        self.state.q.copy_from_slice(&saved.q);
+        self.state.v.copy_from_slice(&saved.v);
+        self.state.efforts.copy_from_slice(&saved.efforts);
+        self.commands.copy_from_slice(&saved.commands);
+        self.gravity = saved.gravity;
+        self.refresh();
+        true
     }
 
     /// Recomputes all that depends on the current q and v.

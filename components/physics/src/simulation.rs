@@ -1,12 +1,12 @@
 //! The simulation of a robot in a world, generic over the engine that moves it.
 
 use motorium_robots::{FrameId, Model};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-use crate::robot::{Robot, RobotSetup};
+use crate::robot::{Robot, RobotSetup, RobotState};
 use crate::{
-    BuildError, BuildWarning, Contact, JointCommand, ObjectId, Options, ResetError, Simulator, StepError,
-    StepReport, World,
+    BuildError, BuildWarning, Capabilities, Contact, ForeignState, JointCommand, ObjectId, Options, RayHit,
+    ResetError, SavedState, Simulator, StepError, StepReport, World,
 };
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
@@ -14,6 +14,12 @@ use crate::{
 /// The robot's state, commands and limits, the checks before and after a step and the description of the world are
 /// those of the simulation; an engine holds the objects of the world and its own workspace.
 pub trait Engine: Sized {
+    /// All of the engine's state that later steps depend on.
+    type State: Send + Sync + 'static;
+
+    /// The abilities of the engine.
+    const CAPABILITIES: Capabilities;
+
     /// Sets the engine up for `robot` in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
     /// follows. Doubtful input that can still be simulated is added to `warnings`.
     ///
@@ -46,6 +52,16 @@ pub trait Engine: Sized {
 
     /// Drops the next state: the robot stays in its current one.
     fn discard(&mut self);
+
+    /// The state that later steps depend on, that of the robot apart.
+    fn save(&self) -> Self::State;
+
+    /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed, where it does
+    /// not fit.
+    fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
+
+    /// The first surface along a ray as `robot` stands: see [`Simulator::cast_ray`].
+    fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 
     /// Index of the first object whose next state is not finite.
     fn diverged_object(&self) -> Option<usize>;
@@ -176,6 +192,32 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.robot.reset(q, v)?;
         self.engine.reset(&self.robot, &self.world);
         Ok(())
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        E::CAPABILITIES
+    }
+
+    fn save(&self) -> SavedState {
+        SavedState(Box::new((self.robot.save(), self.engine.save())))
+    }
+
+    fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState> {
+        let (robot, engine) = state.0.downcast_ref::<(RobotState, E::State)>().ok_or(ForeignState)?;
+        let before = self.robot.save();
+        if !self.robot.restore(robot) {
+            return Err(ForeignState);
+        }
+        if !self.engine.restore(&self.robot, engine) {
+            self.robot.restore(&before);
+            return Err(ForeignState);
+        }
+        Ok(())
+    }
+
+    fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>> {
+        let direction = Unit::try_new(direction, f64::MIN_POSITIVE)?;
+        self.engine.cast_ray(&self.robot, (&origin, &direction, range))
     }
 
     fn gravity(&self) -> Vector3<f64> {

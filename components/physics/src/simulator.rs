@@ -1,5 +1,7 @@
 //! The interface of a simulated robot, independent of the engine.
 
+use core::any::Any;
+
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -34,6 +36,48 @@ pub struct Contact<'a> {
     /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell it.
     pub friction: Vector3<f64>,
 }
+
+/// The first point of something that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayHit<'a> {
+    /// Robot link, object, or `"ground"`.
+    pub name: &'a str,
+    /// Distance from the start of the ray \[m\].
+    pub distance: f64,
+    /// The point in the world \[m\].
+    pub point: Point3<f64>,
+    /// Unit normal of the surface there, in the world.
+    pub normal: Vector3<f64>,
+}
+
+/// The abilities of a simulator beyond those that every one has: robots with fixed bases, several of them as one model,
+/// free and fixed objects, contacts, rays, commands, reset, save and restore.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Robots whose base moves freely.
+    pub floating_bases: bool,
+    /// No step allocates after the first.
+    pub allocation_free: bool,
+}
+
+/// A state of a simulator with all that its next steps depend on, warm starts included.
+///
+/// [`Simulator::restore`] takes it back to the bit: the steps after it are those that came after
+/// [`Simulator::save`].
+pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
+
+impl core::fmt::Debug for SavedState {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("SavedState(..)")
+    }
+}
+
+/// A saved state that another simulator made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the saved state is that of another engine, robot or world; restore it into the simulator that made it or an equal one"
+)]
+pub struct ForeignState;
 
 /// Counts of a step: joints at their limits, contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -126,6 +170,23 @@ pub trait Simulator {
     ///
     /// [`ResetError`]; nothing has changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
+
+    /// The abilities of this engine.
+    fn capabilities(&self) -> Capabilities;
+
+    /// The whole state, with all that the next steps depend on. Allocates.
+    fn save(&self) -> SavedState;
+
+    /// Goes back to a saved state, commands and gravity included. May allocate.
+    ///
+    /// # Errors
+    ///
+    /// [`ForeignState`] when a simulator of another engine, robot or world made it; nothing has changed then.
+    fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
+
+    /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of the robot, of
+    /// an object, of the ground. A ray that starts inside of something does not see it.
+    fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>>;
 
     /// Acceleration of free fall in the world \[m/s2\].
     fn gravity(&self) -> Vector3<f64>;

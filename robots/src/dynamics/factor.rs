@@ -23,12 +23,15 @@ pub struct MassFactor {
     above: Vec<usize>,
     /// D on the diagonal, L' above it.
     factor: DMatrix<f64>,
+    /// `D^-1/2`.
+    scales: Vec<f64>,
 }
 
 impl MassFactor {
     /// Room for the factor of `model`'s mass matrix.
     pub fn new(model: &Model) -> Self {
-        Self { above: model.flat().above.clone(), factor: DMatrix::identity(model.nv(), model.nv()) }
+        let n = model.nv();
+        Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
     /// Factors `mass`; its upper triangle is read.
@@ -53,6 +56,7 @@ impl MassFactor {
                 return Err(SingularMassMatrix { index: k });
             }
             let inverse = 1.0 / pivot;
+            self.scales[k] = inverse.sqrt();
             let (left, right) = m.split_at_mut(k * n);
             let column = &mut right[..n];
             let mut i = k;
@@ -95,6 +99,56 @@ impl MassFactor {
         for k in 0..n {
             let column = &l[k * n..][..n];
             let mut value = x[k];
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                value -= column[i] * x[i];
+            }
+            x[k] = value;
+        }
+    }
+
+    /// Adds to `marked` (nv) the entries of v whose joints carry a marked one: where `M^-1` times a vector that is zero
+    /// but on marked entries begins.
+    pub fn mark_carriers(&self, marked: &mut [bool]) {
+        assert_eq!(marked.len(), self.above.len(), "length of the marks");
+        for k in (0..marked.len()).rev() {
+            marked[self.above[k]] |= marked[k];
+        }
+    }
+
+    /// Half a solution of four right-hand sides at once: `y = D^-1/2 L'^-1 b`, so that `b1' M^-1 b2 = y1' y2`.
+    ///
+    /// Row k of `y` holds entry k of each side. `support` lists the rows that are not zero, ascending, carriers
+    /// [included](Self::mark_carriers): of others nothing is read.
+    pub fn half_solve(&self, support: &[u32], y: &mut [[f64; 4]]) {
+        let n = self.above.len();
+        assert_eq!(y.len(), n, "length of the right-hand sides");
+        let l = self.factor.as_slice();
+        for &k in support.iter().rev() {
+            let k = k as usize;
+            let column = &l[k * n..][..n];
+            let value = y[k];
+            let mut i = k;
+            while self.above[i] != i {
+                i = self.above[i];
+                for (entry, value) in y[i].iter_mut().zip(value) {
+                    *entry -= column[i] * value;
+                }
+            }
+            let scale = self.scales[k];
+            y[k] = value.map(|entry| entry * scale);
+        }
+    }
+
+    /// The other half: `x = L^-1 D^-1/2 y` in place, so that `x = M^-1 b` for `y` of [`half_solve`](Self::half_solve).
+    pub fn finish_solve(&self, x: &mut [f64]) {
+        let n = self.above.len();
+        assert_eq!(x.len(), n, "length of the right-hand side");
+        let l = self.factor.as_slice();
+        for k in 0..n {
+            let column = &l[k * n..][..n];
+            let mut value = x[k] * self.scales[k];
             let mut i = k;
             while self.above[i] != i {
                 i = self.above[i];
@@ -226,5 +280,59 @@ impl Work for Inverse<'_> {
 fn subtract<const FUSED: bool>(target: &mut [f64], source: &[f64], scale: f64) {
     for (target, source) in target.iter_mut().zip(source) {
         *target = fused::<FUSED>(-scale, *source, *target);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Dynamics, Kinematics, Reference, load};
+    use nalgebra::{Matrix6xX, Point3, Vector3};
+
+    #[test]
+    fn two_halves_of_a_solution_are_the_whole() {
+        for name in ["quadruped", "panda", "humanoid"] {
+            let robot = load(name, std::path::Path::new(".")).unwrap();
+            let (model, profile) = (&robot.model, robot.profile.as_ref().unwrap());
+            let q = profile.configuration(model, &profile.home).unwrap();
+            let n = model.nv();
+            let mut mass = DMatrix::zeros(n, n);
+            Dynamics::new(model).crba(model, q.as_slice(), &mut mass);
+            let mut factor = MassFactor::new(model);
+            factor.factor(&mass).unwrap();
+            // The Jacobian of a point of the last body, by another way.
+            let mut kinematics = Kinematics::new(model);
+            kinematics.update(model, q.as_slice());
+            let body = model.bodies().len() - 1;
+            let frame = model.frames().iter().find(|frame| frame.body == Some(body)).unwrap();
+            let frame = model.frame(&frame.name).unwrap();
+            let mut jacobian = Matrix6xX::zeros(n);
+            kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut jacobian);
+            let point = Point3::from(kinematics.pose(model, frame).translation.vector);
+            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let mut y = vec![[0.0; 4]; n];
+            kinematics.add_point_jacobian(model, Some(body), &point, (&axes, 1.0), &mut y);
+            for (column, found) in y.iter().enumerate() {
+                for axis in 0..3 {
+                    assert!((found[axis] - jacobian[(axis, column)]).abs() < 1e-14, "{name}");
+                }
+            }
+            let mut marked: Vec<bool> = y.iter().map(|row| *row != [0.0; 4]).collect();
+            factor.mark_carriers(&mut marked);
+            let support: Vec<u32> = (0..n as u32).filter(|k| marked[*k as usize]).collect();
+            factor.half_solve(&support, &mut y);
+            for side in 0..3 {
+                let mut whole: Vec<f64> = jacobian.row(side).iter().copied().collect();
+                factor.solve(&mut whole);
+                let mut halves: Vec<f64> = y.iter().map(|row| row[side]).collect();
+                factor.finish_solve(&mut halves);
+                for (whole, halves) in whole.iter().zip(&halves) {
+                    assert!(
+                        (whole - halves).abs() < 1e-9 * (1.0 + whole.abs()),
+                        "{name}: {whole} and {halves}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -7,7 +7,7 @@ use super::solid::pose;
 use super::support::{Placed, v3, vector};
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
-use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
 use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
 
@@ -97,10 +97,34 @@ impl Collisions {
         self.positions[index] = pose.translation.vector.into();
     }
 
+    /// Where solid `index` stands: its [placement](CollisionModel::placement) in the world.
+    pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
+        let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
+        IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
+    }
+
+    /// Origin of solid `index` in the world \[m\].
+    pub fn position(&self, index: usize) -> Vector3<f64> {
+        self.positions[index].into()
+    }
+
     /// Resets the search directions of the last distances, so that the next depend on the poses alone.
     pub fn forget(&mut self) {
         self.hints.fill(V3::ZERO);
         self.last = 0;
+    }
+
+    /// The search directions of the last distances, one per pair: what the next depend on besides the poses.
+    pub fn hints(&self) -> Vec<[f64; 3]> {
+        self.hints.iter().map(|hint| hint.array()).collect()
+    }
+
+    /// Goes back to earlier [search directions](Self::hints).
+    pub fn set_hints(&mut self, hints: &[[f64; 3]]) {
+        assert_eq!(hints.len(), self.hints.len(), "one direction per pair");
+        for (hint, given) in self.hints.iter_mut().zip(hints) {
+            *hint = V3::from_slice(given);
+        }
     }
 
     /// Distance of pair `pair`, or `None` when it is certainly above `range` \[m\].

@@ -38,7 +38,7 @@ impl Core {
                 half.z.copysign(direction.z),
             ),
             Self::Cylinder(radius, half) => {
-                let across = direction.x.hypot(direction.y);
+                let across = (direction.x * direction.x + direction.y * direction.y).sqrt();
                 let scale = if across > 0.0 { radius / across } else { 0.0 };
                 V3::new(direction.x * scale, direction.y * scale, half.copysign(direction.z))
             }
@@ -59,7 +59,7 @@ impl Core {
                 point.z.clamp(-half.z, half.z),
             ),
             Self::Cylinder(radius, half) => {
-                let across = point.x.hypot(point.y);
+                let across = (point.x * point.x + point.y * point.y).sqrt();
                 let scale = if across > *radius { radius / across } else { 1.0 };
                 V3::new(point.x * scale, point.y * scale, point.z.clamp(-half, *half))
             }

@@ -1,6 +1,6 @@
 //! Poses, velocities and accelerations of frames.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Kinematics;
 use crate::algebra::{M3, V3};
@@ -18,6 +18,18 @@ impl Kinematics {
     pub fn body_pose(&self, index: usize) -> Isometry3<f64> {
         let body = &self.bodies[index + 1];
         isometry(&(body.rotation * self.align[index].transpose()), body.position)
+    }
+
+    /// Velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and its angular velocity,
+    /// in world axes. Zero after [`update`](Self::update).
+    pub fn body_velocity(&self, index: Option<usize>) -> Twist {
+        let body = &self.bodies[index.map_or(0, |index| index + 1)];
+        Twist { linear: body.linear.into(), angular: body.angular.into() }
+    }
+
+    /// Origin of body `index` of [`Model::bodies`], or of the base (`None`), in the world \[m\].
+    pub fn body_position(&self, index: Option<usize>) -> Vector3<f64> {
+        self.bodies[index.map_or(0, |index| index + 1)].position.into()
     }
 
     /// Velocity of `frame`'s origin and its angular velocity, in world axes ([`Reference::LocalWorldAligned`]).

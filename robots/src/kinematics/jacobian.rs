@@ -1,6 +1,6 @@
 //! Jacobians of frames.
 
-use nalgebra::{Dim, Matrix, StorageMut};
+use nalgebra::{Dim, Matrix, Point3, StorageMut, Vector3};
 
 use super::{BodyState, Kinematics};
 use crate::algebra::{M3, V3};
@@ -156,6 +156,42 @@ impl Kinematics {
             let linear = V3::new(entry(0), entry(1), entry(2)) + angular.cross(point);
             out.column_mut(column).fill(0.0);
             write(out, column, &Some(axes), (linear, angular), 1.0);
+        }
+    }
+
+    /// Adds to `out` (nv rows) how fast a point fixed to body `body` (`None`: the base), now at `point` in the world
+    /// \[m\], moves along each of `axes` per unit of each velocity, times `sign`.
+    pub fn add_point_jacobian(
+        &self,
+        model: &Model,
+        body: Option<usize>,
+        point: &Point3<f64>,
+        (axes, sign): (&[Vector3<f64>; 3], f64),
+        out: &mut [[f64; 4]],
+    ) {
+        assert_eq!(out.len(), model.nv(), "rows of the Jacobian");
+        let flat = model.flat();
+        let point = V3::from(point.coords);
+        let axes = axes.map(|axis| V3::from(axis) * sign);
+        if flat.floating {
+            let base = &self.bodies[0];
+            let arm = point - base.position;
+            for (part, axis) in axes.into_iter().enumerate() {
+                let linear = base.rotation.tr_mul(axis).array();
+                let angular = base.rotation.tr_mul(arm.cross(axis)).array();
+                for (row, entry) in linear.into_iter().chain(angular).enumerate() {
+                    out[row][part] += entry;
+                }
+            }
+        }
+        let Some(body) = body else { return };
+        for &slot in flat.chain(body) {
+            let (node, state) = (&flat.nodes[slot - 1], &self.bodies[slot]);
+            let (linear, _) = column(node.prismatic, state, point);
+            let linear = linear * node.multiplier;
+            for (entry, axis) in out[node.column].iter_mut().zip(axes) {
+                *entry += linear.dot(axis);
+            }
         }
     }
 

@@ -9,6 +9,12 @@ impl InverseDynamics {
         let MotionState { model, kinematics, q, v } = *state;
         self.dynamics.crba(model, q, &mut self.mass);
         self.dynamics.bias(model, q, v, self.settings.gravity, self.bias.as_mut_slice());
+        let share = self.settings.joint_damping;
+        if share > 0.0 {
+            for (joint, v) in model.joints_of_v(v).iter().enumerate() {
+                self.bias[self.order.base + joint] += share * model.joint(joint).dynamics.damping * v;
+            }
+        }
         for place in &mut self.contacts {
             place.update(model, kinematics);
         }

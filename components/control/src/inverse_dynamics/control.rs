@@ -29,6 +29,9 @@ pub struct InverseDynamicsSettings {
     pub contact_damping: f64,
     /// Limits of the joints.
     pub joints: JointAccelerationLimits,
+    /// Share of the viscous damping of the joints, as the robot's file has it, that belongs to the bias: their drives then overcome
+    /// it. Default 0: files often state a damping that no joint has.
+    pub joint_damping: f64,
     /// Fraction of the torque limits that may be used. Default 1.
     pub torque_fraction: f64,
     /// Weight with which contacts at rest and limits of the joints are kept where not all constraints can be: cost of an
@@ -45,6 +48,7 @@ impl Default for InverseDynamicsSettings {
             force_weight: 1e-3,
             contact_damping: 20.0,
             joints: JointAccelerationLimits::default(),
+            joint_damping: 0.0,
             torque_fraction: 1.0,
             relaxation: Some(100.0),
         }
@@ -370,7 +374,7 @@ impl InverseDynamics {
         &self.mass
     }
 
-    /// Bias `C(q, v) v + g(q)` at the last [`begin`](Self::begin), nv.
+    /// Bias `C(q, v) v + g(q)`, and the damping of the joints as far as the settings count it, at the last [`begin`](Self::begin), nv.
     pub fn bias(&self) -> &DVector<f64> {
         &self.bias
     }

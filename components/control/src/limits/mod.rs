@@ -1,9 +1,15 @@
-//! Limits of the commanded motion, each as bounds on the joint velocity.
+//! Limits of the commanded motion: bounds on the joint velocities ([`Limit`]) or on combinations of them ([`RowLimit`]).
 
+mod cartesian_velocity;
+mod collision;
 mod position;
+mod rows;
 mod velocity;
 
+pub use cartesian_velocity::CartesianVelocityLimit;
+pub use collision::{CollisionLimit, CollisionSettings};
 pub use position::PositionLimit;
+pub use rows::{LimitRows, RowLimit};
 pub use velocity::VelocityLimit;
 
 use crate::{RobotState, solver::Problem};

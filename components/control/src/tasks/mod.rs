@@ -2,20 +2,31 @@
 
 mod cartesian;
 mod centre_of_mass;
+mod contact;
 mod gaze;
+mod manipulability;
+mod minimum_velocity;
+mod momentum;
 mod posture;
+mod relative;
 
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
+pub use contact::ContactTask;
 pub use gaze::{GazeSettings, GazeTask};
+pub use manipulability::ManipulabilityTask;
+pub use minimum_velocity::MinimumVelocityTask;
+pub use momentum::MomentumTask;
 pub use posture::{PostureSettings, PostureTask};
+pub use relative::{RelativeSettings, RelativeTask};
 
+pub use crate::cost::Cost;
 pub use crate::levels::Rows;
 use crate::{RobotState, solver::Problem};
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 pub trait Task {
-    /// Number of rows of `A`.
+    /// Number of rows of `A`, the most that it ever has.
     fn rows(&self) -> usize;
 
     /// Evaluates error, `A` and `b` at this state.

@@ -327,6 +327,27 @@ fn a_tick_allocates_nothing() {
 }
 
 #[test]
+fn the_damping_of_joints_is_overcome_by_as_much_as_the_settings_say() {
+    let mut robot = Robot::new("iiwa14");
+    robot.v.fill(0.7);
+    robot.update();
+    let torque = |share: f64| {
+        let settings = InverseDynamicsSettings { joint_damping: share, ..Default::default() };
+        let mut control = InverseDynamics::with_settings(&robot.model, Vec::new(), settings);
+        let mut posture = PostureAcceleration::new(&robot.model, &robot.q, Feedback { kp: 0.0, kd: 0.0 });
+        control.begin(&robot.state(), 1e-3);
+        control.add_task(&robot.state(), 0, &mut posture);
+        control.solve().unwrap().torque.clone()
+    };
+    let (none, half) = (torque(0.0), torque(0.5));
+    for joint in 0..robot.model.joint_count() {
+        let damping = robot.model.joint(joint).dynamics.damping;
+        assert!(damping > 0.0);
+        assert!((half[joint] - none[joint] - 0.5 * damping * 0.7).abs() < 1e-6, "{none} {half}");
+    }
+}
+
+#[test]
 fn a_free_fall_without_contacts_has_the_acceleration_of_gravity_and_no_torque() {
     let robot = Robot::new("quadruped");
     let mut control = InverseDynamics::new(&robot.model, Vec::new());

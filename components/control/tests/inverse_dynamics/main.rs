@@ -4,5 +4,6 @@ mod closed_loop;
 mod constraints;
 mod robots;
 mod tasks;
+mod velocity;
 
 motorium::count_allocations!();

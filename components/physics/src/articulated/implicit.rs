@@ -77,6 +77,18 @@ impl ImplicitSolver {
         self.modes.fill(START);
     }
 
+    pub(super) fn modes(&self) -> &[Mode] {
+        &self.modes
+    }
+
+    pub(super) fn set_modes(&mut self, modes: &[Mode]) -> bool {
+        let fits = modes.len() == self.modes.len();
+        if fits {
+            self.modes.copy_from_slice(modes);
+        }
+        fits
+    }
+
     /// The end velocity into `x` (nv), the drive efforts into `tau` (one per joint).
     pub(super) fn solve(
         &mut self,
@@ -104,8 +116,13 @@ impl ImplicitSolver {
             settled = true;
             for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
                 let (constant, slope) = laws.force(mode);
-                let outside = start.bias[i] - self.impulse[i] / start.h;
-                let missing = inertial(start, x, i) / start.h + outside - (constant - slope * x[i]);
+                // What holds a velocity counts only where one is held.
+                let missing = if laws.fixed(mode).is_some() {
+                    let outside = start.bias[i] - self.impulse[i] / start.h;
+                    inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
+                } else {
+                    0.0
+                };
                 let explained = laws.explain(mode, x[i], missing);
                 settled &= explained == *mode;
                 *mode = explained;
@@ -138,8 +155,11 @@ impl ImplicitSolver {
             let (constant, slope) = laws.force(mode);
             self.system[(i, i)] += start.h * slope;
             x[i] = start.h * (constant - start.bias[i]);
-            for (j, v) in start.v.iter().enumerate() {
-                x[i] += start.mass[(i, j)] * v;
+        }
+        // Column by column, which is how the matrix lies in memory.
+        for (column, v) in start.mass.as_slice().chunks_exact(start.v.len()).zip(start.v) {
+            for (x, entry) in x.iter_mut().zip(column) {
+                *x += entry * v;
             }
         }
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
@@ -187,7 +207,9 @@ impl ImplicitSolver {
     }
 }
 
-/// Row `i` of `M (x - v)`.
+/// Row `i` of `M (x - v)`. M is symmetric.
 fn inertial(start: &Start<'_>, x: &[f64], i: usize) -> f64 {
-    x.iter().zip(start.v).enumerate().map(|(j, (x, v))| start.mass[(i, j)] * (x - v)).sum()
+    let n = x.len();
+    let row = &start.mass.as_slice()[i * n..][..n];
+    x.iter().zip(start.v).zip(row).map(|((x, v), entry)| entry * (x - v)).sum()
 }

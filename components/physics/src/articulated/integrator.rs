@@ -4,6 +4,7 @@ use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 
 use super::implicit::{ExternalImpulses, ImplicitSolver, NoImpulses, Singular, Start};
+use super::laws::Mode;
 use crate::JointCommand;
 use crate::joint::JointProperties;
 
@@ -91,6 +92,16 @@ impl JointSpaceIntegrator {
     /// Resets the modes of the last step, so that the next step depends on its arguments alone.
     pub fn forget(&mut self) {
         self.solver.forget();
+    }
+
+    /// The modes of the last step, with which the next begins.
+    pub(crate) fn modes(&self) -> &[Mode] {
+        self.solver.modes()
+    }
+
+    /// Goes back to earlier modes; `false` where they are those of another robot.
+    pub(crate) fn set_modes(&mut self, modes: &[Mode]) -> bool {
+        self.solver.set_modes(modes)
     }
 
     /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply meanwhile to `tau`.

@@ -6,14 +6,14 @@ use crate::joint::JointProperties;
 
 /// The branch that each law of a joint is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Mode {
+pub(crate) struct Mode {
     pub(super) drive: Drive,
     pub(super) friction: Friction,
     pub(super) stop: Stop,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Drive {
+pub(crate) enum Drive {
     Linear,
     /// The full effort forwards.
     High,
@@ -29,7 +29,7 @@ pub(super) enum Drive {
 pub(super) const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Friction {
+pub(crate) enum Friction {
     None,
     Stick,
     /// Moving forwards, friction pushes back.
@@ -38,7 +38,7 @@ pub(super) enum Friction {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stop {
+pub(crate) enum Stop {
     Free,
     Lower,
     Upper,

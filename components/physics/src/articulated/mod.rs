@@ -8,15 +8,17 @@ mod push;
 mod step;
 
 use motorium_robots::{Dynamics, Kinematics};
-use nalgebra::{DMatrix, Isometry3, Point3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
-use crate::contact::{Colliders, ContactScene};
+use crate::contact::{Colliders, ContactScene, SceneState};
+use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
-use crate::{BuildError, BuildWarning, Contact, Options, StepError, StepReport, World};
+use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
 pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
 pub use integrator::{JointEvents, JointSpaceIntegrator};
+pub(crate) use laws::Mode;
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
 ///
@@ -74,6 +76,7 @@ pub struct Articulated {
     /// Of the next state, between integration steps of one step.
     kinematics: Kinematics,
     scene: ContactScene,
+    rays: Rays,
     /// Generalized force of the rotors (nv).
     rotor_force: Vec<f64>,
     /// Generalized force from outside during the next step (nv).
@@ -101,7 +104,19 @@ const TOO_CLOSE: f64 = 0.010;
 /// A link that starts deeper than this inside an object is worth a warning \[m\].
 const INSIDE: f64 = 1e-3;
 
+/// The state of an [`Articulated`] engine that later steps depend on.
+pub struct ArticulatedState {
+    modes: Vec<Mode>,
+    scene: SceneState,
+    external: Vec<f64>,
+    h: f64,
+}
+
 impl Engine for Articulated {
+    type State = ArticulatedState;
+
+    const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
+
     fn build(
         setup: &RobotSetup,
         robot: &Robot,
@@ -112,6 +127,7 @@ impl Engine for Articulated {
         let model = &robot.model;
         let colliders = Colliders::new(setup, world, options, warnings);
         Ok(Self {
+            rays: Rays::new(&colliders),
             options: *options,
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
             dynamics: Dynamics::new(model),
@@ -157,6 +173,30 @@ impl Engine for Articulated {
         self.external.fill(0.0);
     }
 
+    fn save(&self) -> ArticulatedState {
+        ArticulatedState {
+            modes: self.integrator.modes().to_vec(),
+            scene: self.scene.save(),
+            external: self.external.clone(),
+            h: self.h,
+        }
+    }
+
+    fn restore(&mut self, _: &Robot, state: &ArticulatedState) -> bool {
+        if !self.scene.fits(&state.scene) || !self.integrator.set_modes(&state.modes) {
+            return false;
+        }
+        self.scene.restore(&state.scene);
+        self.external.copy_from_slice(&state.external);
+        self.h = state.h;
+        true
+    }
+
+    fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
+        let objects = self.scene.objects.movable.len();
+        self.rays.cast(self.scene.colliders(), (robot, |index| self.object_pose(index)), ray, objects)
+    }
+
     fn diverged_object(&self) -> Option<usize> {
         self.scene.objects.diverged()
     }
@@ -196,7 +236,7 @@ impl Articulated {
     /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
     fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
         let mut close = Vec::new();
-        self.scene.detect(TOO_CLOSE);
+        self.scene.detect(0.0, TOO_CLOSE);
         for (_, point, ..) in self.scene.points() {
             let (a, b) = point.colliders;
             let pair = [a.min(b), a.max(b)];

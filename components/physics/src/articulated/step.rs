@@ -9,9 +9,6 @@ use crate::contact::ContactResponse;
 use crate::robot::{Robot, base_pose};
 use crate::{StepError, StepReport};
 
-/// Margin within which contact points are found at least \[m\].
-const FORESIGHT: f64 = 0.002;
-
 /// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
 const NEAR: f64 = 0.010;
 
@@ -20,9 +17,10 @@ impl Articulated {
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
         self.scene.set_poses(&robot.kinematics, &robot.base_pose());
-        let near = !self.scene.detect(NEAR).is_empty();
+        let near = self.scene.detect(dt, NEAR).iter().any(|point| point.distance < NEAR);
         let steps = if near { self.options.contact_iterations } else { self.options.substeps };
         let mut report = StepReport::default();
+        let h = dt / steps as f64;
         for step in 0..steps {
             if step > 0 {
                 let state = &robot.state;
@@ -30,8 +28,9 @@ impl Articulated {
                 let base =
                     if robot.model.base().floating { base_pose(&state.q_next) } else { robot.base_pose() };
                 self.scene.set_poses(&self.kinematics, &base);
+                self.scene.detect(h, 0.0);
             }
-            self.integrate(robot, step == 0, dt / steps as f64, &mut report)?;
+            self.integrate(robot, step == 0, h, &mut report)?;
         }
         Ok(report)
     }
@@ -47,8 +46,7 @@ impl Articulated {
     ) -> Result<(), StepError> {
         let Robot { model, rotors, commands, state, gravity, .. } = robot;
         let kinematics = if first { &robot.kinematics } else { &self.kinematics };
-        let margin = FORESIGHT + 1.5 * h * self.scene.fastest(model, kinematics);
-        self.scene.prepare(model, kinematics, &state.v_next, (gravity, h, margin));
+        self.scene.prepare(model, kinematics, &state.v_next, (gravity, h));
         let (commands, rotor_commands) = commands.split_at(model.joint_count());
         let (tau, thrusts) = state.tau_next.split_at_mut(model.joint_count());
         self.rotor_force.copy_from_slice(&self.external);

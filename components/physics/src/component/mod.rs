@@ -3,6 +3,7 @@
 mod build;
 mod config;
 mod limits;
+mod objects;
 mod pushes;
 mod truth;
 
@@ -235,6 +236,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "joint_position": self.simulation.positions(),
             "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
+        if let Some(objects) = objects::report(&self.simulation) {
+            result["objects"] = objects;
+        }
         for robot in &self.robots {
             let Some(name) = &robot.name else { continue };
             result["robots"][name] = json!({

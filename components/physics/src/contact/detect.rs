@@ -2,11 +2,13 @@
 
 use std::cell::Cell;
 
-use motorium_robots::{Collisions, ConvexShape};
-use nalgebra::{Isometry3, Point3, Vector3};
+use motorium_robots::{Collisions, ConvexShape, Kinematics};
+use nalgebra::{Isometry3, IsometryMatrix3, Point3, Vector3};
 
+use super::bounds::{self, Motions};
 use super::colliders::{Collider, Colliders, Owner};
 use super::features::{ContactGeometry, Feature};
+use super::objects::FreeBody;
 
 /// Contact points kept at once. Of more, the deepest.
 const MOST: usize = 96;
@@ -25,6 +27,8 @@ pub(crate) struct ContactPoint {
     pub(crate) normal: Vector3<f64>,
     /// Between the surfaces \[m\], negative where they overlap.
     pub(crate) distance: f64,
+    /// Bound of the speed of the surfaces relative to one another \[m/s\].
+    pub(crate) speed: f64,
     pub(crate) friction: f64,
     pub(crate) restitution: f64,
 }
@@ -35,9 +39,13 @@ struct Pair {
     index: usize,
     first: usize,
     second: usize,
-    /// Origins farther apart than this are not near one another \[m\]; for a half-space, height of the origin above it.
+    /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
     reach: f64,
     half_space: bool,
+    /// Which part of the motions counts.
+    part: usize,
+    /// The pair needs no measurement until the ways of both have come this near \[m\].
+    until: f64,
 }
 
 /// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
@@ -46,17 +54,37 @@ const MISSED: f64 = 1e-4;
 /// Number of the nearest points among the features of a pair.
 const NEAREST: u32 = u32::MAX >> 1;
 
+/// Margin within which contact points are found at least \[m\].
+const FORESIGHT: f64 = 0.002;
+
+/// Share of the way at the present speed that is added to it.
+const HASTE: f64 = 1.5;
+
+/// Beyond its margin a distance is measured up to this \[m\], so that it need not be again for a while.
+const AHEAD: f64 = 0.05;
+
+/// Error of a measured distance \[m\].
+const ROUNDING: f64 = 1e-6;
+
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
 ///
 /// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other.
-/// If these miss the contact, as between edges that cross or on a hull, the nearest points of the two are used.
+/// If these miss the contact, as between edges that cross or on a hull, the nearest points of the two are used. Pairs
+/// that cannot have come near since they were measured last are passed over ([`Motions`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
-    poses: Vec<Isometry3<f64>>,
     points: Vec<ContactPoint>,
     distances: Collisions,
-    /// The points are all that are closer than this as the colliders stand \[m\]; zero when that is not known.
-    complete_within: f64,
+    motions: Motions,
+}
+
+/// The state of a [`Detector`] that later detections depend on.
+#[derive(Clone, Debug)]
+pub(crate) struct DetectorState {
+    until: Vec<f64>,
+    motions: Motions,
+    hints: Vec<[f64; 3]>,
+    points: Vec<ContactPoint>,
 }
 
 impl Detector {
@@ -67,16 +95,20 @@ impl Detector {
             .iter()
             .enumerate()
             .map(|(index, &[first, second])| {
-                let half_space = colliders[second].shape == ConvexShape::HalfSpace;
-                let (a, b) = (&colliders[first].shape, &colliders[second].shape);
-                let reach = a.bounding_radius() + if half_space { 0.0 } else { b.bounding_radius() };
-                Pair { index, first, second, reach, half_space }
+                let (a, b) = (&colliders[first], &colliders[second]);
+                let half_space = b.shape == ConvexShape::HalfSpace;
+                let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
+                let part = bounds::part([a, b]);
+                Pair { index, first, second, reach, half_space, part, until: f64::NEG_INFINITY }
             })
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
-        let poses = colliders.iter().map(|collider| collider.placement).collect();
+        let mut distances = Collisions::new(model);
+        for (index, collider) in colliders.iter().enumerate() {
+            distances.set_pose(index, &collider.placement);
+        }
         let points = Vec::with_capacity(MOST);
-        Self { pairs, poses, points, distances: Collisions::new(model), complete_within: 0.0 }
+        Self { pairs, points, distances, motions: Motions::new(colliders) }
     }
 
     /// Largest number of contact points.
@@ -93,33 +125,67 @@ impl Detector {
     pub(crate) fn forget(&mut self) {
         self.points.clear();
         self.distances.forget();
-        self.complete_within = 0.0;
+        self.motions.forget();
+        self.pairs.iter_mut().for_each(|pair| pair.until = f64::NEG_INFINITY);
+    }
+
+    /// All that later detections depend on.
+    pub(crate) fn save(&self) -> DetectorState {
+        DetectorState {
+            until: self.pairs.iter().map(|pair| pair.until).collect(),
+            motions: self.motions.clone(),
+            hints: self.distances.hints(),
+            points: self.points.clone(),
+        }
+    }
+
+    /// True for a state of a detector with as many pairs.
+    pub(crate) fn fits(&self, state: &DetectorState) -> bool {
+        self.pairs.len() == state.until.len()
+    }
+
+    /// Goes back to a saved state of this detector.
+    pub(crate) fn restore(&mut self, state: &DetectorState) {
+        for (pair, until) in self.pairs.iter_mut().zip(&state.until) {
+            pair.until = *until;
+        }
+        self.motions = state.motions.clone();
+        self.distances.set_hints(&state.hints);
+        self.points.clone_from(&state.points);
     }
 
     /// Places a collider of the world.
     pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
-        self.poses[collider] = pose;
         self.distances.set_pose(collider, &pose);
-        self.complete_within = 0.0;
+        // The world stands still, but for this: its way is not followed.
+        for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
+            pair.until = f64::NEG_INFINITY;
+        }
     }
 
-    /// Places all colliders whose owner moves; `pose` is that of an owner in the world.
-    pub(crate) fn set_poses(&mut self, colliders: &[Collider], pose: impl Fn(Owner) -> Isometry3<f64>) {
-        for (index, (collider, place)) in colliders.iter().zip(&mut self.poses).enumerate() {
-            if collider.owner != Owner::World {
-                *place = pose(collider.owner) * collider.placement;
-                self.distances.set_pose(index, place);
+    /// Places the robot's colliders as `kinematics` stands, its base at `base`, and those of `objects`.
+    pub(crate) fn set_poses(
+        &mut self,
+        Colliders { colliders, model, .. }: &Colliders,
+        (kinematics, base): (&Kinematics, &Isometry3<f64>),
+        objects: &[FreeBody],
+    ) {
+        self.distances.update(model, kinematics);
+        for (index, collider) in colliders.iter().enumerate() {
+            if let Owner::Object(object) = collider.owner {
+                self.distances.set_pose(index, &(objects[object].pose * collider.placement));
             }
         }
-        self.complete_within = 0.0;
+        self.motions.follow(colliders, &self.distances, (kinematics, base), objects);
     }
 
     /// Height of the lowest point of the robot \[m\]; infinite without colliders.
     pub(crate) fn lowest(&self, colliders: &[Collider]) -> f64 {
         let mut lowest = f64::INFINITY;
-        for (collider, pose) in
-            colliders.iter().zip(&self.poses).filter(|(collider, _)| collider.owner.is_robot())
+        for (index, collider) in
+            colliders.iter().enumerate().filter(|(_, collider)| collider.owner.is_robot())
         {
+            let pose = self.distances.pose(index);
             let down = pose.rotation.inverse_transform_vector(&-Vector3::z());
             collider.shape.features(&down, &mut |feature| {
                 lowest = lowest.min((pose * Point3::from(feature.point)).z - feature.radius);
@@ -128,32 +194,38 @@ impl Detector {
         lowest
     }
 
-    /// Finds all contact points closer than `margin` \[m\].
+    /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\].
     pub(crate) fn detect(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,
-        margin: f64,
+        h: f64,
+        least: f64,
     ) -> &[ContactPoint] {
-        if margin <= self.complete_within {
-            // Nothing has moved since a detection with a larger margin.
-            self.points.retain(|point| point.distance < margin);
-            self.complete_within = margin;
-            return &self.points;
-        }
-        let Self { pairs, poses, points, distances, .. } = self;
+        let Self { pairs, points, distances, motions } = self;
         points.clear();
-        for (index, pair) in pairs.iter().enumerate() {
-            let (a, b) = (&poses[pair.first], &poses[pair.second]);
-            let far = if pair.half_space {
-                let up = b.rotation * Vector3::z();
-                (a.translation.vector - b.translation.vector).dot(&up) > pair.reach + margin
-            } else {
-                let apart = a.translation.vector - b.translation.vector;
-                apart.norm_squared() > (pair.reach + margin).powi(2)
-            };
-            if far {
+        for (index, pair) in pairs.iter_mut().enumerate() {
+            let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
+            let margin = margin(h, speed).max(least);
+            if pair.until - way > margin {
                 continue;
             }
+            if !pair.half_space {
+                let gap = distances.position(pair.first) - distances.position(pair.second);
+                let gap = gap.norm() - pair.reach;
+                if gap > margin + AHEAD {
+                    pair.until = gap + way - ROUNDING;
+                    continue;
+                }
+            }
+            let Some(nearest) = distances.distance_within(model, pair.index, margin + AHEAD) else {
+                pair.until = margin + AHEAD + way - ROUNDING;
+                continue;
+            };
+            pair.until = nearest.distance + way - ROUNDING;
+            if nearest.distance > margin {
+                continue;
+            }
+            let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
             let (first, second) = (&colliders[pair.first], &colliders[pair.second]);
             let friction = 0.5 * (first.friction + second.friction);
             let restitution = 0.5 * (first.restitution + second.restitution);
@@ -163,9 +235,20 @@ impl Detector {
                 let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
                 let key = (index as u64) << 32 | u64::from(swapped) << 31 | u64::from(feature);
-                let point =
-                    ContactPoint { key, colliders, owners, point, normal, distance, friction, restitution };
-                keep(points, point);
+                keep(
+                    points,
+                    ContactPoint {
+                        key,
+                        colliders,
+                        owners,
+                        point,
+                        normal,
+                        distance,
+                        speed,
+                        friction,
+                        restitution,
+                    },
+                );
             };
             // A sphere has one feature, which finds all there is.
             let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
@@ -175,24 +258,31 @@ impl Detector {
             if !round(first) {
                 search((second, b), (first, a), margin, |f, p, n, d| found(true, f, p, n, d));
             }
-            if !pair.half_space
-                && let Some(nearest) = distances.distance_within(model, pair.index, margin)
-                && nearest.distance < least.get() - MISSED
-            {
+            if !pair.half_space && nearest.distance < least.get() - MISSED {
                 let [p, q] = nearest.points;
                 let point = nalgebra::center(&p, &q);
                 found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
             }
         }
-        self.complete_within = if self.points.len() < MOST { margin } else { 0.0 };
+        &self.points
+    }
+
+    /// Drops the points that cannot touch within `h` \[s\].
+    pub(crate) fn keep_for(&mut self, h: f64) -> &[ContactPoint] {
+        self.points.retain(|point| point.distance < margin(h, point.speed));
         &self.points
     }
 }
 
+/// The distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
+fn margin(h: f64, speed: f64) -> f64 {
+    FORESIGHT + HASTE * h * speed
+}
+
 /// The features of `from` that are near the surface of `onto`.
 fn search(
-    (from, from_pose): (&Collider, &Isometry3<f64>),
-    (onto, onto_pose): (&Collider, &Isometry3<f64>),
+    (from, from_pose): (&Collider, &IsometryMatrix3<f64>),
+    (onto, onto_pose): (&Collider, &IsometryMatrix3<f64>),
     margin: f64,
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) {

@@ -4,6 +4,7 @@ use motorium_robots::MassFactor;
 use nalgebra::Vector3;
 
 use super::colliders::Owner;
+use super::cone::ConeSolver;
 use super::detect::ContactPoint;
 use super::objects::FreeBody;
 use crate::articulated::ExternalImpulses;
@@ -14,21 +15,11 @@ const RECOVERY_RATE: f64 = 50.0;
 /// And no faster than this \[m/s\].
 const FASTEST_RECOVERY: f64 = 0.5;
 
-/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid robot stands
-/// on more points than determine them.
-const COMPLIANCE: f64 = 1e-6;
-
 /// Smallest mobility of a contact point (its diagonal entry of W) relative to that of a free body of the robot's
 /// mass. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
-/// Largest number of sweeps over all contact points.
-const SWEEPS: usize = 200;
-
-/// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
-const SETTLED: f64 = 1e-8;
-
-/// Contact impulses of one step, by block Gauss-Seidel over the Delassus matrix `W = J A^-1 J'`.
+/// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
 ///
 /// For each contact point with normal n and relative velocity w of the surfaces at the end of the step
 ///
@@ -45,16 +36,17 @@ const SETTLED: f64 = 1e-8;
 pub(crate) struct Impulses {
     n: usize,
     points: usize,
-    /// Rows of J over the robot's velocity: the normal's, then two tangents', for each contact point.
-    jacobian: Vec<f64>,
-    /// Rows of `J A^-1`.
-    reduced: Vec<f64>,
+    /// Columns of J over the robot's velocity, n for each contact point: entries of the normal and of two tangents.
+    jacobian: Vec<[f64; 4]>,
+    /// The same after half a solution with A: `W = Y' Y`.
+    reduced: Vec<[f64; 4]>,
+    /// Columns that are not zero, up to n for each contact point, and their number.
+    support: Vec<u32>,
+    supported: Vec<usize>,
+    marked: Vec<bool>,
     /// Rows of J over the velocities of free objects: of the first and of the second collider of the contact point.
     objects: Vec<[Option<ObjectRow>; 2]>,
     directions: Vec<Vector3<f64>>,
-    delassus: Vec<f64>,
-    /// Relative velocities: without the impulses, then with them.
-    velocity: Vec<f64>,
     /// Velocities that the objects' fall alone gives.
     falling: Vec<f64>,
     target: Vec<f64>,
@@ -62,8 +54,9 @@ pub(crate) struct Impulses {
     overlapping: Vec<bool>,
     /// Inverse of the robot's mass \[1/kg\].
     inverse_mass: f64,
-    friction: Vec<f64>,
-    lambda: Vec<f64>,
+    /// Half the solution for all impulses (nv).
+    sum: Vec<f64>,
+    cone: ConeSolver,
     keys: Vec<u64>,
     last: Vec<(u64, [f64; 3])>,
 }
@@ -84,18 +77,19 @@ impl Impulses {
         Self {
             n,
             points: 0,
-            jacobian: vec![0.0; rows * n],
-            reduced: vec![0.0; rows * n],
+            jacobian: vec![[0.0; 4]; most * n],
+            reduced: vec![[0.0; 4]; most * n],
+            support: vec![0; most * n],
+            supported: vec![0; most],
+            marked: vec![false; n],
             objects: vec![[None; 2]; rows],
             directions: vec![Vector3::zeros(); rows],
-            delassus: vec![0.0; rows * rows],
-            velocity: vec![0.0; rows],
             falling: vec![0.0; rows],
             target: vec![0.0; most],
             overlapping: vec![false; most],
             inverse_mass: 1.0 / mass.max(f64::MIN_POSITIVE),
-            friction: vec![0.0; most],
-            lambda: vec![0.0; rows],
+            sum: vec![0.0; n],
+            cone: ConeSolver::new(most),
             keys: Vec::with_capacity(most),
             last: Vec::with_capacity(most),
         }
@@ -108,18 +102,34 @@ impl Impulses {
         self.last.clear();
     }
 
+    /// The impulses of the last step by the keys of their contact points: what the next begins with.
+    pub(crate) fn save(&self) -> Vec<(u64, [f64; 3])> {
+        let impulse = |index: usize| [0, 1, 2].map(|part| self.cone.lambda[3 * index + part]);
+        self.keys.iter().enumerate().map(|(index, key)| (*key, impulse(index))).collect()
+    }
+
+    /// Goes back to saved impulses.
+    pub(crate) fn restore(&mut self, impulses: &[(u64, [f64; 3])]) {
+        self.forget();
+        self.points = impulses.len();
+        for (index, (key, impulse)) in impulses.iter().enumerate() {
+            self.keys.push(*key);
+            self.cone.lambda[3 * index..][..3].copy_from_slice(impulse);
+        }
+    }
+
     /// Impulse at contact point `index` along its normal \[Ns\].
     pub(crate) fn normal(&self, index: usize) -> f64 {
-        self.lambda[3 * index]
+        self.cone.lambda[3 * index]
     }
 
     /// Impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
     pub(crate) fn vector(&self, index: usize) -> Vector3<f64> {
-        (3 * index..3 * index + 3).map(|row| self.directions[row] * self.lambda[row]).sum()
+        (3 * index..3 * index + 3).map(|row| self.directions[row] * self.cone.lambda[row]).sum()
     }
 
-    /// Sets up the contact points of a step of `h` \[s\]. `slope(owner, point, direction, sign, row)` adds to `row`
-    /// (nv) `sign` times the Jacobian of the velocity along `direction` of the robot's part there; `v` (nv) is the
+    /// Sets up the contact points of a step of `h` \[s\]. `slopes(owner, point, axes, sign, columns)` adds to `columns`
+    /// (nv) `sign` times the Jacobian of the velocities along the three axes of the robot's part there; `v` (nv) is the
     /// robot's velocity now, `before` and `falling` the objects' now and after falling for the step.
     pub(crate) fn prepare(
         &mut self,
@@ -127,11 +137,11 @@ impl Impulses {
         h: f64,
         v: &[f64],
         (before, falling): (&[FreeBody], &[FreeBody]),
-        mut slope: impl FnMut(Owner, &ContactPoint, &Vector3<f64>, f64, &mut [f64]),
+        slopes: impl Fn(Owner, &ContactPoint, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
     ) {
         self.last.clear();
         for (index, key) in self.keys.iter().enumerate() {
-            let lambda = [0, 1, 2].map(|part| self.lambda[3 * index + part]);
+            let lambda = [0, 1, 2].map(|part| self.cone.lambda[3 * index + part]);
             self.last.push((*key, lambda));
         }
         self.keys.clear();
@@ -139,13 +149,14 @@ impl Impulses {
         let n = self.n;
         for (index, point) in points.iter().enumerate() {
             let (one, other) = tangents(&point.normal);
-            for (part, direction) in [point.normal, one, other].into_iter().enumerate() {
+            let axes = [point.normal, one, other];
+            let columns = &mut self.jacobian[index * n..][..n];
+            columns.fill([0.0; 4]);
+            slopes(point.owners.0, point, &axes, 1.0, columns);
+            slopes(point.owners.1, point, &axes, -1.0, columns);
+            for (part, direction) in axes.into_iter().enumerate() {
                 let row = 3 * index + part;
                 self.directions[row] = direction;
-                let entries = &mut self.jacobian[row * n..][..n];
-                entries.fill(0.0);
-                slope(point.owners.0, point, &direction, 1.0, entries);
-                slope(point.owners.1, point, &direction, -1.0, entries);
                 let object = |owner: Owner, sign: f64| {
                     let Owner::Object(object) = owner else { return None };
                     let body = &falling[object];
@@ -159,9 +170,11 @@ impl Impulses {
             }
             self.keys.push(point.key);
             let warm = self.last.iter().find(|(key, _)| *key == point.key).map_or([0.0; 3], |last| last.1);
-            self.lambda[3 * index..][..3].copy_from_slice(&warm);
-            self.friction[index] = point.friction;
-            let now = dot(&self.jacobian[3 * index * n..][..n], v) + speed(&self.objects[3 * index], before);
+            self.cone.lambda[3 * index..][..3].copy_from_slice(&warm);
+            self.cone.friction[index] = point.friction;
+            let columns = self.jacobian[index * n..][..n].iter();
+            let now = columns.zip(v).map(|(column, v)| column[0] * v).sum::<f64>()
+                + speed(&self.objects[3 * index], before);
             self.overlapping[index] = false;
             self.target[index] = if point.distance + h * now < 0.0 && now * point.restitution < -0.01 {
                 -point.restitution * now
@@ -178,124 +191,99 @@ impl Impulses {
     pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
         for row in 0..3 * self.points {
             for part in self.objects[row].iter().flatten() {
-                bodies[part.object].linear += part.response.0 * self.lambda[row];
-                bodies[part.object].angular += part.response.1 * self.lambda[row];
+                bodies[part.object].linear += part.response.0 * self.cone.lambda[row];
+                bodies[part.object].angular += part.response.1 * self.cone.lambda[row];
             }
         }
     }
 
-    /// The Delassus matrix and the velocities without impulses.
+    /// The Delassus matrix, the velocities without impulses and the targets.
     fn assemble(&mut self, factor: &MassFactor, held: &[bool], x: &[f64]) {
-        let (n, rows) = (self.n, 3 * self.points);
-        for row in 0..rows {
-            let own = &self.jacobian[row * n..][..n];
-            self.velocity[row] = dot(own, x) + self.falling[row];
-            let reduced = &mut self.reduced[row * n..][..n];
-            reduced.copy_from_slice(own);
-            for (entry, held) in reduced.iter_mut().zip(held) {
-                if *held {
-                    *entry = 0.0;
-                }
-            }
-            if reduced.iter().any(|entry| *entry != 0.0) {
-                factor.solve(reduced);
-            }
-            for other in 0..=row {
-                let mut entry = dot(reduced, &self.jacobian[other * n..][..n]);
-                for a in self.objects[row].iter().flatten() {
-                    for b in self.objects[other].iter().flatten().filter(|b| b.object == a.object) {
-                        entry += a.response.0.dot(&b.linear) + a.response.1.dot(&b.angular);
-                    }
-                }
-                self.delassus[row * rows + other] = entry;
-                self.delassus[other * rows + row] = entry;
-            }
-        }
-    }
-
-    /// The target of contact point `index`, `stiff` being its diagonal entry of W.
-    fn target(&self, index: usize, stiff: f64) -> f64 {
-        let share = if self.overlapping[index] { (stiff / self.inverse_mass).min(1.0).sqrt() } else { 1.0 };
-        share * self.target[index]
-    }
-
-    /// True when no impulse moves contact point `index`.
-    fn is_immovable(&self, index: usize, rows: usize) -> bool {
-        let row = 3 * index;
-        self.delassus[row * rows + row] < IMMOVABLE * self.inverse_mass
-    }
-
-    /// Sweeps over the contact points until nothing changes.
-    fn sweep(&mut self) {
         let rows = 3 * self.points;
         for index in 0..self.points {
-            if self.is_immovable(index, rows) {
-                self.lambda[3 * index..][..3].fill(0.0);
+            self.reduce(index, factor, held, x);
+            for other in 0..=index {
+                let block = self.block(index, other);
+                for (part, entries) in block.iter().enumerate() {
+                    for (column, entry) in entries[..3].iter().enumerate() {
+                        self.cone.delassus[(3 * index + part) * rows + 3 * other + column] = *entry;
+                        self.cone.delassus[(3 * other + column) * rows + 3 * index + part] = *entry;
+                    }
+                }
             }
-        }
-        for row in 0..rows {
-            let pushes = &self.delassus[row * rows..][..rows];
-            self.velocity[row] += dot(pushes, &self.lambda[..rows]);
-        }
-        for _ in 0..SWEEPS {
-            let mut change = 0.0_f64;
-            for index in 0..self.points {
-                change = change.max(self.relax(index, rows));
-            }
-            if change < SETTLED {
-                break;
-            }
+            let stiff = self.cone.delassus[3 * index * rows + 3 * index];
+            let share =
+                if self.overlapping[index] { (stiff / self.inverse_mass).min(1.0).sqrt() } else { 1.0 };
+            self.cone.target[index] = share * self.target[index];
+            self.cone.immovable[index] = stiff < IMMOVABLE * self.inverse_mass;
         }
     }
 
-    /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
-    fn relax(&mut self, index: usize, rows: usize) -> f64 {
-        if self.is_immovable(index, rows) {
-            return 0.0;
-        }
-        let at = 3 * index;
-        let w = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
-        let stiff = w(0, 0);
-        let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
-        let compliance = COMPLIANCE * stiff;
-        let missing = self.velocity[at] - self.target(index, stiff) + compliance * old[0];
-        let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
-        // Slip with the new normal impulse.
-        let step = normal - old[0];
-        let slip = [self.velocity[at + 1] + w(1, 0) * step, self.velocity[at + 2] + w(2, 0) * step];
-        // Along a tangent that the joints hold, one of them may be zero.
-        let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
-        let (a, b, c) = (w(1, 1) + soft, w(1, 2), w(2, 2) + soft);
-        let bound = self.friction[index] * normal;
-        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-        let mut tangent = [
-            old[1] - (c * slip[0] - b * slip[1]) / determinant,
-            old[2] - (a * slip[1] - b * slip[0]) / determinant,
-        ];
-        let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
-        if squared(&tangent) > bound * bound {
-            // It slips: a projected step along the slip, whose fixed point opposes it.
-            let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
-            tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
-            let size = squared(&tangent).sqrt();
-            if size > bound {
-                tangent = tangent.map(|part| part * bound / size);
-            }
-        }
-        let new = [normal, tangent[0], tangent[1]];
-        let mut change = 0.0_f64;
-        for part in 0..3 {
-            let step = new[part] - old[part];
-            if step != 0.0 {
-                self.lambda[at + part] = new[part];
-                let pushes = &self.delassus[(at + part) * rows..][..rows];
-                for (velocity, push) in self.velocity[..rows].iter_mut().zip(pushes) {
-                    *velocity += push * step;
+    /// Half a solution for contact point `index`, and its velocity without impulses.
+    fn reduce(&mut self, index: usize, factor: &MassFactor, held: &[bool], x: &[f64]) {
+        let n = self.n;
+        let own = &self.jacobian[index * n..][..n];
+        let reduced = &mut self.reduced[index * n..][..n];
+        let mut velocity = [0.0; 4];
+        let mut touches = false;
+        for (k, column) in own.iter().enumerate() {
+            let moves = *column != [0.0; 4];
+            self.marked[k] = moves;
+            touches |= moves;
+            if moves {
+                for (velocity, entry) in velocity.iter_mut().zip(column) {
+                    *velocity += entry * x[k];
                 }
-                change = change.max((step * pushes[at + part]).abs());
+            }
+            reduced[k] = if held[k] { [0.0; 4] } else { *column };
+        }
+        for part in 0..3 {
+            self.cone.velocity[3 * index + part] = velocity[part] + self.falling[3 * index + part];
+        }
+        self.supported[index] = 0;
+        if touches {
+            factor.mark_carriers(&mut self.marked);
+            let support = &mut self.support[index * n..][..n];
+            for k in (0..n).filter(|k| self.marked[*k]) {
+                support[self.supported[index]] = k as u32;
+                self.supported[index] += 1;
+            }
+            factor.half_solve(&support[..self.supported[index]], reduced);
+        }
+    }
+
+    /// The block of W between two contact points.
+    fn block(&self, index: usize, other: usize) -> [[f64; 4]; 3] {
+        let n = self.n;
+        let mut block = [[0.0; 4]; 3];
+        let shorter = if self.supported[index] <= self.supported[other] { index } else { other };
+        let (a, b) = (&self.reduced[index * n..][..n], &self.reduced[other * n..][..n]);
+        for &k in &self.support[shorter * n..][..self.supported[shorter]] {
+            let (a, b) = (&a[k as usize], &b[k as usize]);
+            for (entries, a) in block.iter_mut().zip(a) {
+                for (entry, b) in entries.iter_mut().zip(b) {
+                    *entry += a * b;
+                }
             }
         }
-        change
+        let object = |point: usize, side: usize| self.objects[3 * point][side].map(|row| row.object);
+        for a in 0..2 {
+            for b in 0..2 {
+                if object(index, a).is_none() || object(index, a) != object(other, b) {
+                    continue;
+                }
+                for (part, entries) in block.iter_mut().enumerate() {
+                    for (column, entry) in entries[..3].iter_mut().enumerate() {
+                        if let (Some(a), Some(b)) =
+                            (&self.objects[3 * index + part][a], &self.objects[3 * other + column][b])
+                        {
+                            *entry += a.response.0.dot(&b.linear) + a.response.1.dot(&b.angular);
+                        }
+                    }
+                }
+            }
+        }
+        block
     }
 }
 
@@ -305,24 +293,30 @@ pub(crate) struct ContactResponse<'a>(pub(crate) &'a mut Impulses);
 impl ExternalImpulses for ContactResponse<'_> {
     fn apply(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]) {
         let impulses = &mut *self.0;
+        if impulses.points == 0 {
+            return;
+        }
         impulses.assemble(factor, held, x);
-        impulses.sweep();
+        impulses.cone.solve(impulses.points);
         let n = impulses.n;
-        for row in 0..3 * impulses.points {
-            let lambda = impulses.lambda[row];
-            if lambda != 0.0 {
-                let entries = impulses.jacobian[row * n..][..n].iter().zip(&impulses.reduced[row * n..][..n]);
-                for ((x, impulse), (own, reduced)) in x.iter_mut().zip(&mut *impulse).zip(entries) {
-                    *x += reduced * lambda;
-                    *impulse += own * lambda;
-                }
+        impulses.sum.fill(0.0);
+        for index in 0..impulses.points {
+            let lambda = &impulses.cone.lambda[3 * index..][..3];
+            if lambda == [0.0; 3] {
+                continue;
+            }
+            let times = |column: &[f64; 4]| column.iter().zip(lambda).map(|(a, b)| a * b).sum::<f64>();
+            for &k in &impulses.support[index * n..][..impulses.supported[index]] {
+                let k = k as usize;
+                impulses.sum[k] += times(&impulses.reduced[index * n + k]);
+                impulse[k] += times(&impulses.jacobian[index * n + k]);
             }
         }
+        factor.finish_solve(&mut impulses.sum);
+        for (x, sum) in x.iter_mut().zip(&impulses.sum) {
+            *x += sum;
+        }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn speed(parts: &[Option<ObjectRow>; 2], bodies: &[FreeBody]) -> f64 {

@@ -2,16 +2,22 @@
 //!
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
 //! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
-//! where they come near another surface; [impulses](impulses) solves for the impulses there, so that surfaces do not
-//! overlap and friction stays in its cone. A [scene] holds all of these.
+//! where they come near another surface, for pairs whose [bounds](bounds) do not rule it out; [impulses](impulses) sets
+//! up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
+//! [scene] holds all of these.
 
+mod bounds;
 mod colliders;
+mod cone;
+#[cfg(test)]
+mod cone_tests;
 mod detect;
 mod features;
 mod impulses;
+mod newton;
 mod objects;
 mod scene;
 
 pub(crate) use colliders::{Collider, Colliders, Owner};
 pub(crate) use impulses::ContactResponse;
-pub(crate) use scene::ContactScene;
+pub(crate) use scene::{ContactScene, SceneState};

@@ -1,12 +1,12 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
-use motorium_robots::{FrameId, Kinematics, Model, Reference};
-use nalgebra::{DMatrix, Isometry3, Vector3};
+use motorium_robots::{Kinematics, Model};
+use nalgebra::{Isometry3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
-use super::detect::{ContactPoint, Detector};
+use super::detect::{ContactPoint, Detector, DetectorState};
 use super::impulses::Impulses;
-use super::objects::Objects;
+use super::objects::{FreeBody, Objects};
 use crate::World;
 
 /// Colliders, their poses, their contact points, and the impulses there.
@@ -15,40 +15,25 @@ pub(crate) struct ContactScene {
     detector: Detector,
     pub(crate) impulses: Impulses,
     pub(crate) objects: Objects,
-    /// A frame on the base, and on each body.
-    frames: Vec<Option<FrameId>>,
-    /// Jacobian of each of those frames, local-world-aligned, once a contact point needs it.
-    jacobians: Vec<FrameJacobian>,
 }
 
-#[derive(Clone)]
-struct FrameJacobian {
-    known: bool,
-    /// 6 x nv.
-    matrix: DMatrix<f64>,
-    /// Origin of the frame in the world \[m\].
-    origin: Vector3<f64>,
+/// The state of a [`ContactScene`] that later steps depend on.
+#[derive(Clone, Debug)]
+pub(crate) struct SceneState {
+    detector: DetectorState,
+    impulses: Vec<(u64, [f64; 3])>,
+    objects: Vec<FreeBody>,
+    /// Of the objects that do not move.
+    placements: Vec<Isometry3<f64>>,
 }
 
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
     pub(crate) fn new(model: &Model, colliders: Colliders, world: &World) -> Self {
         let detector = Detector::new(&colliders);
-        let frame_on = |body: Option<usize>| {
-            let there = |frame: &motorium_robots::Frame| frame.body == body && !frame.in_world;
-            let name = model.frames().iter().find(|frame| there(frame)).map(|frame| frame.name.as_str());
-            name.and_then(|name| model.frame(name).ok())
-        };
-        let bodies = model.bodies().len();
-        let frames: Vec<_> =
-            std::iter::once(frame_on(None)).chain((0..bodies).map(|body| frame_on(Some(body)))).collect();
-        let jacobian =
-            FrameJacobian { known: false, matrix: DMatrix::zeros(6, model.nv()), origin: Vector3::zeros() };
         Self {
             impulses: Impulses::new(model.nv(), model.mass(), detector.capacity()),
-            jacobians: vec![jacobian; frames.len()],
             objects: Objects::new(world),
-            frames,
             colliders,
             detector,
         }
@@ -67,52 +52,32 @@ impl ContactScene {
 
     /// Places the robot as `kinematics` stands, its base at `base`, and the objects in their next state.
     pub(crate) fn set_poses(&mut self, kinematics: &Kinematics, base: &Isometry3<f64>) {
-        let objects = &self.objects.next;
-        self.detector.set_poses(&self.colliders.colliders, |owner| match owner {
-            Owner::World => Isometry3::identity(),
-            Owner::Base => *base,
-            Owner::Body(index) => kinematics.body_pose(index),
-            Owner::Object(index) => objects[index].pose,
-        });
+        self.detector.set_poses(&self.colliders, (kinematics, base), &self.objects.next);
     }
 
-    /// Finds the contact points within `margin` \[m\] and sets up their impulses for a step of `h` \[s\]: the objects
-    /// of the next state fall, the robot moves with `v`.
+    /// Sets up the impulses at the contact points for a step of `h` \[s\]: the objects of the next state fall, the robot
+    /// moves with `v`.
     pub(crate) fn prepare(
         &mut self,
         model: &Model,
         kinematics: &Kinematics,
         v: &[f64],
-        (gravity, h, margin): (&Vector3<f64>, f64, f64),
+        (gravity, h): (&Vector3<f64>, f64),
     ) {
-        let Self { colliders, detector, impulses, objects, frames, jacobians } = self;
-        let points = detector.detect(colliders, margin);
+        let Self { detector, impulses, objects, .. } = self;
+        let points = detector.keep_for(h);
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
         objects.fall(gravity, h);
-        jacobians.iter_mut().for_each(|jacobian| jacobian.known = false);
-        let slope =
-            |owner: Owner, point: &ContactPoint, direction: &Vector3<f64>, sign: f64, row: &mut [f64]| {
-                let slot = match owner {
-                    Owner::Base => 0,
-                    Owner::Body(index) => index + 1,
-                    Owner::World | Owner::Object(_) => return,
-                };
-                let Some(frame) = frames[slot] else { return };
-                let FrameJacobian { known, matrix, origin } = &mut jacobians[slot];
-                if !*known {
-                    *known = true;
-                    kinematics.jacobian(model, frame, Reference::LocalWorldAligned, matrix);
-                    *origin = kinematics.pose(model, frame).translation.vector;
-                }
-                let turn = (point.point.coords - *origin).cross(direction);
-                for (entry, column) in row.iter_mut().zip(matrix.column_iter()) {
-                    let linear = column[0] * direction.x + column[1] * direction.y + column[2] * direction.z;
-                    let angular = column[3] * turn.x + column[4] * turn.y + column[5] * turn.z;
-                    *entry += sign * (linear + angular);
-                }
+        let slopes = |owner: Owner, point: &ContactPoint, axes: &[_; 3], sign: f64, columns: &mut [_]| {
+            let body = match owner {
+                Owner::Base => None,
+                Owner::Body(index) => Some(index),
+                Owner::World | Owner::Object(_) => return,
             };
-        impulses.prepare(points, h, v, (&objects.before, &objects.next), slope);
+            kinematics.add_point_jacobian(model, body, &point.point, (axes, sign), columns);
+        };
+        impulses.prepare(points, h, v, (&objects.before, &objects.next), slopes);
     }
 
     /// Height of the lowest point of the robot, as it was placed last \[m\]; infinite without colliders.
@@ -120,20 +85,44 @@ impl ContactScene {
         self.detector.lowest(&self.colliders.colliders)
     }
 
-    /// The contact points within `margin` \[m\], as all was placed last. Those of the last step are dropped.
-    pub(crate) fn detect(&mut self, margin: f64) -> &[ContactPoint] {
-        self.detector.detect(&self.colliders, margin)
+    /// The contact points within `least` \[m\] and those that may touch within `h` \[s\], as all was placed last. Those of
+    /// the last step are dropped.
+    pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
+        self.detector.detect(&self.colliders, h, least)
     }
 
-    /// Speed of the fastest body or object \[m/s\], at the origin of its frame.
-    pub(crate) fn fastest(&self, model: &Model, kinematics: &Kinematics) -> f64 {
-        let bodies = self
-            .frames
-            .iter()
-            .flatten()
-            .map(|frame| kinematics.velocity(model, *frame).linear.norm_squared());
-        let objects = self.objects.next.iter().map(|object| object.linear.norm_squared());
-        bodies.chain(objects).fold(0.0, f64::max).sqrt()
+    /// All that later steps depend on.
+    pub(crate) fn save(&self) -> SceneState {
+        SceneState {
+            detector: self.detector.save(),
+            impulses: self.impulses.save(),
+            objects: self.objects.now.clone(),
+            placements: self.placements().collect(),
+        }
+    }
+
+    /// True for a state of a scene with as many pairs and objects.
+    pub(crate) fn fits(&self, state: &SceneState) -> bool {
+        self.detector.fits(&state.detector)
+            && self.objects.now.len() == state.objects.len()
+            && self.placements().count() == state.placements.len()
+    }
+
+    /// Goes back to a saved state of this scene.
+    pub(crate) fn restore(&mut self, state: &SceneState) {
+        self.objects.now.clone_from(&state.objects);
+        self.objects.begin();
+        for (collider, placement) in (self.colliders.first_object..).zip(&state.placements) {
+            self.colliders.colliders[collider].placement = *placement;
+            self.detector.set_pose(collider, *placement);
+        }
+        self.detector.restore(&state.detector);
+        self.impulses.restore(&state.impulses);
+    }
+
+    /// Placements of the colliders after those of the robot.
+    fn placements(&self) -> impl Iterator<Item = Isometry3<f64>> {
+        self.colliders.colliders[self.colliders.first_object..].iter().map(|collider| collider.placement)
     }
 
     /// The objects where the world description has them, without impulses of a step before.

@@ -3,11 +3,11 @@
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};
 
-pub(super) fn vector(v: &Vector3<f64>) -> Vector {
+pub(crate) fn vector(v: &Vector3<f64>) -> Vector {
     Vector::new(v.x, v.y, v.z)
 }
 
-pub(super) fn vector_back(v: Vector) -> Vector3<f64> {
+pub(crate) fn vector_back(v: Vector) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)
 }
 
@@ -15,7 +15,7 @@ pub(super) fn point_back(v: Vector) -> Point3<f64> {
     Point3::new(v.x, v.y, v.z)
 }
 
-pub(super) fn pose(p: &Isometry3<f64>) -> Pose {
+pub(crate) fn pose(p: &Isometry3<f64>) -> Pose {
     let r = &p.rotation;
     Pose::from_parts(vector(&p.translation.vector), Rotation::from_xyzw(r.i, r.j, r.k, r.w))
 }

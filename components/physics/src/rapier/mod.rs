@@ -6,7 +6,7 @@
 //! The same program on the same machine gives the same bits, in every process. Rapier's feature `enhanced-determinism`
 //! adds agreement between kinds of machines, at the price of slower trigonometry; it is not enabled.
 
-mod convert;
+pub(crate) mod convert;
 mod drives;
 mod inertia;
 mod multibody;
@@ -14,17 +14,19 @@ mod scene;
 mod shapes;
 
 use motorium_robots::Collisions;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-use crate::articulated::JointSpaceIntegrator;
+use crate::articulated::{JointSpaceIntegrator, Mode};
 use crate::contact::{Colliders, Owner};
+use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
-use crate::{BuildError, BuildWarning, Contact, Options, StepError, StepReport, World};
+use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
 use multibody::Multibody;
 pub use scene::Enclose;
-use scene::Scene;
-use shapes::{PairTable, rapier_shape};
+use scene::{Scene, SceneState};
+use shapes::PairTable;
+pub(crate) use shapes::rapier_shape;
 
 /// A robot with a fixed base in a world, simulated by the [`Rapier`] engine.
 pub type RapierSimulator = Simulation<Rapier>;
@@ -42,6 +44,7 @@ pub struct Rapier {
     options: Options,
     colliders: Colliders,
     pairs: PairTable,
+    rays: Rays,
     integrator: JointSpaceIntegrator,
     scene: Scene,
     multibody: Multibody,
@@ -56,7 +59,20 @@ pub struct Rapier {
 /// Links that start closer than this never touch each other \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
+/// The state of a [`Rapier`] engine that later steps depend on.
+pub struct RapierState {
+    scene: SceneState,
+    modes: Vec<Mode>,
+    stale: bool,
+    overdriven: Vec<bool>,
+    dt: f64,
+}
+
 impl Engine for Rapier {
+    type State = RapierState;
+
+    const CAPABILITIES: Capabilities = Capabilities { floating_bases: false, allocation_free: false };
+
     fn build(
         setup: &RobotSetup,
         robot: &Robot,
@@ -82,6 +98,7 @@ impl Engine for Rapier {
         }
         let (scene, multibody) = populate(robot, world, options, &colliders, |call| call());
         Ok(Self {
+            rays: Rays::new(&colliders),
             pairs: PairTable::new(colliders.colliders.len(), colliders.model.pairs()),
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
             overdriven: vec![false; robot.joints.len()],
@@ -141,6 +158,31 @@ impl Engine for Rapier {
 
     fn discard(&mut self) {
         self.stale = true;
+    }
+
+    fn save(&self) -> RapierState {
+        RapierState {
+            scene: self.scene.save(),
+            modes: self.integrator.modes().to_vec(),
+            stale: self.stale,
+            overdriven: self.overdriven.clone(),
+            dt: self.dt,
+        }
+    }
+
+    fn restore(&mut self, _: &Robot, state: &RapierState) -> bool {
+        if !self.scene.fits(&state.scene) || !self.integrator.set_modes(&state.modes) {
+            return false;
+        }
+        self.scene.restore(&state.scene);
+        (self.stale, self.dt) = (state.stale, state.dt);
+        self.overdriven.copy_from_slice(&state.overdriven);
+        true
+    }
+
+    fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
+        let objects = self.scene.objects.len();
+        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray, objects)
     }
 
     fn diverged_object(&self) -> Option<usize> {

@@ -37,7 +37,52 @@ pub(super) struct Scene {
     ccd: CCDSolver,
 }
 
+/// All sets of a [`Scene`], contacts with their warm starts included.
+pub(super) struct SceneState {
+    bodies: RigidBodySet,
+    colliders: ColliderSet,
+    multibodies: MultibodyJointSet,
+    islands: IslandManager,
+    broad_phase: BroadPhaseBvh,
+    narrow_phase: NarrowPhase,
+    joints: ImpulseJointSet,
+    soft_bodies: SoftBodySet,
+    ccd: CCDSolver,
+}
+
 impl Scene {
+    pub(super) fn save(&self) -> SceneState {
+        SceneState {
+            bodies: self.bodies.clone(),
+            colliders: self.colliders.clone(),
+            multibodies: self.multibodies.clone(),
+            islands: self.islands.clone(),
+            broad_phase: self.broad_phase.clone(),
+            narrow_phase: self.narrow_phase.clone(),
+            joints: self.joints.clone(),
+            soft_bodies: self.soft_bodies.clone(),
+            ccd: self.ccd.clone(),
+        }
+    }
+
+    /// True for a state of a scene with as many bodies and colliders.
+    pub(super) fn fits(&self, state: &SceneState) -> bool {
+        self.bodies.len() == state.bodies.len() && self.colliders.len() == state.colliders.len()
+    }
+
+    /// Goes back to a saved state. The pipeline itself holds nothing but memory to work in.
+    pub(super) fn restore(&mut self, state: &SceneState) {
+        self.bodies.clone_from(&state.bodies);
+        self.colliders.clone_from(&state.colliders);
+        self.multibodies.clone_from(&state.multibodies);
+        self.islands.clone_from(&state.islands);
+        self.broad_phase.clone_from(&state.broad_phase);
+        self.narrow_phase.clone_from(&state.narrow_phase);
+        self.joints.clone_from(&state.joints);
+        self.soft_bodies.clone_from(&state.soft_bodies);
+        self.ccd.clone_from(&state.ccd);
+    }
+
     /// Rapier with the objects of `world`, without their colliders.
     pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
         // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g

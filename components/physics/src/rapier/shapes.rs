@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::SolverFlags;
 use super::convert;
 
 /// The shape and its frame in that of `shape`; `None` for a hull without volume.
-pub(super) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
+pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
     let upright = match shape {
         ConvexShape::Sphere { radius } => SharedShape::ball(*radius),
         ConvexShape::Box { half } => SharedShape::cuboid(half.x, half.y, half.z),

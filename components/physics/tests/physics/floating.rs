@@ -339,3 +339,16 @@ fn the_rapier_engine_refuses_a_floating_base_and_names_the_engine_that_takes_it(
     assert_eq!(error, BuildError::FloatingBase { robot: "body".to_owned() });
     assert!(error.to_string().contains("physics.articulated"), "{error}");
 }
+
+#[test]
+fn a_robot_that_falls_freely_is_never_near_a_contact_however_fast() {
+    for name in ["quadruped", "humanoid"] {
+        let mut simulation = crate::legged::held_in(name, World::default());
+        let mut near = 0;
+        for _ in 0..3000 {
+            near += usize::from(simulation.step(1e-3).unwrap().near_contact);
+        }
+        let speed = simulation.velocity()[..3].iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!(speed > 29.0 && near == 0, "{name}: near contact in {near} steps, at {speed} m/s in the end");
+    }
+}

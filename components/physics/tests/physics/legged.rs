@@ -40,8 +40,13 @@ pub(crate) fn standing(name: &str, world: World) -> ArticulatedSimulator {
 
 /// A robot of the catalogue at home on the ground, held there by its default gains.
 pub(crate) fn held(name: &str) -> ArticulatedSimulator {
+    held_in(name, grounded(vec![]))
+}
+
+/// The same in `world`.
+pub(crate) fn held_in(name: &str, world: World) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
-    let mut simulation = standing(name, grounded(vec![]));
+    let mut simulation = standing(name, world);
     let gains = robot.profile.unwrap().gains(&robot.model).ok();
     let home = simulation.positions().to_vec();
     for (i, gains) in gains.iter().flat_map(|gains| gains.kp.iter().zip(gains.kd.iter())).enumerate() {

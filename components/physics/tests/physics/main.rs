@@ -2,8 +2,10 @@
 
 mod allocations;
 mod axes;
+mod batch;
 mod catalogue;
 mod component;
+mod conformance;
 mod contacts;
 mod determinism;
 mod drives;

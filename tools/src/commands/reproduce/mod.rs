@@ -4,6 +4,7 @@ mod body;
 mod chapter3;
 mod letters;
 mod perception;
+mod qp;
 mod search;
 mod writer;
 
@@ -21,12 +22,14 @@ pub(crate) struct Reproduce {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Chapter3(chapter3::Chapter3),
+    Qp(qp::Qp),
 }
 
 impl Reproduce {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         match self.command {
             Command::Chapter3(command) => command.run(),
+            Command::Qp(command) => command.run(),
         }
     }
 }

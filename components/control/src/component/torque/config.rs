@@ -31,6 +31,8 @@ pub struct InverseDynamicsConfig {
     pub max_acceleration: f64,
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64,
+    /// Share of the damping of the joints, as the robot's file has it, that the torques overcome, 0 to 1. Default 0.
+    pub joint_damping: f64,
     /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
     pub contact_damping: f64,
     /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
@@ -53,6 +55,7 @@ impl Default for InverseDynamicsConfig {
             braking: settings.joints.braking,
             max_acceleration: settings.joints.max_acceleration,
             torque_fraction: settings.torque_fraction,
+            joint_damping: settings.joint_damping,
             contact_damping: settings.contact_damping,
             contact_ramp: TimeSpan { ns: 200_000_000 },
             impedance: 0.0,
@@ -138,6 +141,7 @@ impl InverseDynamicsConfig {
                 margin: config.limits.position.margin,
                 velocity_fraction: config.limits.velocity.fraction,
             },
+            joint_damping: in_range(&key("joint_damping"), self.joint_damping, 0.0..=1.0)?,
             torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
             relaxation: match self.on_infeasible {
                 InfeasiblePolicy::Relax => InverseDynamicsSettings::default().relaxation,

@@ -2,7 +2,6 @@
 
 mod cartesian;
 mod centre_of_mass;
-mod cost;
 mod force;
 mod momentum;
 mod posture;
@@ -10,7 +9,6 @@ mod torque;
 
 pub use cartesian::{CartesianAcceleration, CartesianWeights};
 pub use centre_of_mass::CentreOfMassAcceleration;
-pub use cost::Cost;
 pub use force::{ContactForce, ForceRegularisation};
 pub use momentum::MomentumRate;
 pub use posture::PostureAcceleration;
@@ -19,6 +17,7 @@ pub use torque::TorqueMinimum;
 use nalgebra::Vector3;
 
 use super::{InverseDynamics, MotionState};
+pub use crate::cost::Cost;
 
 /// A cost on the unknowns `x = (a, f)` of [`InverseDynamics`]: `1/2 |W (A x - b)|^2`.
 pub trait AccelerationTask {

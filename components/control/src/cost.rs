@@ -8,7 +8,7 @@ use crate::solver::Problem;
 /// The cost `1/2 |W (A x - b)|^2`, with a diagonal `W`, on consecutive unknowns.
 ///
 /// ```
-/// use motorium_control::inverse_dynamics::tasks::Cost;
+/// use motorium_control::tasks::Cost;
 /// use motorium_control::solver::{Problem, Structure};
 ///
 /// // x_1 + x_2 is to be 3

@@ -1,0 +1,48 @@
+//! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes; with `--peers` beside MuJoCo and
+//! PyBullet, turn by turn in one run.
+
+mod peers;
+mod scenes;
+
+use std::time::Instant;
+
+use scenes::{Scene, scenes};
+
+/// Turns of each side, and steps timed together in a turn.
+const TURNS: usize = 120;
+const STEPS: usize = 25;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let chosen: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
+    let mut scenes =
+        scenes(|scene| chosen.is_empty() || chosen.iter().any(|name| scene.contains(name.as_str())));
+    let compared = arguments.iter().any(|argument| argument == "--peers");
+    println!("us per step of 1 ms: minimum / median / 99 % of {TURNS} turns of {STEPS} steps");
+    if !compared {
+        alone(&mut scenes);
+    } else if let Err(error) = peers::compare(&mut scenes) {
+        eprintln!("no peers: {error}");
+        std::process::exit(1);
+    }
+}
+
+fn alone(scenes: &mut [Scene]) {
+    for scene in scenes {
+        let mut times: Vec<f64> = (0..TURNS).map(|_| turn(scene)).collect();
+        println!("{:<24} {:>23}   {}", scene.name, figures(&mut times), scene.contacts());
+    }
+}
+
+/// Microseconds per step of a turn.
+fn turn(scene: &mut Scene) -> f64 {
+    let start = Instant::now();
+    scene.advance(STEPS);
+    start.elapsed().as_nanos() as f64 / 1e3 / STEPS as f64
+}
+
+/// Minimum, median and 99 %.
+fn figures(times: &mut [f64]) -> String {
+    times.sort_by(f64::total_cmp);
+    format!("{:.2} / {:.2} / {:.2}", times[0], times[times.len() / 2], times[times.len() * 99 / 100])
+}

@@ -1,0 +1,107 @@
+//! The pairing with MuJoCo and PyBullet: a driver in Python holds their simulations and is asked over a pipe, in turn with
+//! our own. What it times are calls into their libraries of [`STEPS`] steps each.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use crate::scenes::Scene;
+use crate::{STEPS, TURNS, figures, turn};
+
+const INSTALL: &str = "pip install mujoco pybullet numpy in a virtual environment, and set MOTORIUM_PEERS_PYTHON to \
+                       its python3";
+
+/// Prints the time of every scene on all sides, and the ratio of the medians to that of MuJoCo.
+pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
+    println!("{:<24} {:>23} {:>23} {:>23} {:>9}", "scene", "motorium", "mujoco", "pybullet", "to mujoco");
+    for scene in scenes {
+        let robot = scene.robot.unwrap_or("pendulum");
+        let urdf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/catalogue").join(robot);
+        let urdf = urdf.join(robot).with_extension("urdf");
+        let mut peers = ["mujoco", "pybullet"]
+            .into_iter()
+            .map(|engine| Peer::start(engine, scene, &urdf))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut ours = Vec::with_capacity(TURNS);
+        let mut theirs = vec![Vec::with_capacity(TURNS); peers.len()];
+        for _ in 0..TURNS {
+            ours.push(turn(scene));
+            for (peer, times) in peers.iter_mut().zip(&mut theirs) {
+                times.extend(peer.turn()?);
+            }
+        }
+        let own = figures(&mut ours);
+        let cells: Vec<String> = theirs
+            .iter_mut()
+            .map(|times| if times.is_empty() { "-".into() } else { figures(times) })
+            .collect();
+        let ratio = if theirs[0].is_empty() {
+            "-".to_owned()
+        } else {
+            format!("{:.2}", ours[ours.len() / 2] / theirs[0][theirs[0].len() / 2])
+        };
+        println!(
+            "{:<24} {own:>23} {:>23} {:>23} {ratio:>9}   {}",
+            scene.name,
+            cells[0],
+            cells[1],
+            scene.contacts()
+        );
+    }
+    Ok(())
+}
+
+struct Peer {
+    process: Child,
+    questions: ChildStdin,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    fn start(engine: &str, scene: &Scene, urdf: &Path) -> Result<Self, String> {
+        let python = std::env::var_os("MOTORIUM_PEERS_PYTHON").unwrap_or_else(|| "python3".into());
+        let mut process = Command::new(python)
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/physics.py"))
+            .args([engine, scene.motion.word(), &STEPS.to_string(), &scene.boxes.to_string()])
+            .arg(urdf)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|error| format!("cannot start python3: {error}; {INSTALL}"))?;
+        let (questions, answers) =
+            process.stdin.take().zip(process.stdout.take()).ok_or("the driver has no pipes")?;
+        let mut peer = Self { process, questions, answers: BufReader::new(answers) };
+        match peer.line()?.trim() {
+            "ready" => Ok(peer),
+            other => Err(format!("the driver of {engine} says \"{other}\"; {INSTALL}")),
+        }
+    }
+
+    fn line(&mut self) -> Result<String, String> {
+        let mut line = String::new();
+        let read = self.answers.read_line(&mut line);
+        if read.map_err(|error| format!("the driver is gone: {error}"))? == 0 {
+            return Err(format!("the driver does not start; {INSTALL}"));
+        }
+        Ok(line)
+    }
+
+    /// Microseconds per step, or `None` where the engine cannot do the scene.
+    fn turn(&mut self) -> Result<Option<f64>, String> {
+        writeln!(self.questions, "turn").map_err(|error| format!("the driver is gone: {error}"))?;
+        let line = self.line()?;
+        if line.trim() == "cannot" {
+            return Ok(None);
+        }
+        line.trim().parse().map(Some).map_err(|_| format!("the driver says \"{}\"", line.trim()))
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        // It may be gone already, which is what is wanted.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,154 @@
+//! What is simulated: robots that move or stand, and boxes that fall into a pile.
+
+use std::path::Path;
+
+use motorium_physics::{
+    ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,
+};
+use motorium_robots::load;
+
+/// The way the joints of a robot are led.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Motion {
+    /// Every joint swings by 0.15 rad about home.
+    Swing,
+    /// Every joint is held at home.
+    Hold,
+    /// As `Hold`, and the robot falls for ever.
+    Fall,
+}
+
+impl Motion {
+    /// The word that the peers' driver knows it by.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Swing => "swing",
+            Self::Hold => "hold",
+            Self::Fall => "fall",
+        }
+    }
+}
+
+/// A simulation, and what its peers need to know of it.
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    /// Robot of the catalogue; `None` for boxes alone.
+    pub(crate) robot: Option<&'static str>,
+    pub(crate) motion: Motion,
+    /// Boxes that fall into a pile.
+    pub(crate) boxes: usize,
+    simulation: ArticulatedSimulator,
+    home: Vec<f64>,
+    gains: Vec<(f64, f64)>,
+    steps: usize,
+}
+
+const SCENES: [(&str, &str, Motion); 8] = [
+    ("ur5e", "ur5e", Motion::Swing),
+    ("panda", "panda", Motion::Swing),
+    ("quadruped", "quadruped", Motion::Hold),
+    ("hexapod", "hexapod", Motion::Hold),
+    ("biped", "biped", Motion::Hold),
+    ("humanoid", "humanoid", Motion::Hold),
+    ("quadruped, free fall", "quadruped", Motion::Fall),
+    ("humanoid, free fall", "humanoid", Motion::Fall),
+];
+
+/// The scenes whose names `chosen` admits.
+pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
+    let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
+    let mut scenes: Vec<_> =
+        robots.map(|(name, robot, motion)| Scene::of_robot(name, robot, motion)).collect();
+    if chosen("20 boxes") {
+        scenes.push(Scene::of_boxes("20 boxes", 20));
+    }
+    scenes
+}
+
+impl Scene {
+    fn of_robot(name: &'static str, robot: &'static str, motion: Motion) -> Self {
+        let loaded = load(robot, Path::new(".")).expect("the catalogue's robots load");
+        let setup = RobotSetup::of(&loaded).expect("the catalogue's profiles are whole");
+        let profile = loaded.profile.expect("the catalogue's robots have profiles");
+        let q = profile.configuration(&loaded.model, &profile.home).expect("home is a pose");
+        let gains = profile.gains(&loaded.model).expect("the catalogue's robots have gains");
+        let ground = (motion == Motion::Hold).then(Ground::default);
+        let world = World { ground, ..World::default() };
+        let simulation = ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default())
+            .expect("the catalogue's robots can be simulated");
+        let home = simulation.positions().to_vec();
+        let gains = gains.kp.iter().copied().zip(gains.kd.iter().copied()).collect();
+        let mut scene =
+            Self { name, robot: Some(robot), motion, boxes: 0, simulation, home, gains, steps: 0 };
+        if motion != Motion::Fall {
+            scene.advance(1000);
+        }
+        scene
+    }
+
+    /// A pile beside a pendulum that hangs far above.
+    fn of_boxes(name: &'static str, boxes: usize) -> Self {
+        let loaded = load("pendulum", Path::new(".")).expect("the catalogue's robots load");
+        let objects = (0..boxes)
+            .map(|index| {
+                let (layer, place) = (index / 5, index % 5);
+                let angle = place as f64 * 1.2566 + layer as f64 * 0.3;
+                Object {
+                    name: format!("box{index}"),
+                    shape: ObjectShape::Box { size: [0.1; 3] },
+                    mass: Some(0.5),
+                    position: [
+                        5.0 + 0.12 * angle.cos(),
+                        0.12 * angle.sin(),
+                        -5.0 + 0.06 + 0.15 * layer as f64,
+                    ],
+                    rpy: [0.1 * angle, 0.05, 0.2 * layer as f64],
+                    friction: 0.6,
+                    restitution: 0.0,
+                }
+            })
+            .collect();
+        let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
+        let world = World { ground, objects, ..World::default() };
+        let simulation = ArticulatedSimulator::new(loaded.model, world, &[0.0], Options::default())
+            .expect("the boxes can be simulated");
+        let mut scene = Self {
+            name,
+            robot: None,
+            motion: Motion::Hold,
+            boxes,
+            simulation,
+            home: vec![0.0],
+            gains: vec![(0.0, 0.1)],
+            steps: 0,
+        };
+        scene.advance(1000);
+        scene
+    }
+
+    /// Simulates so many milliseconds; the goals of the joints are set once, at the first.
+    pub(crate) fn advance(&mut self, steps: usize) {
+        let swing = if self.motion == Motion::Swing { 0.15 * (2e-3 * self.steps as f64).sin() } else { 0.0 };
+        let commands = self.simulation.commands_mut().iter_mut();
+        for ((command, home), (kp, kd)) in commands.zip(&self.home).zip(&self.gains) {
+            *command = JointCommand::hold(home + swing, *kp, *kd);
+        }
+        for _ in 0..steps {
+            self.simulation.step(1e-3).expect("the scenes do not diverge");
+        }
+        self.steps += steps;
+        if self.motion == Motion::Fall && self.steps % 1500 == 0 {
+            // It would come near the speed at which a base counts as lost.
+            let (q, mut v) = (self.simulation.configuration().to_vec(), self.simulation.velocity().to_vec());
+            v[..6].fill(0.0);
+            self.simulation.reset(&q, &v).expect("it was a state of the simulation");
+        }
+    }
+
+    /// Contact points of the last step.
+    pub(crate) fn contacts(&self) -> String {
+        let mut count = 0;
+        self.simulation.visit_contacts(&mut |_| count += 1);
+        format!("{count} contact points")
+    }
+}

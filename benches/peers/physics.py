@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""Steps of one millisecond in MuJoCo or PyBullet, timed: asked over standard input by `cargo bench --bench physics`.
+
+    physics.py ENGINE MOTION STEPS BOXES URDF     ENGINE mujoco | pybullet; MOTION swing | hold | fall
+
+Prints "ready"; then, for each line of standard input, the microseconds per step of a turn of STEPS steps. The profile
+(.toml) of the robot lies beside its URDF: home pose and gains are its. Self-collision is off, all else is the engine's
+default. Goals of joints change between turns only, so that a turn is one call into the library where it has one.
+"""
+
+import math
+import os
+import pathlib
+import sys
+import time
+import tomllib
+
+engine, motion, steps, boxes, urdf = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), pathlib.Path(sys.argv[5])
+STEP = 1e-3
+
+# PyBullet writes greetings and warnings to standard output, which is for the answers here.
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+
+
+def profile():
+    table = tomllib.loads(urdf.with_suffix(".toml").read_text())
+    base = table.get("base_poses", {}).get(table["home"])
+    kp, kd = table["gains"]["kp"], table["gains"]["kd"]
+    return table["joints"], table["poses"][table["home"]], kp, kd, base
+
+
+def box_poses():
+    for index in range(boxes):
+        layer, place = divmod(index, 5)
+        angle = place * 1.2566 + layer * 0.3
+        position = [0.12 * math.cos(angle), 0.12 * math.sin(angle), 0.06 + 0.15 * layer]
+        yield position, (0.1 * angle, 0.05, 0.2 * layer)
+
+
+class MuJoCo:
+    def __init__(self):
+        import mujoco
+        import xml.etree.ElementTree as tree
+
+        self.mujoco = mujoco
+        self.goal = []
+        if boxes:
+            spec = mujoco.MjSpec()
+            for position, rpy in box_poses():
+                body = spec.worldbody.add_body(pos=position)
+                body.alt.euler = rpy
+                body.add_freejoint()
+                geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05] * 3, mass=0.5)
+                geom.friction[0] = 0.6
+        else:
+            joints, self.goal, kp, kd, base = profile()
+            text = urdf.read_text()
+            root = text.split('<link name="', 1)[1].split('"', 1)[0]
+            extra = '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="false"/></mujoco></robot>'
+            spec = mujoco.MjSpec.from_string(text.replace("</robot>", extra))
+            if base:
+                spec.body(root).add_freejoint(name="the_root")
+            for geom in spec.geoms:
+                geom.contype, geom.conaffinity = 1, 2
+                geom.friction[0] = 0.8
+            limits = {}
+            for joint in tree.fromstring(text).iter("joint"):
+                limit = joint.find("limit")
+                limits[joint.get("name")] = float(limit.get("effort")) if limit is not None else 0.0
+            for name, p, d in zip(joints, kp, kd):
+                limit = limits[name]
+                spec.add_actuator(
+                    name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gainprm=[p] + [0] * 9,
+                    biastype=mujoco.mjtBias.mjBIAS_AFFINE, biasprm=[0, -p, -d] + [0] * 7,
+                    forcelimited=limit > 0, forcerange=[-limit, limit],
+                )
+        if motion == "hold":
+            floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=3, conaffinity=3)
+            floor.friction[0] = 0.6 if boxes else 0.8
+        spec.option.timestep = STEP
+        # Its Euler step takes the gains of actuators as they were: this one is the one for stiff drives.
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        if self.goal:
+            if base:
+                self.data.qpos[:7] = [*base["position"], 1, 0, 0, 0]
+            for name, q in zip(joints, self.goal):
+                self.data.qpos[self.model.joint(name).qposadr[0]] = q
+
+    def advance(self, swing):
+        if self.goal:
+            self.data.ctrl[:] = [q + swing for q in self.goal]
+        start = time.perf_counter_ns()
+        self.mujoco.mj_step(self.model, self.data, steps)
+        return time.perf_counter_ns() - start
+
+
+class PyBullet:
+    def __init__(self):
+        import pybullet
+
+        self.bullet = pybullet
+        pybullet.connect(pybullet.DIRECT)
+        pybullet.setGravity(0, 0, -9.81)
+        pybullet.setTimeStep(STEP)
+        self.goal = []
+        if motion == "hold":
+            floor = pybullet.createCollisionShape(pybullet.GEOM_PLANE)
+            pybullet.createMultiBody(0, floor)
+        if boxes:
+            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[0.05] * 3)
+            for position, rpy in box_poses():
+                pybullet.createMultiBody(0.5, shape, basePosition=position,
+                                         baseOrientation=pybullet.getQuaternionFromEuler(rpy))
+            return
+        names, self.goal, kp, kd, base = profile()
+        self.robot = pybullet.loadURDF(str(urdf), useFixedBase=base is None, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        if base:
+            pybullet.resetBasePositionAndOrientation(self.robot, base["position"], [0, 0, 0, 1])
+        found = {pybullet.getJointInfo(self.robot, i)[1].decode(): i for i in range(pybullet.getNumJoints(self.robot))}
+        self.joints = [found[name] for name in names]
+        for joint, q in zip(self.joints, self.goal):
+            pybullet.resetJointState(self.robot, joint, q)
+
+    def advance(self, swing):
+        if self.goal:
+            self.bullet.setJointMotorControlArray(
+                self.robot, self.joints, self.bullet.POSITION_CONTROL, targetPositions=[q + swing for q in self.goal])
+        start = time.perf_counter_ns()
+        for _ in range(steps):
+            self.bullet.stepSimulation()
+        return time.perf_counter_ns() - start
+
+
+def main():
+    simulation = MuJoCo() if engine == "mujoco" else PyBullet()
+    done = 0
+    if motion != "fall":
+        for _ in range(1000 // steps):
+            simulation.advance(0.0)
+    print("ready", file=answers, flush=True)
+    for _ in sys.stdin:
+        swing = 0.15 * math.sin(2e-3 * done) if motion == "swing" else 0.0
+        nanoseconds = simulation.advance(swing)
+        done += steps
+        print(nanoseconds / 1e3 / steps, file=answers, flush=True)
+
+
+main()

@@ -1,0 +1,47 @@
+//! Frames stay within a largest velocity.
+
+use motorium_robots::{FrameId, Model, Reference};
+use nalgebra::Matrix6xX;
+
+use super::{LimitRows, RowLimit};
+use crate::RobotState;
+
+/// The velocity of a frame stays within bounds along each axis of the world:
+///
+/// ```text
+/// -linear  <= J_v v <= linear                     m/s
+/// -angular <= J_w v <= angular                    rad/s
+/// ```
+///
+/// (OpenSoT's constraint.) An infinite bound leaves its three rows out.
+#[derive(Clone, Debug)]
+pub struct CartesianVelocityLimit {
+    frame: FrameId,
+    linear: f64,
+    angular: f64,
+    jacobian: Matrix6xX<f64>,
+}
+
+impl CartesianVelocityLimit {
+    /// A limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along and about each axis.
+    pub fn new(model: &Model, frame: FrameId, linear: f64, angular: f64) -> Self {
+        Self { frame, linear, angular, jacobian: Matrix6xX::zeros(model.nv()) }
+    }
+}
+
+impl RowLimit for CartesianVelocityLimit {
+    fn rows(&self) -> usize {
+        6
+    }
+
+    fn write(&mut self, state: &RobotState<'_>, _: f64, rows: &mut LimitRows<'_>) {
+        let reference = Reference::LocalWorldAligned;
+        state.kinematics.jacobian(state.model, self.frame, reference, &mut self.jacobian);
+        for (axis, row) in self.jacobian.row_iter().enumerate() {
+            let most = if axis < 3 { self.linear } else { self.angular };
+            if most.is_finite() {
+                rows.push(row.iter().copied(), -most, most);
+            }
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! A frame stays where it is.
+
+use motorium_robots::{FrameId, Model, Reference};
+
+use super::{Cost, Rows, Task};
+use crate::{RobotState, solver::Problem};
+
+/// A frame that touches the world stays where it is:
+///
+/// ```text
+/// A = J                                           Jacobian of the frame, world axes: 3 rows of a point, 6 of a surface
+/// b = 0
+/// W = weight                                      1/(m/s), 1/(rad/s)
+/// ```
+///
+/// (OpenSoT's contact task.) In the first of several [levels](crate::DifferentialIk::levels) it holds the feet of a robot with a
+/// floating base.
+#[derive(Clone, Debug)]
+pub struct ContactTask {
+    frame: FrameId,
+    weight: f64,
+    turns: bool,
+    cost: Cost,
+}
+
+impl ContactTask {
+    /// A point: the origin of `frame` rests, which may turn.
+    pub fn point(model: &Model, frame: FrameId) -> Self {
+        Self { frame, weight: 1.0, turns: true, cost: Cost::dense(6, 0, model.nv()) }
+    }
+
+    /// A surface: `frame` neither moves nor turns.
+    pub fn surface(model: &Model, frame: FrameId) -> Self {
+        Self { turns: false, ..Self::point(model, frame) }
+    }
+
+    /// The same task with a weight \[1/(m/s), 1/(rad/s)\].
+    #[must_use]
+    pub fn weight(mut self, weight: f64) -> Self {
+        self.weight = weight;
+        self
+    }
+
+    /// The cost as of the last update.
+    pub fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}
+
+impl Task for ContactTask {
+    fn rows(&self) -> usize {
+        if self.turns { 3 } else { 6 }
+    }
+
+    fn update(&mut self, state: &RobotState<'_>) {
+        let reference = Reference::LocalWorldAligned;
+        state.kinematics.jacobian(state.model, self.frame, reference, self.cost.matrix_mut());
+        let (weight, turning) = (self.weight, if self.turns { 0.0 } else { self.weight });
+        self.cost.weights_mut().fixed_rows_mut::<3>(0).fill(weight);
+        self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(turning);
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        self.cost.add_to(problem);
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        self.cost.write_rows(rows);
+    }
+}

@@ -1,0 +1,142 @@
+//! How far colliders have moved and how fast they are: what carries a bound of the distance of two from step to step.
+
+use motorium_robots::{Collisions, Kinematics};
+use nalgebra::{Isometry3, Matrix3, Vector3};
+
+use super::colliders::{Collider, Owner};
+use super::objects::FreeBody;
+
+/// Motion of a collider.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    /// Farthest distance of a point from its origin \[m\]; zero for what never moves.
+    reach: f64,
+    /// Pose when it was followed last; `None` at the start.
+    last: Option<(Matrix3<f64>, Vector3<f64>)>,
+    /// Bound of the way that any of its points has moved, in the world and as seen from the robot's base \[m\].
+    way: [f64; 2],
+    /// Bound of the speed of any of its points \[m/s\], likewise.
+    speed: [f64; 2],
+}
+
+/// Motion of the base since colliders were followed last.
+#[derive(Clone, Debug)]
+struct BaseMotion {
+    rotation: Matrix3<f64>,
+    position: Vector3<f64>,
+    /// Rotation since the last time.
+    turn: Matrix3<f64>,
+    /// Position the last time.
+    before: Vector3<f64>,
+}
+
+/// Motions of all colliders.
+///
+/// A pair that was measured at some distance stays at least that far apart, less the ways of both: until these have used
+/// it up it need not be measured again. Within a floating robot ways are those seen from its base, so that flight and
+/// fall use up nothing.
+#[derive(Clone, Debug)]
+pub(super) struct Motions {
+    colliders: Vec<Motion>,
+    base: Option<BaseMotion>,
+}
+
+/// The part of a motion that counts for a pair: 1 where both belong to a robot, whose base is the same.
+pub(super) fn part(pair: [&Collider; 2]) -> usize {
+    usize::from(pair.iter().all(|collider| collider.owner.is_robot()))
+}
+
+impl Motions {
+    pub(super) fn new(colliders: &[Collider]) -> Self {
+        let motion = |collider: &Collider| {
+            let moves = collider.owner != Owner::World;
+            let reach = if moves { collider.shape.bounding_radius() } else { 0.0 };
+            Motion { reach, last: None, way: [0.0; 2], speed: [0.0; 2] }
+        };
+        Self { colliders: colliders.iter().map(motion).collect(), base: None }
+    }
+
+    /// Starts anew: nothing has moved.
+    pub(super) fn forget(&mut self) {
+        for motion in &mut self.colliders {
+            (motion.last, motion.way, motion.speed) = (None, [0.0; 2], [0.0; 2]);
+        }
+        self.base = None;
+    }
+
+    /// Follows all colliders to where `places` has them now, moving as `kinematics` and `objects` say.
+    pub(super) fn follow(
+        &mut self,
+        colliders: &[Collider],
+        places: &Collisions,
+        (kinematics, base): (&Kinematics, &Isometry3<f64>),
+        objects: &[FreeBody],
+    ) {
+        let floating = colliders.iter().any(|collider| collider.owner == Owner::Base);
+        let base = self.follow_base(base);
+        let carrier = kinematics.body_velocity(None);
+        for (index, (motion, collider)) in self.colliders.iter_mut().zip(colliders).enumerate() {
+            let (linear, angular, centre) = match collider.owner {
+                Owner::World => continue,
+                Owner::Base | Owner::Body(_) => {
+                    let body = if let Owner::Body(body) = collider.owner { Some(body) } else { None };
+                    let twist = kinematics.body_velocity(body);
+                    (twist.linear, twist.angular, kinematics.body_position(body))
+                }
+                Owner::Object(object) => {
+                    let body = &objects[object];
+                    (body.linear, body.angular, body.pose.translation.vector)
+                }
+            };
+            let pose = places.pose(index);
+            let (rotation, position) = (*pose.rotation.matrix(), pose.translation.vector);
+            let velocity = linear + angular.cross(&(position - centre));
+            motion.speed[0] = velocity.norm() + angular.norm() * motion.reach;
+            if let Some((turned, moved)) = &motion.last {
+                motion.way[0] += apart((turned, moved), (&rotation, &position), motion.reach);
+            }
+            if floating && collider.owner.is_robot() {
+                let carried = carrier.linear + carrier.angular.cross(&(position - base.position));
+                let turning = (angular - carrier.angular).norm();
+                motion.speed[1] = (velocity - carried).norm() + turning * motion.reach;
+                if let Some((turned, moved)) = &motion.last {
+                    let turned = base.turn * turned;
+                    let moved = base.position + base.turn * (moved - base.before);
+                    motion.way[1] += apart((&turned, &moved), (&rotation, &position), motion.reach);
+                }
+            } else {
+                (motion.speed[1], motion.way[1]) = (motion.speed[0], motion.way[0]);
+            }
+            motion.last = Some((rotation, position));
+        }
+    }
+
+    fn follow_base(&mut self, base: &Isometry3<f64>) -> BaseMotion {
+        let rotation = *base.rotation.to_rotation_matrix().matrix();
+        let position = base.translation.vector;
+        let (turn, before) = match &self.base {
+            Some(last) => (rotation * last.rotation.transpose(), last.position),
+            None => (Matrix3::identity(), position),
+        };
+        let motion = BaseMotion { rotation, position, turn, before };
+        self.base = Some(motion.clone());
+        motion
+    }
+
+    /// Sum of the ways of two colliders \[m\] and of their speeds \[m/s\].
+    pub(super) fn of_pair(&self, part: usize, first: usize, second: usize) -> (f64, f64) {
+        let (first, second) = (&self.colliders[first], &self.colliders[second]);
+        (first.way[part] + second.way[part], first.speed[part] + second.speed[part])
+    }
+}
+
+/// Bound of the distance that any point within `reach` of the origin has moved between two poses.
+fn apart(
+    (from, start): (&Matrix3<f64>, &Vector3<f64>),
+    (to, end): (&Matrix3<f64>, &Vector3<f64>),
+    reach: f64,
+) -> f64 {
+    // The chord of the rotation at the distance of one: Frobenius' norm of the difference is sqrt(2) times that.
+    let chord = (0.5 * (to - from).norm_squared()).sqrt();
+    (end - start).norm() + reach * chord
+}

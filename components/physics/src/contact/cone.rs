@@ -1,0 +1,208 @@
+//! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them at once.
+
+use super::newton::Newton;
+
+/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid robot stands
+/// on more points than determine them.
+pub(super) const COMPLIANCE: f64 = 1e-6;
+
+/// Largest number of sweeps over all contact points.
+const SWEEPS: usize = 200;
+
+/// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
+const SETTLED: f64 = 1e-8;
+
+/// A sweep that changes more than this multiple of the one before the Newton step shows that the step led astray.
+const ASTRAY: f64 = 1.0;
+
+/// The contact problem of a step:
+///
+/// ```text
+/// w = W lambda + w_free
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0
+/// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
+/// ```
+///
+/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds which points are open, stick or slip
+/// within a few rounds, and then converges slowly where points are redundant, as under a flat sole. A Newton step solves
+/// the equations of these modes for all points at once. What a step finds is kept when the next sweep hardly changes it;
+/// either way the solution is one that a sweep confirms.
+#[derive(Clone, Debug)]
+pub(crate) struct ConeSolver {
+    /// Three times the number of contact points.
+    pub(super) rows: usize,
+    /// W, rows by rows: the normal's, then two tangents', for each contact point.
+    pub(super) delassus: Vec<f64>,
+    /// w: without the impulses before [`solve`](Self::solve), with them after.
+    pub(super) velocity: Vec<f64>,
+    /// Per contact point.
+    pub(super) target: Vec<f64>,
+    pub(super) friction: Vec<f64>,
+    /// No impulse moves the point.
+    pub(super) immovable: Vec<bool>,
+    /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
+    coupled: Vec<u32>,
+    /// Where the list of each point ends.
+    ends: Vec<usize>,
+    pub(super) lambda: Vec<f64>,
+    pub(super) newton: Newton,
+}
+
+impl ConeSolver {
+    /// For up to `most` contact points.
+    pub(super) fn new(most: usize) -> Self {
+        let rows = 3 * most;
+        Self {
+            rows: 0,
+            delassus: vec![0.0; rows * rows],
+            velocity: vec![0.0; rows],
+            target: vec![0.0; most],
+            friction: vec![0.0; most],
+            immovable: vec![false; most],
+            coupled: Vec::with_capacity(most * most),
+            ends: Vec::with_capacity(most),
+            lambda: vec![0.0; rows],
+            newton: Newton::new(most),
+        }
+    }
+
+    /// The impulses `lambda` of `points` contact points, from those they are now.
+    pub(super) fn solve(&mut self, points: usize) {
+        self.rows = 3 * points;
+        let rows = self.rows;
+        for index in 0..points {
+            if self.immovable[index] {
+                self.lambda[3 * index..][..3].fill(0.0);
+            }
+        }
+        for row in 0..rows {
+            self.velocity[row] += dot(&self.delassus[row * rows..][..rows], &self.lambda[..rows]);
+        }
+        self.find_coupled();
+        // Sweeps before the next Newton step; they double whenever one leads astray.
+        let (mut patience, mut wait) = (1, 1);
+        let mut sweeps = 0;
+        while sweeps < SWEEPS {
+            let change = self.sweep();
+            sweeps += 1;
+            if change < SETTLED {
+                return;
+            }
+            patience -= 1;
+            if patience > 0 {
+                continue;
+            }
+            self.newton.lambda[..rows].copy_from_slice(&self.lambda[..rows]);
+            self.newton.velocity[..rows].copy_from_slice(&self.velocity[..rows]);
+            let after = if self.newton_step() { self.sweep() } else { f64::INFINITY };
+            sweeps += 1;
+            if after < SETTLED {
+                return;
+            }
+            patience = 1;
+            if after.is_nan() || after > ASTRAY * change {
+                self.lambda[..rows].copy_from_slice(&self.newton.lambda[..rows]);
+                self.velocity[..rows].copy_from_slice(&self.newton.velocity[..rows]);
+                wait *= 2;
+                patience = wait;
+            }
+        }
+    }
+
+    /// The points that each point moves: in a pile of objects few, between those of one robot all.
+    fn find_coupled(&mut self) {
+        let (rows, points) = (self.rows, self.rows / 3);
+        self.coupled.clear();
+        self.ends.clear();
+        for index in 0..points {
+            let block = |other: usize| {
+                (0..3).any(|part| {
+                    self.delassus[(3 * index + part) * rows + 3 * other..][..3]
+                        .iter()
+                        .any(|entry| *entry != 0.0)
+                })
+            };
+            self.coupled.extend((0..points as u32).filter(|other| block(*other as usize)));
+            self.ends.push(self.coupled.len());
+        }
+    }
+
+    /// Changes the impulse of `row` by `step`.
+    pub(super) fn push(&mut self, row: usize, step: f64) {
+        let (rows, index) = (self.rows, row / 3);
+        self.lambda[row] += step;
+        let pushes = &self.delassus[row * rows..][..rows];
+        let start = if index == 0 { 0 } else { self.ends[index - 1] };
+        let coupled = &self.coupled[start..self.ends[index]];
+        if 2 * 3 * coupled.len() > rows {
+            for (velocity, push) in self.velocity[..rows].iter_mut().zip(pushes) {
+                *velocity += push * step;
+            }
+            return;
+        }
+        for &other in coupled {
+            let at = 3 * other as usize;
+            for (velocity, push) in self.velocity[at..at + 3].iter_mut().zip(&pushes[at..at + 3]) {
+                *velocity += push * step;
+            }
+        }
+    }
+
+    /// Solves each contact point once. Returns the largest change of a velocity.
+    fn sweep(&mut self) -> f64 {
+        (0..self.rows / 3).fold(0.0_f64, |change, index| change.max(self.relax(index)))
+    }
+
+    /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
+    fn relax(&mut self, index: usize) -> f64 {
+        if self.immovable[index] {
+            return 0.0;
+        }
+        let (rows, at) = (self.rows, 3 * index);
+        let w = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
+        let stiff = w(0, 0);
+        let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
+        let compliance = COMPLIANCE * stiff;
+        let missing = self.velocity[at] - self.target[index] + compliance * old[0];
+        let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
+        if normal == 0.0 && old == [0.0; 3] {
+            return 0.0;
+        }
+        // Slip with the new normal impulse.
+        let step = normal - old[0];
+        let slip = [self.velocity[at + 1] + w(1, 0) * step, self.velocity[at + 2] + w(2, 0) * step];
+        // Along a tangent that the joints hold, one of them may be zero.
+        let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
+        let (a, b, c) = (w(1, 1) + soft, w(1, 2), w(2, 2) + soft);
+        let bound = self.friction[index] * normal;
+        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
+        let mut tangent = [
+            old[1] - (c * slip[0] - b * slip[1]) / determinant,
+            old[2] - (a * slip[1] - b * slip[0]) / determinant,
+        ];
+        let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
+        if squared(&tangent) > bound * bound {
+            // It slips: a projected step along the slip, whose fixed point opposes it.
+            let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
+            tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
+            let size = squared(&tangent).sqrt();
+            if size > bound {
+                tangent = tangent.map(|part| part * bound / size);
+            }
+        }
+        let new = [normal, tangent[0], tangent[1]];
+        let mut change = 0.0_f64;
+        for part in 0..3 {
+            let step = new[part] - old[part];
+            if step != 0.0 {
+                change = change.max((step * self.delassus[(at + part) * rows + at + part]).abs());
+                self.push(at + part, step);
+            }
+        }
+        change
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,240 @@
+//! Newton steps over all contact points at once.
+
+use super::cone::{COMPLIANCE, ConeSolver, dot};
+
+/// Times that a Newton step opens points that would pull.
+const OPENINGS: usize = 4;
+
+/// Slower than this \[m/s\] a contact point on the edge of its cone counts as sticking.
+const STANDING: f64 = 1e-9;
+
+/// Most unknowns of a Newton step: beyond, sweeps cost less.
+const MOST_UNKNOWNS: usize = 180;
+
+/// Workspace of the Newton steps.
+#[derive(Clone, Debug)]
+pub(super) struct Newton {
+    /// Rows of the unknowns.
+    unknowns: Vec<usize>,
+    /// Rows of the normals of points that are opened.
+    opening: Vec<usize>,
+    modes: Vec<Mode>,
+    system: Vec<f64>,
+    step: Vec<f64>,
+    /// Impulses and velocities before the step.
+    pub(super) lambda: Vec<f64>,
+    pub(super) velocity: Vec<f64>,
+}
+
+/// The mode of a contact point that presses.
+#[derive(Clone, Copy, Debug)]
+enum Mode {
+    /// Without friction: its normal is the only unknown.
+    Smooth,
+    Stick,
+    /// Direction and speed of the slip.
+    Slip([f64; 2], f64),
+}
+
+impl Newton {
+    /// For up to `most` contact points.
+    pub(super) fn new(most: usize) -> Self {
+        let rows = 3 * most;
+        Self {
+            unknowns: Vec::with_capacity(rows),
+            opening: Vec::with_capacity(most),
+            modes: Vec::with_capacity(most),
+            system: vec![0.0; MOST_UNKNOWNS * MOST_UNKNOWNS],
+            step: vec![0.0; rows],
+            lambda: vec![0.0; rows],
+            velocity: vec![0.0; rows],
+        }
+    }
+}
+
+impl ConeSolver {
+    /// Solves the equations of the present modes for all contact points that press. Points that would pull are opened
+    /// first. `false` where there are too many points or their matrix is singular.
+    pub(super) fn newton_step(&mut self) -> bool {
+        for opened in 0..=OPENINGS {
+            self.find_modes();
+            let size = self.newton.unknowns.len();
+            if size == 0 || size > MOST_UNKNOWNS {
+                return false;
+            }
+            self.assemble_newton();
+            let Self { lambda, newton: Newton { unknowns, system, step, opening, .. }, .. } = self;
+            if !eliminate(&mut system[..size * size], &mut step[..size]) {
+                return false;
+            }
+            opening.clear();
+            for (row, step) in unknowns.iter().zip(&*step) {
+                if row % 3 == 0 && lambda[*row] + step < 0.0 {
+                    opening.push(*row);
+                }
+            }
+            if opened == OPENINGS || opening.is_empty() {
+                break;
+            }
+            for place in 0..self.newton.opening.len() {
+                let at = self.newton.opening[place];
+                for row in at..at + 3 {
+                    self.push(row, -self.lambda[row]);
+                }
+            }
+        }
+        self.apply_step();
+        true
+    }
+
+    /// Takes the Newton step, onto the cones, within which the equations of the modes may not stay.
+    fn apply_step(&mut self) {
+        let Newton { unknowns, modes, step, .. } = &mut self.newton;
+        let mut next = 0;
+        for mode in modes.iter() {
+            let at = unknowns[next];
+            let width = if matches!(mode, Mode::Smooth) { 1 } else { 3 };
+            let mut new = [self.lambda[at], 0.0, 0.0];
+            for part in 0..width {
+                new[part] = self.lambda[at + part] + step[next + part];
+            }
+            let bound = self.friction[at / 3] * new[0];
+            let size = (new[1] * new[1] + new[2] * new[2]).sqrt();
+            if new[0] <= 0.0 {
+                new = [0.0; 3];
+            } else if size > 0.0 && (size > bound || matches!(mode, Mode::Slip(..))) {
+                new = [new[0], new[1] * bound / size, new[2] * bound / size];
+            }
+            for part in 0..width {
+                step[next + part] = new[part] - self.lambda[at + part];
+            }
+            next += width;
+        }
+        for unknown in 0..next {
+            self.push(self.newton.unknowns[unknown], self.newton.step[unknown]);
+        }
+    }
+
+    /// The modes of the contact points that press, and their unknowns.
+    fn find_modes(&mut self) {
+        let Self { rows, velocity, friction, lambda, newton, .. } = self;
+        newton.unknowns.clear();
+        newton.modes.clear();
+        for index in 0..*rows / 3 {
+            let at = 3 * index;
+            let normal = lambda[at];
+            if normal <= 0.0 {
+                continue;
+            }
+            newton.unknowns.push(at);
+            if friction[index] == 0.0 {
+                newton.modes.push(Mode::Smooth);
+                continue;
+            }
+            newton.unknowns.extend([at + 1, at + 2]);
+            let bound = friction[index] * normal * (1.0 - 1e-9);
+            let slip = [velocity[at + 1], velocity[at + 2]];
+            let speed = (slip[0] * slip[0] + slip[1] * slip[1]).sqrt();
+            let edge = lambda[at + 1] * lambda[at + 1] + lambda[at + 2] * lambda[at + 2] >= bound * bound;
+            newton.modes.push(if edge && speed > STANDING {
+                Mode::Slip(slip.map(|part| part / speed), speed)
+            } else {
+                Mode::Stick
+            });
+        }
+    }
+
+    /// The linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q = |w_t| / (mu lambda_n)`.
+    fn assemble_newton(&mut self) {
+        let Self { rows, delassus, velocity, target, friction, lambda, newton, .. } = self;
+        let Newton { unknowns, modes, system, step, .. } = newton;
+        let (rows, size) = (*rows, unknowns.len());
+        let mut next = 0;
+        for mode in modes.iter() {
+            let at = unknowns[next];
+            let index = at / 3;
+            let w = |row: usize, column: usize| delassus[(at + row) * rows + at + column];
+            let compliance = COMPLIANCE * w(0, 0);
+            for (entry, unknown) in system[next * size..][..size].iter_mut().zip(unknowns.iter()) {
+                *entry = delassus[at * rows + unknown];
+            }
+            system[next * size + next] += compliance;
+            step[next] = target[index] - velocity[at] - compliance * lambda[at];
+            let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
+            match mode {
+                Mode::Smooth => {
+                    next += 1;
+                    continue;
+                }
+                Mode::Stick => {
+                    for part in 1..3 {
+                        let row = &mut system[(next + part) * size..][..size];
+                        for (entry, unknown) in row.iter_mut().zip(unknowns.iter()) {
+                            *entry = delassus[(at + part) * rows + unknown];
+                        }
+                        row[next + part] += soft;
+                        step[next + part] = -velocity[at + part];
+                    }
+                }
+                Mode::Slip(along, speed) => {
+                    let q = speed / (friction[index] * lambda[at]);
+                    for part in 1..3 {
+                        let row = &mut system[(next + part) * size..][..size];
+                        let d = along[part - 1];
+                        let share = |other: usize| f64::from(u8::from(part == other)) - d * along[other - 1];
+                        let (one, two) = (share(1), share(2));
+                        for (entry, unknown) in row.iter_mut().zip(unknowns.iter()) {
+                            *entry = one * delassus[(at + 1) * rows + unknown]
+                                + two * delassus[(at + 2) * rows + unknown];
+                        }
+                        row[next] += d * speed / lambda[at];
+                        row[next + part] += q + soft;
+                        step[next + part] = -velocity[at + part] - q * lambda[at + part];
+                    }
+                }
+            }
+            next += 3;
+        }
+    }
+}
+
+/// Solves a dense system by elimination with partial pivoting, in place. `false` where it is singular.
+fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
+    let n = right.len();
+    for k in 0..n {
+        let (mut pivot, mut largest) = (k, system[k * n + k].abs());
+        for row in k + 1..n {
+            if system[row * n + k].abs() > largest {
+                (pivot, largest) = (row, system[row * n + k].abs());
+            }
+        }
+        if largest.is_nan() || largest <= f64::MIN_POSITIVE {
+            return false;
+        }
+        if pivot != k {
+            let (upper, lower) = system.split_at_mut(pivot * n);
+            upper[k * n + k..][..n - k].swap_with_slice(&mut lower[k..n]);
+            right.swap(k, pivot);
+        }
+        let (upper, lower) = system.split_at_mut((k + 1) * n);
+        let own = &upper[k * n..][..n];
+        let inverse = 1.0 / own[k];
+        let value = right[k];
+        for (row, right) in lower.chunks_exact_mut(n).zip(&mut right[k + 1..]) {
+            if row[k] == 0.0 {
+                continue;
+            }
+            let factor = row[k] * inverse;
+            *right -= factor * value;
+            for (entry, own) in row[k + 1..].iter_mut().zip(&own[k + 1..]) {
+                *entry -= factor * own;
+            }
+        }
+    }
+    for k in (0..n).rev() {
+        let row = &system[k * n..][..n];
+        let value = right[k] - dot(&row[k + 1..], &right[k + 1..]);
+        right[k] = value / row[k];
+    }
+    right.iter().all(|entry| entry.is_finite())
+}

@@ -1,0 +1,64 @@
+//! Batches: each world computes what it would compute alone.
+
+use motorium_physics::{Batch, Simulator};
+
+use crate::legged::held;
+
+#[test]
+fn a_batch_on_any_number_of_threads_gives_the_bits_of_each_world_alone() {
+    let count = 5;
+    let command = |world: usize, step: usize, drive: usize| {
+        0.05 * ((world + 1) as f64 * 0.01 * step as f64 + drive as f64).sin()
+    };
+    let alone: Vec<Vec<u64>> = (0..count)
+        .map(|world| {
+            let mut simulation = held("quadruped");
+            let hold = simulation.commands_mut().to_vec();
+            for step in 0..60 {
+                for (drive, (command_of, hold)) in simulation.commands_mut().iter_mut().zip(&hold).enumerate()
+                {
+                    command_of.position = hold.position + command(world, step, drive);
+                }
+                (0..5).for_each(|_| _ = simulation.step(1e-3).unwrap());
+            }
+            let state = simulation.configuration().iter().chain(simulation.velocity());
+            state.map(|x| x.to_bits()).collect()
+        })
+        .collect();
+    for threads in [1, 2, 3] {
+        let mut batch = Batch::new(count, threads, |_| Ok(held("quadruped"))).unwrap();
+        let hold = held("quadruped").commands_mut().to_vec();
+        for step in 0..60 {
+            for (index, command_of) in batch.commands_mut().iter_mut().enumerate() {
+                let (world, drive) = (index / hold.len(), index % hold.len());
+                *command_of = hold[drive];
+                command_of.position += command(world, step, drive);
+            }
+            assert!(batch.step(1e-3, 5).iter().all(Result::is_ok));
+        }
+        for (world, alone) in alone.iter().enumerate() {
+            let state = batch.positions(world).iter().chain(batch.velocities(world));
+            assert!(
+                state.map(|x| x.to_bits()).eq(alone.iter().copied()),
+                "world {world} on {threads} threads"
+            );
+        }
+        assert!(alone[0] != alone[1], "the worlds differ");
+    }
+}
+
+#[test]
+fn a_world_that_fails_leaves_the_others_alone() {
+    let mut batch = Batch::new(3, 2, |_| Ok(held("quadruped"))).unwrap();
+    let before = batch.positions(1).to_vec();
+    let drives = batch.world(0).joint_names().len();
+    batch.commands_mut()[drives].kp = f64::NAN;
+    let failed: Vec<bool> = batch.step(1e-3, 10).iter().map(Result::is_err).collect();
+    assert_eq!(failed, [false, true, false]);
+    assert_eq!(batch.positions(1), before);
+    assert_ne!(batch.positions(0), before);
+    // And it can be started again.
+    let (q, v) = (before.clone(), vec![0.0; batch.velocities(0).len()]);
+    batch.reset(1, &q, &v).unwrap();
+    assert!(batch.step(1e-3, 10).iter().all(Result::is_ok));
+}

@@ -1,0 +1,117 @@
+//! `motorium reproduce qp`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium_control::{StackSample, TaskStack, run_stack};
+
+use super::writer::FigureWriter;
+use crate::chart::{Chart, Series};
+use crate::out::outln;
+
+/// Stacks of tasks of Delhaisse's thesis (2019), figure 2.27: a posture, a hand, both in a sum, and the hand above the posture,
+/// on an iiwa with the same moving target.
+///
+/// Writes the errors of hand and posture as CSV and SVG, and reports which claims hold.
+///
+/// Example: motorium reproduce qp --output out/
+#[derive(Debug, clap::Args)]
+pub(super) struct Qp {
+    /// The folder to write to
+    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    output: PathBuf,
+    /// The robot, with a fixed base, a home pose and one end effector
+    #[arg(long, default_value = "iiwa14")]
+    robot: String,
+    /// Seconds of motion
+    #[arg(long, default_value_t = 8.0)]
+    seconds: f64,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Qp {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        anyhow::ensure!((0.1..=600.0).contains(&self.seconds), "--seconds: expected 0.1 to 600");
+        let robot = motorium_robots::load(&self.robot, &std::env::current_dir()?)?;
+        let model = &robot.model;
+        anyhow::ensure!(!model.base().floating, "robot `{}` has a floating base", self.robot);
+        let profile = robot.profile.as_ref();
+        let profile = profile.ok_or_else(|| anyhow::anyhow!("robot `{}` has no profile", self.robot))?;
+        let (home, hand) = (profile.home(model)?, robot.end_effector(None)?);
+        let mut writer = FigureWriter::new(self.output.clone(), 4)?;
+        let mut runs = Vec::new();
+        for stack in TaskStack::ALL {
+            runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);
+            writer.bar.inc(1);
+        }
+        let figures: [(&str, &str, &str, fn(&StackSample) -> f64); 2] = [
+            ("qp-hand", "Distance of the hand from its target", "m", |sample| sample.position),
+            ("qp-posture", "Difference of the joints from the posture", "rad", |sample| sample.posture),
+        ];
+        for (file, title, unit, value) in figures {
+            let series = TaskStack::ALL.iter().zip(&runs).map(|(stack, samples)| Series {
+                name: stack.name().to_owned(),
+                // every 20 ms
+                points: samples.iter().step_by(20).map(|sample| [sample.time, value(sample), 0.0]).collect(),
+            });
+            let chart = Chart {
+                title: title.to_owned(),
+                x: "s".to_owned(),
+                y: unit.to_owned(),
+                log_x: false,
+                log_y: false,
+                series: series.collect(),
+            };
+            writer.chart(file, &chart)?;
+        }
+        claims(&mut writer, &runs);
+        writer.bar.finish_and_clear();
+        if self.json {
+            let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
+            outln!("{}", serde_json::to_string_pretty(&report)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        for claim in &writer.claims {
+            let word = if claim.holds { "holds" } else { "does not hold" };
+            outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
+        }
+        outln!("{} files in {}", writer.files.len(), self.output.display());
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn claims(writer: &mut FigureWriter, runs: &[Vec<StackSample>]) {
+    let worst = |run: &[StackSample]| run.iter().fold(0.0_f64, |worst, sample| worst.max(sample.position));
+    let posture =
+        |run: &[StackSample]| run.iter().map(|sample| sample.posture).sum::<f64>() / run.len().max(1) as f64;
+    let [postural, cartesian, soft, hard] = [0, 1, 2, 3].map(|index| runs[index].as_slice());
+    let (alone, above, sum) = (worst(cartesian), worst(hard), worst(soft));
+    writer.claim(
+        "2.27",
+        "above the posture the hand is as near to its target as alone",
+        above < alone + 1e-4,
+        format!("at most {above:.2e} m, alone {alone:.2e} m"),
+    );
+    writer.claim(
+        "2.27",
+        "in a sum the posture holds the hand off its target",
+        sum > 10.0 * above.max(1e-6),
+        format!("at most {sum:.2e} m, above the posture {above:.2e} m"),
+    );
+    let (with, without) = (posture(hard), posture(cartesian));
+    writer.claim(
+        "2.27",
+        "below the hand the posture is kept at least as well as without a task of its own",
+        with <= without + 1e-9,
+        format!("mean {with:.3} rad, without {without:.3} rad"),
+    );
+    let (still, moved) = (posture(postural), worst(postural));
+    writer.claim(
+        "2.27",
+        "a posture alone stays, and its hand is left behind",
+        still < 1e-9 && moved > sum,
+        format!("mean {still:.1e} rad, the hand up to {moved:.2e} m from the target"),
+    );
+}
