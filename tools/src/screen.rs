@@ -15,6 +15,13 @@ use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 use crate::report::microseconds;
 use crate::wrap::wrapped;
 
+/// True if standard error is a terminal that can be drawn on: one with a size, which a serial console has not.
+pub(crate) fn is_drawable() -> bool {
+    let is_dumb = std::env::var_os("TERM").is_none_or(|name| name == "dumb");
+    let has_size = ratatui::crossterm::terminal::size().is_ok_and(|(width, height)| width > 0 && height > 0);
+    !is_dumb && has_size
+}
+
 /// The live table: below the lines of the run, redrawn in place.
 pub(crate) struct Screen {
     terminal: Terminal<CrosstermBackend<Stderr>>,

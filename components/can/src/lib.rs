@@ -1,7 +1,7 @@
 //! Drives on CAN buses.
 //!
-//! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, and a simulated one
-//! with arbitration and error states. A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
+//! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, a simulated one with
+//! arbitration and error states, and those of the kernel ([`SocketBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
 //! them, [`SimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
 //!
 //! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph; they alone know the
@@ -12,13 +12,17 @@ pub mod bus;
 mod component;
 pub mod drives;
 mod frame;
+mod scan;
 mod simulated_drive;
 mod table;
+mod traffic;
 
 pub use adapter::Adapter;
 pub use bus::bits::{Bits, Rates};
 pub use bus::budget::{Budget, Shape};
+pub use bus::report::{ErrorState, Report};
 pub use bus::simulated::SimulatedBus;
+pub use bus::socket::{Condition, Interface, OpenError, SocketBus, SocketCounts};
 pub use bus::{Bus, Received};
 pub use component::{
     CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
@@ -26,5 +30,7 @@ pub use component::{
 pub use drives::range::Range;
 pub use drives::{cia402, damiao, mit, odrive};
 pub use frame::{DecodeError, Form, Frame, Id};
+pub use scan::{Device, DeviceKind, Found, scan};
 pub use simulated_drive::SimulatedDrive;
 pub use table::{BusEntry, DriveEntry, Protocol, RangeEntry, Table, TableError, Transmission};
+pub use traffic::{Listener, Record, RecordError, Sender};

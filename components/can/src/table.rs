@@ -48,8 +48,10 @@ pub struct Table {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BusEntry {
-    /// Its name, such as that of its network interface.
+    /// Its name.
     pub name: String,
+    /// The network interface of the computer that it is, such as "can0" or "vcan0". Without one it is simulated.
+    pub interface: Option<String>,
     /// Bits per second of arbitration, and of whole classic frames.
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
@@ -233,6 +235,21 @@ impl Table {
                 let message = format!("bus `{}`: a bitrate of data below the other, or too high", bus.name);
                 return Err((at, message, "write bits per second, from `bitrate` to 8000000"));
             }
+            if let Some(interface) = &bus.interface
+                && (interface.is_empty() || interface.len() > 15)
+            {
+                let message = format!("bus `{}`: an interface named {interface:?}", bus.name);
+                return Err((at, message, "name one as `ip link` does: 1 to 15 letters"));
+            }
+            let before = &self.buses[..index];
+            if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
+                let message = format!("bus `{}`: another bus has its interface", bus.name);
+                return Err((at, message, "a bus has one interface of its own"));
+            }
+            if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
+                let message = format!("bus `{}`: simulated buses and real ones in one table", bus.name);
+                return Err((at, message, "give all of them an `interface`, or none"));
+            }
             if self.buses[..index].iter().any(|other| other.name == bus.name) {
                 return Err((at, format!("bus `{}` stands there twice", bus.name), "name each bus once"));
             }
@@ -289,6 +306,11 @@ impl Table {
             return Err((None, "there is no drive".into(), "add a `[[drive]]` for each joint"));
         }
         Ok(())
+    }
+
+    /// True if its buses are interfaces of the computer.
+    pub fn is_real(&self) -> bool {
+        self.buses.iter().any(|bus| bus.interface.is_some())
     }
 
     /// The index of a drive's bus.

@@ -30,12 +30,19 @@ pub struct Declaration {
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
+    /// Longest time for which a step waits for an answer from outside, without the core, ns; 0 for a step that never waits.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub waits_ns: u64,
     /// Topics that it reads by taps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taps: Option<Taps>,
     /// Warnings about a configuration that works, and is probably not meant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
 }
 
 /// The receiver of a component's declarations.
@@ -231,6 +238,21 @@ impl Declare {
     /// [`Setup::wake_on`](crate::component::Setup::wake_on).
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;
+    }
+
+    /// A step of this component waits for an answer from outside of the graph, such as that of a device, for up to `longest`:
+    /// it sleeps, and leaves its core to others. Such waiting is part of the response time, and no part of the budget.
+    ///
+    /// ```
+    /// use motorium::prelude::*;
+    /// use std::time::Duration;
+    ///
+    /// let mut declare = Declare::new(None);
+    /// declare.waits(Duration::from_micros(500));
+    /// assert_eq!(declare.into_declaration().waits_ns, 500_000);
+    /// ```
+    pub fn waits(&mut self, longest: Duration) {
+        self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
     /// This component reads topics of the whole graph by taps ([`Setup::observer`](crate::component::Setup::observer)): the

@@ -237,6 +237,9 @@ pub struct ComponentPlan {
     pub activation: Activation,
     /// Execution time allowed per step, ns.
     pub budget_ns: Option<u64>,
+    /// Longest time for which a step waits for an answer from outside of the graph, without the core, ns.
+    #[serde(default)]
+    pub waits_ns: u64,
     /// Core it is pinned to; if `None`, any of the shared cores, or any core at all with `SCHED_DEADLINE`.
     pub core: Option<usize>,
     /// Its spinning before a release. A triggered component does not spin.

@@ -134,6 +134,8 @@ pub struct TaskBound {
     pub period_ns: u64,
     /// Execution time allowed per step, ns.
     pub budget_ns: Option<u64>,
+    /// Longest time for which a step waits for an answer without the core, ns.
+    pub waits_ns: u64,
     /// The component at whose release `response_ns` begins: itself, or the one at the head of those that trigger one
     /// another on the same core at the same priority.
     pub released_with: String,

@@ -16,9 +16,11 @@
 //!   meanwhile run first.
 //! * A component publishes at the end of its step (this matters for latencies only). The worker's own work after that
 //!   delays the components that are triggered on its core, unless they are more urgent.
+//! * A step that waits for an answer from outside without the core ([`waits`](crate::declare::Declare::waits)) takes that long
+//!   itself, and the core from others for its budget only.
 //! * An unknown time counts as zero, and every bound that rests on it as not provable.
 //!
-//! [`timeline()`] simulates one hyperperiod in which all budgets are used up. [`assign`] chooses the priorities and
+//! [`timeline()`] simulates one hyperperiod in which all budgets are used up, and no answer is waited for. [`assign`] chooses the priorities and
 //! cores that a graph leaves open.
 
 mod admission;

@@ -80,4 +80,8 @@ impl BusHealth {
     pub const PASSIVE: u32 = 2;
     /// It has left the bus.
     pub const BUS_OFF: u32 = 3;
+    /// It has counted many errors, and sends and receives still.
+    pub const WARNING: u32 = 4;
+    /// Its interface is down, or has gone.
+    pub const DOWN: u32 = 5;
 }

@@ -15,7 +15,10 @@ const REFRESH: u32 = 64;
 /// The accounts from step to step. All of it runs after a step has published, outside the hot path.
 #[derive(Debug)]
 pub(super) struct Accounts {
+    /// Time of the core that a step may take, ns.
     budget_ns: Option<u64>,
+    /// Time for which it may wait for an answer beside that, ns.
+    waits_ns: u64,
     tolerated: Option<u32>,
     cpu_ns: u64,
     spun_ns: u64,
@@ -42,6 +45,7 @@ impl Accounts {
         let strict = plan.on_overrun == OnOverrun::SafeStop;
         Self {
             budget_ns: plan.budget_ns,
+            waits_ns: plan.waits_ns,
             tolerated: plan.overruns_tolerated.or(strict.then_some(0)),
             cpu_ns: 0,
             spun_ns: 0,
@@ -99,10 +103,12 @@ impl Accounts {
             cpu_ns,
             waited_ns: if late { self.waited_since() } else { None },
             blocked: late && times_asleep() - self.asleep > self.waits,
+            waits_ns: self.waits_ns,
             behind: timing.behind.then(|| self.last_cause.unwrap_or(MissCause::LongStep)),
         };
         block.execution.record(evidence.execution_ns());
-        if self.budget_ns.is_some_and(|budget| evidence.own_ns() > budget) {
+        let waited_ns = if evidence.blocked { self.waits_ns } else { 0 };
+        if self.budget_ns.is_some_and(|budget| evidence.own_ns() > budget.saturating_add(waited_ns)) {
             add(&block.over_budget, 1);
         }
         self.last_cause = evidence.cause();

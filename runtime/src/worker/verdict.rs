@@ -16,6 +16,8 @@ pub(super) struct Evidence {
     pub(super) waited_ns: Option<u64>,
     /// True if the step slept: on a lock, a file, a clock.
     pub(super) blocked: bool,
+    /// Longest time for which the step may wait for an answer, as declared: sleep up to that is meant.
+    pub(super) waits_ns: u64,
     /// Cause of the previous step's overrun, if that step ended after this release.
     pub(super) behind: Option<MissCause>,
 }
@@ -27,9 +29,13 @@ impl Evidence {
     }
 
     /// Duration of the step without the time for which other threads had the core or the host had the machine, ns. Its
-    /// own sleep counts.
+    /// own sleep counts, of one that may wait for an answer as long as it may at most.
     pub(super) fn own_ns(&self) -> u64 {
-        if self.blocked { self.execution_ns() } else { self.execution_ns().min(self.cpu_ns) }
+        match (self.blocked, self.waits_ns) {
+            (false, _) => self.execution_ns().min(self.cpu_ns),
+            (true, 0) => self.execution_ns(),
+            (true, waits) => self.execution_ns().min(self.cpu_ns.saturating_add(waits)),
+        }
     }
 
     /// The cause of a missed deadline; `None` if it was met.
@@ -82,8 +88,19 @@ mod tests {
             cpu_ns: 100,
             waited_ns: Some(0),
             blocked: false,
+            waits_ns: 0,
             behind: None,
         }
+    }
+
+    #[test]
+    fn a_step_that_may_wait_is_not_blamed_for_time_beyond_that_which_it_did_not_run() {
+        let answered = Evidence { end_ns: 1_900, blocked: true, waits_ns: 800, ..in_time() };
+        assert_eq!((answered.cause(), answered.own_ns()), (None, 900));
+        let stolen = Evidence { end_ns: 9_100, ..answered };
+        assert_eq!((stolen.cause(), stolen.own_ns()), (Some(MissCause::Stolen), 900));
+        let long = Evidence { end_ns: 2_300, waits_ns: 1_200, ..answered };
+        assert_eq!(long.cause(), Some(MissCause::LongStep));
     }
 
     #[test]

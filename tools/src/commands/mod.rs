@@ -2,6 +2,7 @@
 
 mod bench;
 mod calibrate;
+mod can;
 mod check;
 mod completions;
 mod doctor;
@@ -64,6 +65,7 @@ enum Command {
     Step(step::Step),
     Kill(kill::Kill),
     Bench(bench::Bench),
+    Can(can::Can),
     Robot(robot::Robot),
     Primitive(primitive::PrimitiveCommand),
     Qp(qp::Qp),
@@ -99,6 +101,7 @@ impl Cli {
             Some(Command::Step(command)) => command.run(),
             Some(Command::Kill(command)) => command.run(),
             Some(Command::Bench(command)) => command.run(),
+            Some(Command::Can(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),
             Some(Command::Qp(command)) => command.run(),

@@ -19,6 +19,7 @@ use crate::failure::{Failure, Kind};
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
+use crate::screen::is_drawable;
 use crate::{exit, overheads, registry, report, runs, style};
 
 /// Launch a graph: every component as its own process.
@@ -168,9 +169,13 @@ impl Run {
             plan.expectations.clear();
         }
         let lockstep = plan.clock == ClockKind::Lockstep;
-        let live =
-            !self.json && !lockstep && std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
-        let mut printer = if live { Printer::screen(&plan)? } else { Printer::plain(self.json)? };
+        let terminal = std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
+        let live = !self.json && !lockstep && terminal && is_drawable();
+        // a terminal that says it can be drawn on, and then does not answer, gets plain lines
+        let mut printer = match live.then(|| Printer::screen(&plan)) {
+            Some(Ok(screen)) => screen,
+            Some(Err(_)) | None => Printer::plain(self.json)?,
+        };
         let ran = self.drive(plan, &registry, &options, &mut |event| {
             serve(&event);
             printer.show(&event);

@@ -49,6 +49,7 @@ fn component(
         robot: None,
         robots: Vec::new(),
         stop_within_ns: None,
+        waits_ns: 0,
         folder: Default::default(),
         actuator,
         seed: 0,

@@ -190,6 +190,18 @@ impl Adapter {
         }
     }
 
+    /// True if each drive that was asked in this cycle has answered.
+    pub fn has_all_answers(&self) -> bool {
+        self.links.iter().all(|link| !link.asked || link.answered)
+    }
+
+    /// Expects answers on this bus at any time after their commands: frames pass it without bit times.
+    pub fn without_bit_times(&mut self, bus: usize) {
+        for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+            link.soonest_ns = 0;
+        }
+    }
+
     /// True if the state of every joint is known and none is lost.
     pub fn is_complete(&self) -> bool {
         self.links.iter().all(|link| link.received_ns.is_some() && link.silent < LOST_AFTER)
@@ -212,10 +224,12 @@ impl Adapter {
         frames.extend(self.links.iter_mut().filter(|link| link.bus == bus).map(|link| link.frame(trip)));
     }
 
-    /// Notes that the first `count` frames of a bus were sent at `now_ns`.
+    /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus).take(count) {
-            (link.asked, link.sent_ns) = (true, now_ns);
+            // what has come since the last cycle ended answers an earlier frame
+            link.counts.late += u64::from(link.answered);
+            (link.asked, link.answered, link.sent_ns) = (true, false, now_ns);
         }
     }
 

@@ -17,6 +17,11 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// The bits of such a frame without stuffing.
+    pub fn least(&self) -> Bits {
+        Bits::nominal(self.extended, self.form, self.bytes)
+    }
+
     /// The most bits that such a frame can have.
     pub fn worst(&self) -> Bits {
         Bits::worst(self.extended, self.form, self.bytes)

@@ -1,8 +1,10 @@
-//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, the simulated one.
+//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, simulated ones and those of the kernel.
 
 pub mod bits;
 pub mod budget;
+pub mod report;
 pub mod simulated;
+pub mod socket;
 
 use crate::frame::Frame;
 

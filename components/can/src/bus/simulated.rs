@@ -3,20 +3,9 @@
 use std::collections::VecDeque;
 
 use super::bits::{Bits, Rates};
+pub use super::report::ErrorState;
 use super::{Bus, Received};
 use crate::frame::Frame;
-
-/// The state of a controller on a bus, by its error counters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ErrorState {
-    /// It takes part, and marks errors of others.
-    #[default]
-    Active,
-    /// It takes part, and disturbs nobody.
-    Passive,
-    /// It has left the bus.
-    Off,
-}
 
 /// An event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

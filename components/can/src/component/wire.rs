@@ -2,19 +2,7 @@
 
 use motorium::state::CanFrame;
 
-use crate::bus::simulated::ErrorState;
-use crate::{Form, Frame, Id};
-
-/// Class of an error frame, in the form of Linux: the controller reports its state.
-const CONTROLLER: u32 = 0x4;
-/// Class of an error frame: the controller has left the bus.
-const BUS_OFF: u32 = 0x40;
-/// Class of an error frame: the controller is back.
-const RESTARTED: u32 = 0x100;
-/// State of the controller: passive, as sender.
-const PASSIVE: u8 = 0x20;
-/// State of the controller: active again.
-const ACTIVE: u8 = 0x40;
+use crate::{ErrorState, Form, Frame, Id, Report};
 
 /// A frame of one bus for a topic; `time_ns` is when it was received, 0 for one to be sent.
 pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
@@ -54,32 +42,23 @@ pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
 
 /// The report of a controller's state.
 pub(super) fn report(state: ErrorState, is_back: bool, bus: usize, time_ns: u64) -> CanFrame {
+    let (classes, bytes) = Report { state: Some(state), is_restart: is_back, ..Report::default() }.encode();
     let mut out = CanFrame {
         receive_time: time_ns,
+        id: classes,
         flags: CanFrame::ERROR,
         bus: bus as u32,
         length: 8,
         ..CanFrame::default()
     };
-    out.id = match state {
-        ErrorState::Off => BUS_OFF,
-        _ if is_back => RESTARTED,
-        _ => CONTROLLER,
-    };
-    out.data[1] = if state == ErrorState::Passive { PASSIVE } else { ACTIVE };
+    out.data[..8].copy_from_slice(&bytes);
     out
 }
 
-/// The state in the report of a controller.
-pub(super) fn reported(frame: &CanFrame) -> Option<ErrorState> {
-    if frame.flags & CanFrame::ERROR == 0 {
-        return None;
-    }
-    Some(match (frame.id & BUS_OFF != 0, frame.id & CONTROLLER != 0 && frame.data[1] & PASSIVE != 0) {
-        (true, _) => ErrorState::Off,
-        (false, true) => ErrorState::Passive,
-        (false, false) => ErrorState::Active,
-    })
+/// The report of a controller that a topic carries.
+pub(super) fn report_of(frame: &CanFrame) -> Option<Report> {
+    let data = frame.data.first_chunk::<8>()?;
+    (frame.flags & CanFrame::ERROR != 0).then(|| Report::decode(frame.id, data))
 }
 
 #[cfg(test)]
@@ -111,7 +90,7 @@ mod tests {
     #[test]
     fn the_state_of_a_controller_survives_its_report() {
         for state in [ErrorState::Active, ErrorState::Passive, ErrorState::Off] {
-            assert_eq!(reported(&report(state, false, 0, 0)), Some(state));
+            assert_eq!(report_of(&report(state, false, 0, 0)).unwrap().state, Some(state));
         }
     }
 }

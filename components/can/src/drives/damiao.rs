@@ -6,7 +6,7 @@
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
 /// The identifier to which all drives listen.
-const EVERYBODY: Id = Id::Standard(0x7ff);
+pub(crate) const EVERYBODY: Id = Id::Standard(0x7ff);
 const READ: u8 = 0x33;
 const WRITE: u8 = 0x55;
 /// Length of the unit in which the watchdog is set, ns.

@@ -70,6 +70,7 @@ impl Parts<'_, '_> {
             program: draft.program.clone()?,
             activation: self.timing.activation[index].clone()?,
             budget_ns: good(&draft.table.budget).map(|budget| budget.ns),
+            waits_ns: declaration.waits_ns,
             core: self.scheduling.cores[index],
             spin: self.scheduling.spins[index],
             class: self.scheduling.classes[index],

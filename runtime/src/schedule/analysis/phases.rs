@@ -13,6 +13,10 @@ const MOST_WINDOWS: i64 = 20_000;
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::of(tasks, index)?;
     let own = level.own();
+    // where work comes long after its release, phases say little
+    if level.all().any(Demand::suspends) {
+        return None;
+    }
     let offset = own.offset?;
     let on_grid = || level.all().filter_map(|task| Some((task, task.offset?)));
     if on_grid().count() < 2 {

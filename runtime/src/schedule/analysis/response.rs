@@ -73,12 +73,25 @@ pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -
                 demands[index].jitter = jitter.filter(|_| round < MOST_ROUNDS);
                 demands[index].queue = demands[index].queue.max(jitter.unwrap_or(0));
             }
+            if demands[index].suspends() && demands[index].deferral.is_some() {
+                let deferral = deferral(&demands[index], bounds[index].as_deref());
+                if deferral != demands[index].deferral {
+                    changed = true;
+                    demands[index].deferral = deferral.filter(|_| round < MOST_ROUNDS);
+                }
+            }
         }
         if !changed {
             break;
         }
     }
     Responses { demands, bounds, reserved, reserved_response, reserved_late: late }
+}
+
+/// Time by which the work of a task that waits may come later than its release: until the end of its job, less the work.
+fn deferral(demand: &Demand, bounds: Option<&[Bound]>) -> Option<i64> {
+    let finish = bounds?.iter().map(|bound| bound.finish.total).max()?;
+    Some((finish - demand.cost() - demand.jitter?).max(demand.deferral?))
 }
 
 fn reserved(reservation: &Reservation) -> Reserved {
@@ -97,6 +110,8 @@ fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64
         jitter,
         queue: jitter.unwrap_or(0),
         stages: vec![runtime],
+        waits: vec![0],
+        deferral: Some(0),
         yields: false,
         orderly: false,
     }
@@ -105,6 +120,7 @@ fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64
 fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     let mut stages: Vec<i64> = task.stages.iter().map(|stage| stage.cost_ns() as i64).collect();
     stages[0] += task.spin_ns() as i64;
+    let waits: Vec<i64> = task.stages.iter().map(|stage| stage.waits_ns() as i64).collect();
     let period = task.period_ns as i64;
     // that of a triggered task grows with what is found
     let (offset, jitter, queue) = match task.release {
@@ -126,6 +142,8 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
         jitter: Some(jitter),
         queue,
         stages,
+        deferral: Some(waits.iter().sum()),
+        waits,
         yields,
         orderly: false,
     }

@@ -119,6 +119,8 @@ pub struct Step {
     pub overhead_ns: u64,
     /// Part of the overhead after the step has published, ns.
     pub after_ns: u64,
+    /// Longest time for which it waits for an answer without the core, ns.
+    pub waits_ns: u64,
 }
 
 impl Step {
@@ -135,6 +137,13 @@ impl Stage {
     }
 }
 
+impl Stage {
+    /// Longest time for which its steps wait without the core, one after the other, ns.
+    pub fn waits_ns(&self) -> u64 {
+        self.steps.iter().map(|step| step.waits_ns).sum()
+    }
+}
+
 impl Task {
     /// Spin time of its head before every release, ns.
     pub fn spin_ns(&self) -> u64 {
@@ -147,6 +156,11 @@ impl Task {
     /// Time of the core that one release takes, ns: spinning and all stages.
     pub fn cost_ns(&self) -> u64 {
         self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
+    }
+
+    /// Longest time for which the steps of one release wait without the core, ns.
+    pub fn waits_ns(&self) -> u64 {
+        self.stages.iter().map(Stage::waits_ns).sum()
     }
 
     /// All its steps.
@@ -302,7 +316,13 @@ fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step 
         Activation::Triggered { .. } => 0,
     };
     let added_ns = overheads.worker_ns + timer_ns;
-    Step { component: index, budget_ns: component.budget_ns, overhead_ns: added_ns, after_ns: added_ns }
+    Step {
+        component: index,
+        budget_ns: component.budget_ns,
+        overhead_ns: added_ns,
+        after_ns: added_ns,
+        waits_ns: component.waits_ns,
+    }
 }
 
 /// True if the kernel schedules a component under `SCHED_DEADLINE`, on any core.

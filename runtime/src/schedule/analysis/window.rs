@@ -17,6 +17,11 @@
 //! all of one priority finish within their periods, at most one job of each runs before a job that waits with it. With
 //! known phases only those count that joined the queue no later.
 //!
+//! A job may *suspend itself*: wait for an answer without the core. For its own response time that counts as work. Upon
+//! others it acts as if it were released later, by up to its own response time less its work (G. Nelissen, J. Fonseca,
+//! G. Raravi, V. Nelis, *Timing analysis of fixed priority self-suspending sporadic tasks*, 2015; J.-J. Chen et al., *Many
+//! suspensions, many problems*, 2019). After it has waited it stands at the end of the queue of its priority.
+//!
 //! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due
 //! before.
 
@@ -38,6 +43,10 @@ pub(in crate::schedule) struct Demand {
     pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
+    /// By stage: longest time for which it waits without the core.
+    pub waits: Vec<i64>,
+    /// Time by which its work may come later than its release because it waits; `None` if unbounded.
+    pub deferral: Option<i64>,
     /// True if every job is known to finish before the next one is due, so that each goes to the end of the queue.
     pub orderly: bool,
 }
@@ -97,8 +106,23 @@ impl Demand {
         self.stages.iter().sum()
     }
 
+    /// Cost of one job with its waiting, which is how long it keeps itself.
+    fn length(&self) -> i64 {
+        self.cost() + self.waits.iter().sum::<i64>()
+    }
+
+    /// True if it waits without the core.
+    pub(in crate::schedule) fn suspends(&self) -> bool {
+        self.waits.iter().any(|wait| *wait > 0)
+    }
+
     fn late(&self) -> i64 {
         self.jitter.unwrap_or(0)
+    }
+
+    /// Longest time from the due time of a job to the beginning of its work.
+    fn latest(&self) -> i64 {
+        self.late() + self.deferral.unwrap_or(0)
     }
 
     /// Releases in the window before `until`.
@@ -106,9 +130,9 @@ impl Demand {
         let first = match (opening, self.offset) {
             _ if until <= opening.time() => return 0,
             (Opening::At(time), Some(offset)) => {
-                offset + ceil_div(time - self.late() - offset, self.period) * self.period
+                offset + ceil_div(time - self.latest() - offset, self.period) * self.period
             }
-            _ => opening.time() - self.late(),
+            _ => opening.time() - self.latest(),
         };
         ceil_div(until - first, self.period).max(0)
     }
@@ -127,8 +151,10 @@ impl<'a> Level<'a> {
     pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
-        let utilisation: f64 = level.all().map(|task| task.cost() as f64 / task.period as f64).sum();
-        let bounded = level.all().all(|task| task.jitter.is_some());
+        let waiting = level.own().waits.iter().sum::<i64>() as f64 / level.own().period as f64;
+        let share = |task: &Demand| task.cost() as f64 / task.period as f64;
+        let utilisation: f64 = waiting + level.all().map(share).sum::<f64>();
+        let bounded = level.all().all(|task| task.jitter.is_some() && task.deferral.is_some());
         (bounded && utilisation <= 1.0 + 1e-12).then_some(level)
     }
 
@@ -144,7 +170,8 @@ impl<'a> Level<'a> {
     /// Length of the longest busy window.
     pub(in crate::schedule) fn longest(&self) -> Option<i64> {
         let length = settle(1, |until| {
-            self.all().map(|task| task.releases(Opening::Worst, until) * task.cost()).sum()
+            let own = self.own().releases(Opening::Worst, until) * self.own().length();
+            own + self.work(|other| other.releases(Opening::Worst, until))
         })?;
         let shortest = self.all().map(|task| task.period).min()?;
         (length / shortest < MOST as i64).then_some(length)
@@ -180,13 +207,13 @@ impl<'a> Level<'a> {
             // it may have been late to a core that was idle before
             let there = joins.max(start);
             turn = settle(there + 1, |until| {
-                there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.cost()
+                there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.length()
             })?;
         }
         let mut work = 0;
         let mut ends = Vec::with_capacity(own.stages.len());
         for (stage, cost) in own.stages.iter().enumerate() {
-            work += cost;
+            work += cost + own.waits[stage];
             // the first stages of later jobs may run between the stages of this one, if it has not finished before them
             let later = |until: i64| match stage {
                 0 => 0,
@@ -198,7 +225,7 @@ impl<'a> Level<'a> {
             };
             let end = settle(start + 1, |until| {
                 let others = self.work(|other| count(other, until));
-                start + work + others + (before + later(until)) * own.cost()
+                start + work + others + (before + later(until)) * own.length()
             })?;
             let until = end.max(start + 1);
             ends.push((end, self.jobs(before + later(end), |other| count(other, until))));
@@ -210,7 +237,9 @@ impl<'a> Level<'a> {
 
     /// Releases of another task before `until` that come before a job which joins the queue at `joins`.
     fn ahead(&self, opening: Opening, other: &Demand, until: i64, joins: i64) -> i64 {
-        let waits = other.priority == self.own().priority && other.orderly;
+        let own = self.own();
+        // one that has waited stands behind all others of its priority
+        let waits = other.priority == own.priority && other.orderly && !own.suspends();
         match opening {
             Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
             _ => other.releases(opening, until),
@@ -294,7 +323,8 @@ pub(in crate::schedule) fn after_first_stage(
     let own = level.own();
     let mut bounds = Vec::with_capacity(own.stages.len());
     let mut work = rest;
-    for cost in core::iter::once(&0).chain(own.stages.iter().skip(1)) {
+    let later = own.stages.iter().zip(&own.waits).skip(1).map(|(cost, wait)| cost + wait);
+    for cost in core::iter::once(0).chain(later) {
         work += cost;
         if work == 0 {
             bounds.push(Sum { total: 0, jobs: vec![0; tasks.len()], elapsed: 0 });

@@ -16,6 +16,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
         priority: tasks::priority(planned),
         period_ns: planned.period_ns(),
         budget_ns: planned.budget_ns,
+        waits_ns: planned.waits_ns,
         released_with: planned.name.clone(),
         response_ns: None,
         chain_ns: None,
@@ -75,6 +76,12 @@ fn by_deadline(
 ) -> TaskBound {
     let (cost, runtime) = (reservation.step.cost_ns(), reservation.runtime_ns);
     let deadline = words::time(found.deadline_ns);
+    if reservation.step.waits_ns > 0 {
+        found.verdict = Verdict::NotProvable;
+        found.arithmetic =
+            "waits for an answer, after which the kernel may give it a later deadline".to_string();
+        return found;
+    }
     found.verdict = Verdict::Exceeds;
     if cost > runtime {
         found.arithmetic =

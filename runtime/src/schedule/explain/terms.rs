@@ -14,7 +14,12 @@ pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usiz
         .iter()
         .skip(first)
         .flat_map(|stage| &stage.steps)
-        .map(|step| format!("{} ({})", words::time(step.cost_ns()), name(step.component)))
+        .flat_map(|step| {
+            let waits = (step.waits_ns > 0)
+                .then(|| format!("{} (waiting of {})", words::time(step.waits_ns), name(step.component)));
+            let works = format!("{} ({})", words::time(step.cost_ns()), name(step.component));
+            core::iter::once(works).chain(waits)
+        })
         .collect();
     let here = analysis.tasks.on_core(task.core);
     // SCHED_DEADLINE components stand behind the tasks of the core
@@ -29,10 +34,12 @@ pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usiz
         if *count > 0 {
             let members: Vec<&str> = tasks[index].steps().map(|step| name(step.component).as_str()).collect();
             let times = if *count == 1 { String::new() } else { format!("{count} x ") };
-            let before = if index == place.task { ", an earlier job" } else { "" };
+            let is_own = index == place.task;
+            let before = if is_own { ", an earlier job" } else { "" };
+            let waits_ns = if is_own { tasks[index].waits_ns() } else { 0 };
             terms.push(format!(
                 "{times}{} ({}{before})",
-                words::time(tasks[index].cost_ns()),
+                words::time(tasks[index].cost_ns() + waits_ns),
                 members.join(", ")
             ));
         }

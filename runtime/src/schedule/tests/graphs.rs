@@ -130,6 +130,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             robot: None,
             robots: Vec::new(),
             stop_within_ns: None,
+            waits_ns: 0,
             folder: Default::default(),
             actuator: false,
             seed: 0,

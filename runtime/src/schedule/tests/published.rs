@@ -14,6 +14,8 @@ fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {
         jitter: Some(0),
         queue: 0,
         stages: vec![*cost],
+        waits: vec![0],
+        deferral: Some(0),
         yields: false,
         orderly: false,
     };
@@ -26,6 +28,41 @@ fn responses(tasks: Vec<Demand>) -> Vec<Option<i64>> {
 
 fn of(set: &[(i64, i64)]) -> Vec<Option<i64>> {
     responses(tasks(set))
+}
+
+/// Responses of tasks of which some wait: cost, waiting, period. The deferral of a task is its response less its cost.
+fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
+    let plain: Vec<(i64, i64)> = set.iter().map(|(cost, _, period)| (*cost, *period)).collect();
+    let mut tasks = tasks(&plain);
+    for (task, (_, wait, _)) in tasks.iter_mut().zip(set) {
+        task.waits[0] = *wait;
+    }
+    loop {
+        let found = responses(tasks.clone());
+        let before = tasks.clone();
+        for (task, response) in tasks.iter_mut().zip(&found) {
+            let late = response.map(|response| response - task.cost());
+            task.deferral = if task.suspends() { late } else { Some(0) };
+        }
+        if tasks == before {
+            return found;
+        }
+    }
+}
+
+#[test]
+fn waiting_counts_for_the_one_that_waits_and_not_as_load_of_the_core() {
+    // as work, 60 + 50 of 100 would leave no bound to the second
+    assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(60)]);
+    assert_eq!(of(&[(60, 100), (50, 100)])[1], None);
+    // whoever is delayed while it waits is not in time, however little work it has
+    assert_eq!(with_waits(&[(50, 0, 100), (10, 50, 100)]), [Some(50), Some(110)]);
+}
+
+#[test]
+fn one_that_waits_delays_others_twice_within_its_period() {
+    // Nelissen et al. 2015: the waiting alone as jitter would give 12, which a schedule exceeds
+    assert_eq!(with_waits(&[(1, 0, 2), (5, 5, 20), (1, 0, 50)]), [Some(1), Some(20), Some(22)]);
 }
 
 #[test]

@@ -39,6 +39,7 @@ fn component(name: &str) -> ComponentPlan {
         robot: None,
         robots: Vec::new(),
         stop_within_ns: None,
+        waits_ns: 0,
         folder: Default::default(),
         actuator: false,
         seed: 0,

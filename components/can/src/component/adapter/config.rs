@@ -1,11 +1,15 @@
 //! The configuration of `can.adapter`, its checks, and the state that it publishes of its drives.
 
+use std::path::Path;
+use std::time::Duration;
+
 use motorium::declare::{ConfigError, Declare};
+use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::component::{Equipped, Source};
-use crate::{Budget, BusEntry, DriveEntry};
+use crate::{Budget, BusEntry, DriveEntry, Table};
 
 motorium::state_buffer! {
     /// The drives of a robot, in the order of its joints.
@@ -81,6 +85,8 @@ pub struct CanAdapterConfig {
     /// Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
+    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
+    pub answer_within: Option<TimeSpan>,
     /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the robot. Default: that of
     /// the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
@@ -88,6 +94,14 @@ pub struct CanAdapterConfig {
 }
 
 impl CanAdapterConfig {
+    /// The drive table: that of the file, which is relative to `folder`, or of the configuration itself.
+    ///
+    /// # Errors
+    /// It cannot be read, or a value in it cannot be.
+    pub fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
+        self.source().table(folder)
+    }
+
     pub(in crate::component) fn source(&self) -> Source<'_> {
         Source { file: self.drives.as_deref(), buses: &self.bus, drives: &self.drive }
     }
@@ -95,6 +109,23 @@ impl CanAdapterConfig {
 
 fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
+}
+
+/// Longest time for which a step waits for answers.
+pub(super) fn answer_within(
+    config: &CanAdapterConfig,
+    period: Option<Duration>,
+) -> Result<Duration, ConfigError> {
+    let within = config.answer_within.map(Duration::from);
+    let Some(period) = period else { return Ok(within.unwrap_or_default()) };
+    match within {
+        Some(within) if within.is_zero() || within >= period => {
+            let message = format!("answers within {within:?} of a period of {period:?}");
+            let advice = "leave time for the commands of the next period: write about half a period";
+            Err(ConfigError::key("answer_within", message).advise(advice))
+        }
+        _ => Ok(within.unwrap_or(period / 2)),
+    }
 }
 
 pub(super) fn check_watchdogs(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
@@ -110,7 +141,13 @@ pub(super) fn check_watchdogs(config: &CanAdapterConfig, equipped: &Equipped) ->
     }
 }
 
-pub(super) fn check_budget(bus: &str, budget: &Budget, declare: &mut Declare) -> Result<(), ConfigError> {
+/// Refuses a bus whose frames do not fit into a cycle; `within` is the time for which the answers of a real one are awaited.
+pub(super) fn check_budget(
+    bus: &str,
+    budget: &Budget,
+    within: Option<Duration>,
+    declare: &mut Declare,
+) -> Result<(), ConfigError> {
     if !budget.fits() {
         let message = format!("{} drives do not fit on bus `{bus}`: {budget}", budget.exchanges.len());
         let advice = format!(
@@ -118,6 +155,14 @@ pub(super) fn check_budget(bus: &str, budget: &Budget, declare: &mut Declare) ->
             budget.most()
         );
         return Err(ConfigError::key("drives", message).advise(advice));
+    }
+    if let Some(within) = within
+        && (within.as_nanos() as u64) < budget.complete_ns()
+    {
+        let message =
+            format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
+        let advice = "wait longer, raise the bitrate, or lower the rate";
+        declare.warn(message).at("answer_within").advise(advice);
     }
     if budget.share() > Budget::COMFORTABLE {
         let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));

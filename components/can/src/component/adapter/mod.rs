@@ -1,24 +1,25 @@
 //! `can.adapter`: the actuator whose drives are on CAN buses.
 
+mod account;
 mod config;
+mod exchange;
 mod results;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::safety::{CommandGate, Measured, Verdict};
 use motorium::state::{BusHealth, CanFrame};
-use motorium::transport::{SliceInput, SliceOutput};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
-use super::{Equipped, limits, load, wire};
+use super::{Equipped, interfaces, limits, load};
+use crate::Frame;
 use crate::adapter::{Adapter, OnTrip, Phase, Setpoint};
-use crate::bus::Received;
-use crate::bus::simulated::ErrorState;
-use crate::{Bits, Frame, Rates};
+use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
-use config::{check_budget, check_watchdogs};
+use config::{answer_within, check_budget, check_watchdogs};
+use exchange::{Exchange, Sockets, Topics};
 
 /// Frames that one batch of all buses holds at most.
 pub(super) const BATCH: usize = 128;
@@ -26,10 +27,9 @@ pub(super) const BATCH: usize = 128;
 /// A component that commands drives on CAN buses.
 pub struct CanAdapter {
     command: Input<JointCommand>,
-    received: SliceInput<CanFrame>,
     joint_state: Output<JointState>,
     health: Output<JointHealth>,
-    sent: SliceOutput<CanFrame>,
+    exchange: Exchange,
     gate: CommandGate,
     adapter: Adapter,
     names: Vec<String>,
@@ -38,22 +38,8 @@ pub struct CanAdapter {
     weight: Weight,
     clock: RunClock,
     frames: Vec<Frame>,
-    batch: Vec<CanFrame>,
     resumes: u32,
     safe: u64,
-}
-
-/// The account of one bus.
-struct BusAccount {
-    name: String,
-    rates: Rates,
-    health: Output<BusHealth>,
-    counts: BusHealth,
-    /// Time that its bits took in the cycle, and in all, ns.
-    busy_ns: u64,
-    total_ns: u64,
-    /// The largest load of a cycle.
-    peak: f64,
 }
 
 /// The efforts that hold the robot against gravity.
@@ -82,20 +68,28 @@ impl Component for CanAdapter {
         if !config.gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
+        let is_real = interfaces::are_real(&equipped.table, declare.clock())?;
+        let within = is_real.then(|| answer_within(config, declare.period())).transpose()?;
         for (index, bus) in equipped.table.buses.iter().enumerate() {
             if let Some(period) = declare.period() {
-                check_budget(&bus.name, &equipped.table.budget(index, period.as_nanos() as u64), declare)?;
+                let budget = equipped.table.budget(index, period.as_nanos() as u64);
+                check_budget(&bus.name, &budget, within, declare)?;
             }
         }
         declare.input::<JointCommand>("joint_command", "commands of the joints");
-        declare.slice_input::<CanFrame>("frames_received", 16, "frames received from the buses");
         declare.output::<JointState>("joint_state", "newest state of every joint");
-        declare.slice_output::<CanFrame>(
-            "frames_sent",
-            BATCH,
-            16,
-            "frames sent to the buses, one batch a cycle",
-        );
+        if let Some(within) = within {
+            declare.waits(within);
+        } else {
+            if config.answer_within.is_some() {
+                let advice =
+                    "leave it out: simulated buses answer between two steps; real ones have an `interface`";
+                return Err(ConfigError::key("answer_within", "no bus has an interface").advise(advice));
+            }
+            declare.slice_input::<CanFrame>("frames_received", 16, "frames received from the buses");
+            let sent = "frames sent to the buses, one batch a cycle";
+            declare.slice_output::<CanFrame>("frames_sent", BATCH, 16, sent);
+        }
         declare.output::<JointHealth>("joint_health", "age, flags and temperature of every drive");
         for bus in &equipped.table.buses {
             declare.output::<BusHealth>(&format!("{}_health", bus.name), "state and counts of this bus");
@@ -118,23 +112,27 @@ impl Component for CanAdapter {
         let gate = setup.command_gate(limits)?;
         let mut buses = Vec::new();
         for (index, bus) in table.buses.iter().enumerate() {
-            buses.push(BusAccount {
-                name: bus.name.clone(),
-                rates: table.rates(index),
-                health: setup.named_output(&format!("{}_health", bus.name))?,
-                counts: BusHealth { bus: index as u32, state: BusHealth::ACTIVE, ..BusHealth::default() },
-                busy_ns: 0,
-                total_ns: 0,
-                peak: 0.0,
-            });
+            let health = setup.named_output(&format!("{}_health", bus.name))?;
+            buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
+        let mut adapter = Adapter::new(&table, &order, &damping, on_trip);
+        let clock = setup.clock();
+        let exchange = if interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)? {
+            let within = answer_within(&config, Some(setup.period())).map_err(ConfigureError::Config)?;
+            let within_ns = within.as_nanos() as u64;
+            let sockets = Sockets::open(&table, clock.clone(), within_ns).map_err(ConfigureError::Config)?;
+            sockets.prepare(&mut adapter);
+            Exchange::Sockets(sockets)
+        } else {
+            let received = setup.slice_input("frames_received")?;
+            Exchange::Topics(Topics::new(received, setup.slice_output("frames_sent")?))
+        };
         Ok(Self {
             command: setup.input("joint_command")?,
-            received: setup.slice_input("frames_received")?,
             joint_state: setup.output("joint_state")?,
             health: setup.output("joint_health")?,
-            sent: setup.slice_output("frames_sent")?,
-            adapter: Adapter::new(&table, &order, &damping, on_trip),
+            exchange,
+            adapter,
             names: robot.model.joint_names().to_vec(),
             buses,
             measured: [vec![0.0; joints], vec![0.0; joints]],
@@ -143,9 +141,8 @@ impl Component for CanAdapter {
                 model: robot.model,
                 gravity: config.gravity.into(),
             },
-            clock: setup.clock(),
+            clock,
             frames: Vec::with_capacity(BATCH),
-            batch: Vec::with_capacity(BATCH),
             resumes: gate.resumes(),
             gate,
             safe: 0,
@@ -153,17 +150,30 @@ impl Component for CanAdapter {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.collect();
-        self.adapter.end_cycle(!tick.settling);
-        if let Some((joint, wrong)) = self.adapter.wrong_setting() {
-            let name = &self.names[joint];
-            return Err(StepError::failed(format!("the drive of `{name}` is not enabled: {wrong}")));
+        let Self { exchange, adapter, buses, .. } = self;
+        match exchange {
+            // the answers to the last step's batch are there; those to this one's come before the next
+            Exchange::Topics(topics) => {
+                topics.collect(adapter, buses);
+                self.end_cycle(tick)?;
+                self.apply_command(tick.settling);
+                let Self { exchange: Exchange::Topics(topics), adapter, buses, frames, .. } = self else {
+                    return Ok(());
+                };
+                topics.send(tick, adapter, buses, frames)?;
+            }
+            Exchange::Sockets(sockets) => {
+                // late ones, before the newest command goes out
+                sockets.collect(adapter, buses);
+                self.apply_command(tick.settling);
+                let Self { exchange: Exchange::Sockets(sockets), adapter, buses, frames, .. } = self else {
+                    return Ok(());
+                };
+                sockets.send(adapter, buses, frames);
+                sockets.await_answers(adapter, buses);
+                self.end_cycle(tick)?;
+            }
         }
-        if self.adapter.is_complete() {
-            self.publish_state()?;
-        }
-        self.apply_command(tick.settling);
-        self.send(tick)?;
         self.publish_health(tick)
     }
 
@@ -173,26 +183,14 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Takes all frames that were received since the last step.
-    fn collect(&mut self) {
-        while let Some((_, frames)) = self.received.next_unread() {
-            for frame in frames {
-                let Some(bus) = self.buses.get_mut(frame.bus as usize) else { continue };
-                if let Some(state) = wire::reported(frame) {
-                    bus.report(state);
-                    if state == ErrorState::Off {
-                        self.adapter.trip();
-                    }
-                } else if let Some(data) = wire::from_topic(frame) {
-                    bus.counts.received += 1;
-                    bus.busy_ns += Bits::of(&data).ns(&bus.rates);
-                    let received = Received { frame: data, time_ns: frame.receive_time };
-                    self.adapter.take(frame.bus as usize, &received);
-                } else {
-                    bus.counts.dropped += 1;
-                }
-            }
+    /// Ends the cycle of commands and answers, and publishes the state of the joints.
+    fn end_cycle(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.adapter.end_cycle(!tick.settling);
+        if let Some((joint, wrong)) = self.adapter.wrong_setting() {
+            let name = &self.names[joint];
+            return Err(StepError::failed(format!("the drive of `{name}` is not enabled: {wrong}")));
         }
+        if self.adapter.is_complete() { self.publish_state() } else { Ok(()) }
     }
 
     fn publish_state(&mut self) -> Result<(), StepError> {
@@ -237,36 +235,11 @@ impl CanAdapter {
         }
     }
 
-    /// Sends the batch of this cycle. What does not fit is not sent: the next cycle has newer commands.
-    fn send(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.batch.clear();
-        for (index, bus) in self.buses.iter_mut().enumerate() {
-            self.frames.clear();
-            self.adapter.write(index, &mut self.frames);
-            let is_off = bus.counts.state == BusHealth::BUS_OFF;
-            let room = if is_off { 0 } else { BATCH - self.batch.len() };
-            let count = self.frames.len().min(room);
-            bus.counts.sent += count as u64;
-            bus.counts.unsent += (self.frames.len() - count) as u64;
-            for frame in &self.frames[..count] {
-                bus.busy_ns += Bits::of(frame).ns(&bus.rates);
-                self.batch.push(wire::to_topic(frame, index, 0));
-            }
-            self.adapter.sent(index, count, tick.time_ns);
-        }
-        let mut out = self.sent.loan(self.batch.len())?;
-        out.copy_from_slice(&self.batch);
-        out.publish()
-    }
-
     fn publish_health(&mut self, tick: &Tick) -> Result<(), StepError> {
-        let period_ns = tick.period.as_nanos().max(1) as f64;
-        let cycles = self.adapter.cycles().max(1) as f64;
+        let period_ns = tick.period.as_nanos().max(1) as u64;
+        let (now_ns, cycles) = (self.clock.now_ns(), self.adapter.cycles().max(1));
         for (index, bus) in self.buses.iter_mut().enumerate() {
-            let busy_ns = core::mem::take(&mut bus.busy_ns);
-            bus.total_ns += busy_ns;
-            bus.peak = bus.peak.max(busy_ns as f64 / period_ns);
-            bus.counts.load = (bus.total_ns as f64 / (cycles * period_ns)).min(1.0);
+            bus.close(now_ns, cycles, period_ns);
             let on_bus = self.adapter.links().iter().filter(|link| link.bus() == index);
             bus.counts.unanswered = on_bus.map(|link| link.counts().missing).sum();
             bus.health.send(&bus.counts)?;
@@ -285,18 +258,5 @@ impl CanAdapter {
             health.temperature[i] = link.temperature().unwrap_or(0.0);
         }
         health.publish()
-    }
-}
-
-impl BusAccount {
-    fn report(&mut self, state: ErrorState) {
-        let state = match state {
-            ErrorState::Active => BusHealth::ACTIVE,
-            ErrorState::Passive => BusHealth::PASSIVE,
-            ErrorState::Off => BusHealth::BUS_OFF,
-        };
-        self.counts.errors += u64::from(state != BusHealth::ACTIVE);
-        self.counts.bus_off += u64::from(state == BusHealth::BUS_OFF && self.counts.state != state);
-        self.counts.state = state;
     }
 }

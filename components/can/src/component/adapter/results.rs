@@ -27,7 +27,7 @@ impl CanAdapter {
         let mut buses = serde_json::Map::new();
         let cycles = self.adapter.cycles();
         for bus in &self.buses {
-            let value = serde_json::json!({
+            let mut value = serde_json::json!({
                 "load": bus.counts.load,
                 "highest_load": bus.peak,
                 "sent": bus.counts.sent,
@@ -36,6 +36,14 @@ impl CanAdapter {
                 "errors": bus.counts.errors,
                 "bus_off": bus.counts.bus_off,
             });
+            if let (Some((condition, counts)), Some(table)) = (bus.socket, value.as_object_mut()) {
+                table.insert("condition".into(), condition.name().into());
+                table.insert("unacknowledged".into(), counts.unacknowledged.into());
+                table.insert("queue_full".into(), counts.queue_full.into());
+                table.insert("down".into(), counts.down.into());
+                table.insert("lost".into(), counts.overflows.into());
+                table.insert("diagnosis".into(), bus.diagnosis().into());
+            }
             buses.insert(bus.name.clone(), value);
         }
         let sum = |count: fn(&crate::adapter::Counts) -> u64| -> u64 {

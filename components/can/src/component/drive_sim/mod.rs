@@ -1,19 +1,21 @@
 //! `can.drive_sim`: buses and drives of a robot that physics simulates.
 
 mod config;
+mod simulated;
+mod sockets;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::CanFrame;
-use motorium::transport::{SliceInput, SliceOutput};
 
 use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
-use super::{Equipped, load, wire};
-use crate::bus::simulated::{ErrorState, Event};
-use crate::{Frame, Id, SimulatedBus, SimulatedDrive, Table, Transmission};
+use super::{Equipped, interfaces, load};
+use crate::{Frame, SimulatedDrive, Table, Transmission};
 
 pub use config::DriveSimulationConfig;
+use simulated::{Simulated, wires};
+use sockets::Sockets;
 
 /// Velocity gain of a closed brake, N m s/rad or N s/m: it gives the joint's full effort at a creep.
 const BRAKE: f64 = 1e5;
@@ -23,20 +25,24 @@ const BABBLE_NS: u64 = 50_000;
 /// A component that simulates the buses and drives of a robot.
 ///
 /// In each step it moves the buses on to the present, lets each drive hear and answer, runs the inner loops on the joint state
-/// that physics has just published, and publishes the efforts.
+/// that physics has just published, and publishes the efforts. Drives on an interface of the computer hear what it receives,
+/// and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
-    sent: SliceInput<CanFrame>,
-    received: SliceOutput<CanFrame>,
+    lines: Lines,
     command: Output<JointCommand>,
     clock: RunClock,
     axes: Vec<Axis>,
-    buses: Vec<Wire>,
     faults: Vec<Fault>,
-    answers: Vec<CanFrame>,
     config: DriveSimulationConfig,
     random: u64,
     lost: u64,
+}
+
+/// The lines between adapter and drives.
+enum Lines {
+    Simulated(Simulated),
+    Sockets(Sockets),
 }
 
 /// One joint with its drive.
@@ -53,15 +59,6 @@ struct Axis {
     was_off: bool,
 }
 
-/// One bus: node 0 is the adapter, the last one babbles, those between are drives.
-struct Wire {
-    bus: SimulatedBus,
-    babbler: usize,
-    babbled_ns: u64,
-    state: ErrorState,
-    was_off: bool,
-}
-
 impl Component for DriveSimulation {
     const KIND: &'static str = "can.drive_sim";
     const SUMMARY: &'static str = "simulates drives on CAN buses";
@@ -75,15 +72,22 @@ impl Component for DriveSimulation {
             return Err(ConfigError::key("loss", format!("{}, expected 0 to 1", config.loss)));
         }
         if let Some(period) = declare.period()
-            && period.as_nanos() > 250_000
+            && period.as_nanos() > 500_000
         {
             let message = format!("an inner loop of {:.0} Hz", 1.0 / period.as_secs_f64());
             let warning = declare.warn(message);
-            warning.advise("simulate physics at 4 kHz or more: drives hold stiff gains only in a fast loop");
+            warning.advise("simulate physics at 2 kHz or more, better at 4 kHz: drives hold stiff gains only in a fast loop");
         }
         declare.input::<JointState>("joint_state", "true state of the joints");
-        declare.slice_input::<CanFrame>("frames_sent", 16, "frames that the adapter sends");
-        declare.slice_output::<CanFrame>("frames_received", BATCH, 16, "frames that the adapter receives");
+        if !interfaces::are_real(&equipped.table, declare.clock())? {
+            declare.slice_input::<CanFrame>("frames_sent", 16, "frames that the adapter sends");
+            declare.slice_output::<CanFrame>(
+                "frames_received",
+                BATCH,
+                16,
+                "frames that the adapter receives",
+            );
+        }
         declare.output::<JointCommand>(
             "joint_command",
             "efforts of the drives, for physics with `plant = true`",
@@ -97,30 +101,22 @@ impl Component for DriveSimulation {
             load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
         let mut axes = axes(&config, &equipped).map_err(ConfigureError::Config)?;
         let table = &equipped.table;
-        let mut buses = Vec::new();
-        for index in 0..table.buses.len() {
-            let mut nodes = 1;
-            for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
-                (axis.node, nodes) = (nodes, nodes + 1);
-            }
-            buses.push(Wire {
-                bus: SimulatedBus::new(table.rates(index), nodes + 1, BATCH),
-                babbler: nodes,
-                babbled_ns: 0,
-                state: ErrorState::Active,
-                was_off: false,
-            });
-        }
+        let (faults, clock) = (faults(&config, table).map_err(ConfigureError::Config)?, setup.clock());
+        let lines = if interfaces::are_real(table, clock.kind()).map_err(ConfigureError::Config)? {
+            let sockets = Sockets::open(table, &axes, &faults, clock.clone());
+            Lines::Sockets(sockets.map_err(ConfigureError::Config)?)
+        } else {
+            let (sent, received) =
+                (setup.slice_input("frames_sent")?, setup.slice_output("frames_received")?);
+            Lines::Simulated(Simulated::new(sent, received, wires(table, &mut axes)))
+        };
         Ok(Self {
             joint_state: setup.input("joint_state")?,
-            sent: setup.slice_input("frames_sent")?,
-            received: setup.slice_output("frames_received")?,
+            lines,
             command: setup.output("joint_command")?,
-            clock: setup.clock(),
+            clock,
             axes,
-            buses,
-            faults: faults(&config, table).map_err(ConfigureError::Config)?,
-            answers: Vec::with_capacity(BATCH),
+            faults,
             random: setup.seed(),
             config,
             lost: 0,
@@ -129,17 +125,28 @@ impl Component for DriveSimulation {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let now_ns = self.clock.now_ns().max(tick.time_ns);
-        self.hear();
-        self.begin_faults(now_ns);
-        self.answers.clear();
-        for index in 0..self.buses.len() {
-            self.run_bus(index, now_ns);
+        for axis in &mut self.axes {
+            let is_off = self.faults.iter().any(|fault| fault.befalls(FaultKind::Off, axis.entry, now_ns));
+            if is_off && !axis.was_off {
+                axis.drive.cut_power();
+            }
+            axis.was_off = is_off;
         }
-        if !self.answers.is_empty() {
-            let mut out = self.received.loan(self.answers.len())?;
-            out.copy_from_slice(&self.answers);
-            out.publish()?;
+        let Self { lines, axes, faults, config, random, clock, .. } = self;
+        let mut drives = Drives { axes, faults, config, random, lost: 0 };
+        match lines {
+            Lines::Simulated(simulated) => {
+                simulated.run(&mut drives, clock, now_ns)?;
+            }
+            Lines::Sockets(sockets) => {
+                sockets.begin_faults(drives.faults, now_ns);
+                let full = sockets.receive(|index, frame, time_ns, answer| {
+                    drives.hear(index, frame, time_ns, &mut |_, frame, ready_ns| answer(frame, ready_ns));
+                });
+                drives.lost += full + sockets.send(now_ns);
+            }
         }
+        self.lost += drives.lost;
         self.run_loops(now_ns)
     }
 
@@ -153,121 +160,65 @@ impl Component for DriveSimulation {
             (axis.name.clone(), value)
         };
         let drives: serde_json::Map<_, _> = self.axes.iter().map(drive).collect();
-        Some(serde_json::json!({ "answers_lost": self.lost, "drives": drives }))
+        let mut result = serde_json::json!({ "answers_lost": self.lost, "drives": drives });
+        if let (Lines::Sockets(sockets), Some(table)) = (&self.lines, result.as_object_mut()) {
+            let buses =
+                sockets.conditions().map(|(name, condition)| (name.to_string(), condition.name().into()));
+            table.insert("interfaces".into(), buses.collect::<serde_json::Map<_, _>>().into());
+        }
+        Some(result)
     }
 }
 
-impl DriveSimulation {
-    /// Hands the frames of the adapter to their buses, at the time at which it sent them.
-    fn hear(&mut self) {
-        let start_ns = self.clock.stamp_ns(0);
-        while let Some((stamp, frames)) = self.sent.next_unread() {
-            let ready_ns = stamp.publish_time.saturating_sub(start_ns);
-            for frame in frames {
-                let Some(wire) = self.buses.get_mut(frame.bus as usize) else { continue };
-                if let Some(data) = wire::from_topic(frame) {
-                    wire.bus.enqueue(0, data, ready_ns);
-                }
-            }
-        }
-    }
+/// The drives, as a frame reaches them.
+struct Drives<'a> {
+    axes: &'a mut [Axis],
+    faults: &'a [Fault],
+    config: &'a DriveSimulationConfig,
+    random: &'a mut u64,
+    lost: u64,
+}
 
-    /// The faults that are not those of an answer.
-    fn begin_faults(&mut self, now_ns: u64) {
-        for (index, wire) in self.buses.iter_mut().enumerate() {
-            let is_on = |kind| self.faults.iter().any(|fault| fault.befalls(kind, index, now_ns));
-            let is_off = is_on(FaultKind::BusOff);
-            match (is_off, wire.was_off) {
-                (true, _) => wire.bus.switch_off(0),
-                (false, true) => wire.bus.restart(0),
-                (false, false) => {}
-            }
-            wire.was_off = is_off;
-            if is_on(FaultKind::Disturbed) {
-                wire.bus.disturb(1);
-            }
-            if is_on(FaultKind::Babbling) {
-                // it goes on where it was, and never saves up
-                wire.babbled_ns = wire.babbled_ns.max(now_ns.saturating_sub(1_000_000));
-                while wire.babbled_ns < now_ns {
-                    let noise = Frame::classic(Id::Standard(0), &[0xff; 8]);
-                    wire.bus.enqueue(wire.babbler, noise, wire.babbled_ns);
-                    wire.babbled_ns += BABBLE_NS;
-                }
-            } else {
-                wire.babbled_ns = now_ns;
-            }
-        }
-        for axis in &mut self.axes {
-            let is_off = self.faults.iter().any(|fault| fault.befalls(FaultKind::Off, axis.entry, now_ns));
-            if is_off && !axis.was_off {
-                axis.drive.cut_power();
-            }
-            axis.was_off = is_off;
-        }
-    }
-
-    /// Moves a bus on to the present: drives hear what is delivered, and their answers are sent in turn.
-    fn run_bus(&mut self, index: usize, now_ns: u64) {
-        while let Some(event) = self.buses[index].bus.next(now_ns) {
-            if let Event::Delivered { sender, frame, time_ns } = event {
-                if sender == 0 {
-                    self.answer(index, &frame, time_ns);
-                } else if self.buses[index].bus.state(0) != ErrorState::Off {
-                    self.tell(wire::to_topic(&frame, index, time_ns));
-                }
-            }
-        }
-        let wire = &mut self.buses[index];
-        let state = wire.bus.state(0);
-        if state != wire.state {
-            let is_back = wire.state == ErrorState::Off;
-            wire.state = state;
-            self.tell(wire::report(state, is_back, index, now_ns));
-        }
-    }
-
-    /// Lets the adapter receive a frame; what its batch has no room for is lost, as with a full buffer.
-    fn tell(&mut self, frame: CanFrame) {
-        if self.answers.len() < BATCH {
-            self.answers.push(frame);
-        } else {
-            self.lost += 1;
-        }
-    }
-
-    /// All drives of a bus hear a frame; the one that it is for answers.
-    fn answer(&mut self, index: usize, frame: &Frame, time_ns: u64) {
-        let (faults, config) = (&self.faults, &self.config);
+impl Drives<'_> {
+    /// All drives of a bus hear a frame; the one that it is for answers: its node, its answer, and when that is ready.
+    fn hear(
+        &mut self,
+        index: usize,
+        frame: &Frame,
+        time_ns: u64,
+        answer_with: &mut dyn FnMut(usize, Frame, u64),
+    ) {
+        let (faults, config) = (self.faults, self.config);
         for axis in self.axes.iter_mut().filter(|axis| axis.bus == index && !axis.was_off) {
             let Some(answer) = axis.drive.receive(frame, time_ns) else { continue };
             let has = |kind| faults.iter().find(|fault| fault.befalls(kind, axis.entry, time_ns));
-            let lost = config.loss > 0.0 && uniform(&mut self.random) < config.loss;
+            let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
             if has(FaultKind::Silent).is_some() || lost {
                 self.lost += 1;
                 continue;
             }
             let jitter_ns = match config.jitter.ns {
                 0 => 0,
-                jitter => (uniform(&mut self.random) * jitter as f64) as u64,
+                jitter => (uniform(self.random) * jitter as f64) as u64,
             };
             let late_ns = has(FaultKind::Late).map_or(0, |fault| fault.delay_ns);
             let ready_ns = time_ns + config.delay.ns + jitter_ns + late_ns;
             let answer = if has(FaultKind::WrongLength).is_some() {
-                Frame::classic(answer.id, &answer.data()[..5])
+                Frame::new(answer.id, answer.form, &answer.data()[..5]).unwrap_or(answer)
             } else if has(FaultKind::Corrupt).is_some() {
                 corrupt(answer)
             } else {
                 answer
             };
-            let bus = &mut self.buses[index].bus;
-            bus.enqueue(axis.node, answer, ready_ns);
+            answer_with(axis.node, answer, ready_ns);
             if has(FaultKind::Duplicate).is_some() {
-                bus.enqueue(axis.node, answer, ready_ns);
+                answer_with(axis.node, answer, ready_ns);
             }
         }
     }
+}
 
+impl DriveSimulation {
     /// Runs the inner loop of every drive on the newest state of its joint.
     fn run_loops(&mut self, now_ns: u64) -> Result<(), StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(()) };

@@ -1,0 +1,160 @@
+//! Reports of a controller about itself, in the form in which Linux delivers them: error frames.
+
+/// The state of a controller on a bus, by its error counters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ErrorState {
+    /// It takes part, and marks errors of others.
+    #[default]
+    Active,
+    /// It takes part, and has counted many errors.
+    Warning,
+    /// It takes part, and disturbs nobody.
+    Passive,
+    /// It has left the bus.
+    Off,
+}
+
+/// A report of a controller: what has happened, and the state it is in since.
+///
+/// ```
+/// use motorium_can::{ErrorState, Report};
+///
+/// let nobody = Report::decode(0x20, &[0; 8]);
+/// assert!(nobody.is_unacknowledged && nobody.state.is_none());
+/// let passive = Report::decode(0x204, &[0, 0x20, 0, 0, 0, 0, 136, 0]);
+/// assert_eq!((passive.state, passive.counters), (Some(ErrorState::Passive), Some([136, 0])));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// The state that it tells, if it tells one.
+    pub state: Option<ErrorState>,
+    /// A frame was sent and no node acknowledged it.
+    pub is_unacknowledged: bool,
+    /// The controller had no room for a frame that it received or was to send.
+    pub is_overflow: bool,
+    /// A frame was disturbed, by any node.
+    pub is_disturbed: bool,
+    /// The controller is back after it had left the bus.
+    pub is_restart: bool,
+    /// Errors counted as sender and as receiver, where the driver tells.
+    pub counters: Option<[u8; 2]>,
+}
+
+// Classes of an error frame: bits of its identifier.
+const CONTROLLER: u32 = 0x4;
+const PROTOCOL: u32 = 0x8;
+const NO_ACKNOWLEDGE: u32 = 0x20;
+const BUS_OFF: u32 = 0x40;
+const BUS_ERROR: u32 = 0x80;
+const RESTARTED: u32 = 0x100;
+const COUNTERS: u32 = 0x200;
+// Reports of the controller: bits of the second byte.
+const OVERFLOW: u8 = 0x01 | 0x02;
+const WARNING: u8 = 0x04 | 0x08;
+const PASSIVE: u8 = 0x10 | 0x20;
+const ACTIVE: u8 = 0x40;
+
+impl Report {
+    /// Reads an error frame: its classes, the identifier without flags, and its data.
+    pub fn decode(classes: u32, data: &[u8; 8]) -> Self {
+        let has = |class: u32| classes & class != 0;
+        let controller = if has(CONTROLLER) { data[1] } else { 0 };
+        let state = match controller {
+            _ if has(BUS_OFF) => Some(ErrorState::Off),
+            bits if bits & PASSIVE != 0 => Some(ErrorState::Passive),
+            bits if bits & WARNING != 0 => Some(ErrorState::Warning),
+            bits if bits & ACTIVE != 0 || has(RESTARTED) => Some(ErrorState::Active),
+            _ => None,
+        };
+        Self {
+            state,
+            is_unacknowledged: has(NO_ACKNOWLEDGE),
+            is_overflow: controller & OVERFLOW != 0,
+            is_disturbed: has(PROTOCOL | BUS_ERROR),
+            is_restart: has(RESTARTED),
+            counters: has(COUNTERS).then_some([data[6], data[7]]),
+        }
+    }
+
+    /// The error frame that says so: its classes and its data.
+    pub fn encode(&self) -> (u32, [u8; 8]) {
+        let mut data = [0; 8];
+        let mut classes = 0;
+        let mut set = |is: bool, class: u32| classes |= if is { class } else { 0 };
+        set(self.is_unacknowledged, NO_ACKNOWLEDGE);
+        set(self.is_disturbed, PROTOCOL | BUS_ERROR);
+        set(self.is_restart, RESTARTED);
+        set(self.counters.is_some(), COUNTERS);
+        set(self.state == Some(ErrorState::Off), BUS_OFF);
+        data[1] = match self.state {
+            Some(ErrorState::Active) => ACTIVE,
+            Some(ErrorState::Warning) => 0x08,
+            Some(ErrorState::Passive) => 0x20,
+            Some(ErrorState::Off) | None => 0,
+        };
+        data[1] |= u8::from(self.is_overflow);
+        set(data[1] != 0, CONTROLLER);
+        if let Some([sender, receiver]) = self.counters {
+            (data[6], data[7]) = (sender, receiver);
+        }
+        (classes, data)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_survives_its_frame() {
+        for state in [
+            None,
+            Some(ErrorState::Active),
+            Some(ErrorState::Warning),
+            Some(ErrorState::Passive),
+            Some(ErrorState::Off),
+        ] {
+            for bits in 0..16 {
+                let report = Report {
+                    state,
+                    is_unacknowledged: bits & 1 != 0,
+                    is_overflow: bits & 2 != 0,
+                    is_disturbed: bits & 4 != 0,
+                    is_restart: bits & 8 != 0 && state == Some(ErrorState::Active),
+                    counters: (bits & 4 != 0).then_some([96, 127]),
+                };
+                let (classes, data) = report.encode();
+                assert_eq!(Report::decode(classes, &data), report);
+            }
+        }
+    }
+
+    #[test]
+    fn a_controller_that_is_both_in_warning_and_passive_is_passive() {
+        assert_eq!(Report::decode(0x4, &[0, 0x2c, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Passive));
+        assert_eq!(Report::decode(0x44, &[0, 0x20, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Off));
+    }
+
+    #[test]
+    fn a_report_is_read_as_the_library_for_such_frames_reads_it() {
+        use socketcan::{CanErrorFrame, errors::ErrorCause};
+        for (classes, data) in [
+            (0x20_u32, [0_u8; 8]),
+            (0x40, [0; 8]),
+            (0x100, [0; 8]),
+            (0x204, [0, 0x30, 0, 0, 0, 0, 136, 128]),
+            (0x8c, [0, 0x01, 2, 0, 0, 0, 0, 0]),
+        ] {
+            let report = Report::decode(classes, &data);
+            let theirs = CanErrorFrame::new_error(classes, &data).unwrap().into_error();
+            let has = |want: fn(&ErrorCause) -> bool| theirs.causes().any(want);
+            assert_eq!(report.is_unacknowledged, has(|cause| matches!(cause, ErrorCause::NoAck)));
+            assert_eq!(
+                report.state == Some(ErrorState::Off),
+                has(|cause| matches!(cause, ErrorCause::BusOff))
+            );
+            assert_eq!(report.is_restart, has(|cause| matches!(cause, ErrorCause::Restarted)));
+            assert_eq!(report.counters.map(|[tx, rx]| (tx, rx)), theirs.counters());
+        }
+    }
+}

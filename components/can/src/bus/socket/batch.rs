@@ -1,0 +1,210 @@
+//! Whole batches of frames in one system call, with the times at which the kernel received them.
+
+#![allow(unsafe_code)] // sendmmsg, recvmmsg and ppoll are plain libc calls, and no safe crate offers them for CAN
+
+use core::mem::{MaybeUninit, zeroed};
+use core::ptr::null_mut;
+use std::io;
+use std::os::fd::{AsRawFd, BorrowedFd};
+
+use libc::{c_int, c_void, canfd_frame, iovec, mmsghdr, timespec};
+
+use super::raw;
+use crate::frame::Frame;
+
+/// Frames of one system call.
+pub(super) const BATCH: usize = 32;
+/// Bytes of a classic frame on its way to the kernel; those of a CAN FD frame are 72.
+const CLASSIC: usize = size_of::<libc::can_frame>();
+
+/// Room for what comes with a frame: three times and a count, each behind a header, aligned as headers are.
+#[repr(C, align(8))]
+#[derive(Clone, Copy)]
+struct Control([u8; 128]);
+
+/// A frame as the kernel hands it over.
+#[derive(Clone, Copy)]
+pub(super) struct Arrival {
+    pub(super) frame: canfd_frame,
+    /// True for a CAN FD frame.
+    pub(super) is_fd: bool,
+    /// Time at which the kernel received it, ns of the wall clock; 0 if it does not tell.
+    pub(super) wall_ns: u64,
+    /// Time at which the controller received it, ns of a clock of its own; 0 if it does not tell.
+    pub(super) hardware_ns: u64,
+    /// Frames that the socket has had no room for so far.
+    pub(super) overflows: Option<u32>,
+}
+
+/// Buffers of a socket, allocated once.
+pub(super) struct Batch {
+    frames: Box<[canfd_frame; BATCH]>,
+    vectors: Box<[iovec; BATCH]>,
+    controls: Box<[Control; BATCH]>,
+    headers: Box<[mmsghdr; BATCH]>,
+}
+
+impl Batch {
+    pub(super) fn new() -> Self {
+        // SAFETY: all of them are plain structures of numbers and pointers, for which zero is a value.
+        let (frame, vector, header): (canfd_frame, iovec, mmsghdr) =
+            unsafe { (zeroed(), zeroed(), zeroed()) };
+        Self {
+            frames: Box::new([frame; BATCH]),
+            vectors: Box::new([vector; BATCH]),
+            controls: Box::new([Control([0; 128]); BATCH]),
+            headers: Box::new([header; BATCH]),
+        }
+    }
+
+    /// Points the headers at the buffers; `control` for those that receive.
+    fn point(&mut self, count: usize, length: impl Fn(usize) -> usize, control: bool) {
+        for i in 0..count {
+            self.vectors[i] =
+                iovec { iov_base: (&raw mut self.frames[i]).cast::<c_void>(), iov_len: length(i) };
+            let header = &mut self.headers[i].msg_hdr;
+            (header.msg_name, header.msg_namelen) = (null_mut(), 0);
+            (header.msg_iov, header.msg_iovlen) = (&raw mut self.vectors[i], 1 as _);
+            (header.msg_control, header.msg_controllen) = if control {
+                ((&raw mut self.controls[i]).cast::<c_void>(), size_of::<Control>() as _)
+            } else {
+                (null_mut(), 0 as _)
+            };
+            (header.msg_flags, self.headers[i].msg_len) = (0, 0);
+        }
+    }
+
+    /// Hands up to [`BATCH`] frames over, in this order; how many were taken, none only with the reason.
+    pub(super) fn send(&mut self, socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
+        let count = frames.len().min(BATCH);
+        for (place, frame) in self.frames.iter_mut().zip(frames) {
+            *place = raw::to_kernel(frame);
+        }
+        let is_fd = |i: usize| frames[i].form != crate::frame::Form::Classic;
+        self.point(count, |i| if is_fd(i) { size_of::<canfd_frame>() } else { CLASSIC }, false);
+        // SAFETY: `count` headers have just been pointed at buffers of this value, which live throughout the call; the
+        // kernel reads the frames only.
+        let sent = unsafe {
+            libc::sendmmsg(socket.as_raw_fd(), self.headers.as_mut_ptr(), count as _, libc::MSG_DONTWAIT)
+        };
+        usize::try_from(sent).map_err(|_| io::Error::last_os_error())
+    }
+
+    /// Takes up to [`BATCH`] frames that are there; `WouldBlock` if none is.
+    pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
+        let count = most.min(BATCH);
+        self.point(count, |_| size_of::<canfd_frame>(), true);
+        // SAFETY: as in `send`; the kernel writes at most the lengths given into the frames and the room behind them.
+        let received = unsafe {
+            libc::recvmmsg(
+                socket.as_raw_fd(),
+                self.headers.as_mut_ptr(),
+                count as _,
+                libc::MSG_DONTWAIT,
+                null_mut(),
+            )
+        };
+        usize::try_from(received).map_err(|_| io::Error::last_os_error())
+    }
+
+    /// A frame that was received; `None` if it has no length of a frame.
+    pub(super) fn arrival(&self, index: usize) -> Option<Arrival> {
+        let length = self.headers[index].msg_len as usize;
+        let is_fd = length == size_of::<canfd_frame>();
+        if length != CLASSIC && !is_fd {
+            return None;
+        }
+        let mut arrival =
+            Arrival { frame: self.frames[index], is_fd, wall_ns: 0, hardware_ns: 0, overflows: None };
+        let header = &self.headers[index].msg_hdr;
+        // SAFETY: the kernel has filled the room behind this header, and said in it how much of it; the macros stay within
+        // that. A part is read only as far as its own length says, and unaligned.
+        unsafe {
+            let mut part = libc::CMSG_FIRSTHDR(header);
+            while let Some(found) = part.as_ref() {
+                let data = libc::CMSG_DATA(part);
+                let holds = |bytes: usize| found.cmsg_len as usize >= libc::CMSG_LEN(bytes as u32) as usize;
+                match (found.cmsg_level, found.cmsg_type) {
+                    (libc::SOL_SOCKET, libc::SO_TIMESTAMPING) if holds(size_of::<[timespec; 3]>()) => {
+                        let [kernel, _, hardware] = data.cast::<[timespec; 3]>().read_unaligned();
+                        (arrival.wall_ns, arrival.hardware_ns) = (nanoseconds(kernel), nanoseconds(hardware));
+                    }
+                    (libc::SOL_SOCKET, libc::SO_RXQ_OVFL) if holds(size_of::<u32>()) => {
+                        arrival.overflows = Some(data.cast::<u32>().read_unaligned());
+                    }
+                    _ => {}
+                }
+                part = libc::CMSG_NXTHDR(header, part);
+            }
+        }
+        Some(arrival)
+    }
+}
+
+fn nanoseconds(time: timespec) -> u64 {
+    u64::try_from(time.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(time.tv_nsec).unwrap_or(0)
+}
+
+/// A wait for several sockets at once.
+pub(crate) struct Waiting {
+    sockets: Vec<libc::pollfd>,
+}
+
+impl Waiting {
+    /// A wait with room for so many sockets.
+    pub(crate) fn of(sockets: usize) -> Self {
+        Self { sockets: Vec::with_capacity(sockets) }
+    }
+
+    /// Waits until one of the sockets has something to be read, a signal arrives, or `timeout_ns` has passed. Without a
+    /// socket it sleeps.
+    pub(crate) fn wait<'a>(&mut self, sockets: impl Iterator<Item = BorrowedFd<'a>>, timeout_ns: u64) {
+        self.sockets.clear();
+        let polled =
+            |fd: BorrowedFd<'_>| libc::pollfd { fd: fd.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+        self.sockets.extend(sockets.map(polled));
+        let timeout = timespec {
+            tv_sec: (timeout_ns / 1_000_000_000) as _,
+            tv_nsec: (timeout_ns % 1_000_000_000) as _,
+        };
+        // SAFETY: the descriptors, as many as are said, and the time live throughout the call. An error means a signal: the
+        // caller looks at the clock anyway.
+        unsafe {
+            libc::ppoll(
+                self.sockets.as_mut_ptr(),
+                self.sockets.len() as _,
+                &raw const timeout,
+                core::ptr::null(),
+            );
+        }
+    }
+}
+
+/// The error that the kernel keeps for the next call of a socket, taken away.
+pub(super) fn take_error(socket: BorrowedFd<'_>) {
+    let mut error = MaybeUninit::<c_int>::zeroed();
+    let mut length = size_of::<c_int>() as libc::socklen_t;
+    // SAFETY: the place has the length that is said, and lives throughout the call.
+    unsafe {
+        libc::getsockopt(
+            socket.as_raw_fd(),
+            libc::SOL_SOCKET,
+            libc::SO_ERROR,
+            error.as_mut_ptr().cast(),
+            &raw mut length,
+        );
+    }
+}
+
+/// A frame of zeros, reserved fields included.
+pub(super) fn zero_frame() -> canfd_frame {
+    // SAFETY: a plain structure of numbers, for which zero is a value.
+    unsafe { zeroed() }
+}
+
+/// Sends one frame as it is, a classic one.
+pub(super) fn send_raw(socket: BorrowedFd<'_>, frame: &canfd_frame) -> io::Result<()> {
+    // SAFETY: a CAN FD frame begins like a classic one, of whose length so many bytes are read.
+    let sent = unsafe { libc::write(socket.as_raw_fd(), core::ptr::from_ref(frame).cast(), CLASSIC) };
+    if sent < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
+}

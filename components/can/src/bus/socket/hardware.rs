@@ -1,0 +1,67 @@
+//! Times of a controller's own clock on the clock of the computer.
+
+/// The distance between two clocks, learnt from frames that both have stamped.
+///
+/// The kernel stamps a frame later than the controller, by the time that the frame takes to it. The smallest distance seen is
+/// nearest to the truth; it is let go by the most that two clocks drift apart, so that it follows them.
+///
+/// ```
+/// use motorium_can::bus::socket::HardwareClock;
+///
+/// let mut clock = HardwareClock::default();
+/// assert_eq!(clock.to_computer(1_000, 501_000), 501_000);
+/// assert_eq!(clock.to_computer(2_000, 501_700), 501_700, "it was nearer to the truth");
+/// assert_eq!(clock.to_computer(3_000, 509_000), 502_700, "it came late to the kernel");
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HardwareClock {
+    /// Time of the computer less that of the controller, ns, and the time of the computer at which it was true.
+    distance: Option<(i64, u64)>,
+}
+
+/// The most that the two clocks drift apart, parts per million.
+const DRIFT: u64 = 200;
+/// A distance that is this much off belongs to a controller that was started again, ns.
+const JUMP: i64 = 1_000_000_000;
+
+impl HardwareClock {
+    /// The time on the clock of the computer at which the controller received a frame, from both stamps, ns.
+    pub fn to_computer(&mut self, hardware_ns: u64, computer_ns: u64) -> u64 {
+        let seen = computer_ns as i64 - hardware_ns as i64;
+        let distance = match self.distance {
+            Some((distance, at_ns)) if (seen - distance).abs() < JUMP => {
+                let drifted = computer_ns.saturating_sub(at_ns) * DRIFT / 1_000_000;
+                seen.min(distance + drifted as i64)
+            }
+            _ => seen,
+        };
+        self.distance = Some((distance, computer_ns));
+        (hardware_ns as i64 + distance).max(0) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_drifts_and_frames_that_come_late_are_followed_within_the_drift() {
+        let mut clock = HardwareClock::default();
+        for k in 0..100_000_u64 {
+            let truth = 5_000_000_000 + k * 1_000_000;
+            // 50 parts per million fast, and up to 300 us late at the kernel
+            let hardware = k * 1_000_050;
+            let late = [7_000, 300_000, 90_000][(k % 3) as usize];
+            let found = clock.to_computer(hardware, truth + late);
+            assert!(found >= truth && found <= truth + late);
+            assert!(k < 3 || found - truth < 9_000, "{k}: {}", found - truth);
+        }
+    }
+
+    #[test]
+    fn a_controller_that_starts_again_is_taken_as_it_is() {
+        let mut clock = HardwareClock::default();
+        clock.to_computer(90_000_000_000, 100_000_000_000);
+        assert_eq!(clock.to_computer(5_000, 101_000_000_000), 101_000_000_000);
+    }
+}

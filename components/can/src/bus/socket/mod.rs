@@ -1,0 +1,457 @@
+//! Buses of the kernel: SocketCAN.
+//!
+//! A [`SocketBus`] sends and receives whole batches by one system call each, without waiting and without allocation. Frames
+//! come with the time at which the controller received them, where it tells, or else the kernel. What the controller reports
+//! about itself becomes the bus's [`Condition`] and is counted.
+
+mod batch;
+mod hardware;
+mod interface;
+mod raw;
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+
+use socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions, timestamp};
+
+use super::report::{ErrorState, Report};
+use super::{Bus, Received};
+use crate::frame::{Frame, Id};
+use batch::Batch;
+pub(crate) use batch::Waiting;
+pub use hardware::HardwareClock;
+pub use interface::Interface;
+use motorium::os::{monotonic_ns, realtime_ns};
+use raw::Delivered;
+
+/// The condition of a bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Condition {
+    /// It sends and receives.
+    #[default]
+    Active,
+    /// It sends and receives; its controller has counted many errors.
+    Warning,
+    /// It sends and receives; its controller has counted so many errors that it reports none of them to others.
+    Passive,
+    /// Its controller has left the bus.
+    Off,
+    /// The interface is down.
+    Down,
+    /// There is no such interface any more.
+    Gone,
+}
+
+impl Condition {
+    /// True if frames can be sent.
+    pub fn can_send(self) -> bool {
+        matches!(self, Self::Active | Self::Warning | Self::Passive)
+    }
+
+    /// Its name, as results and tables have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Warning => "warning",
+            Self::Passive => "passive",
+            Self::Off => "bus-off",
+            Self::Down => "down",
+            Self::Gone => "gone",
+        }
+    }
+}
+
+impl From<ErrorState> for Condition {
+    fn from(state: ErrorState) -> Self {
+        match state {
+            ErrorState::Active => Self::Active,
+            ErrorState::Warning => Self::Warning,
+            ErrorState::Passive => Self::Passive,
+            ErrorState::Off => Self::Off,
+        }
+    }
+}
+
+/// What has happened on a bus of the kernel since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SocketCounts {
+    /// Reports of the controller.
+    pub reports: u64,
+    /// Frames that nobody acknowledged.
+    pub unacknowledged: u64,
+    /// Frames that were disturbed, of any node.
+    pub disturbed: u64,
+    /// Times that the controller left the bus.
+    pub bus_off: u64,
+    /// Batches of which frames were not taken because the interface's queue was full.
+    pub queue_full: u64,
+    /// Times that the interface went down or away.
+    pub down: u64,
+    /// Frames that were received and lost for want of room: in the socket, or in the controller as it reports.
+    pub overflows: u64,
+    /// Remote requests, and what is no frame.
+    pub other: u64,
+}
+
+/// An interface that cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The kernel knows no sockets of CAN.
+    #[error("this kernel has no CAN sockets: {0}")]
+    NoCan(io::Error),
+    /// There is no such interface.
+    #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
+    Missing {
+        /// The name asked for.
+        name: String,
+        /// Those that there are.
+        found: Vec<String>,
+    },
+    /// It is down.
+    #[error("the CAN interface `{0}` is down")]
+    Down(String),
+    /// It takes no CAN FD frames.
+    #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
+    Classic(String),
+    /// It has another bitrate than the bus is said to have.
+    #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
+    Bitrate {
+        /// Its name.
+        name: String,
+        /// Its bitrate.
+        found: u32,
+        /// That of the bus.
+        expected: u32,
+    },
+    /// The kernel refused.
+    #[error("the CAN interface `{0}` cannot be opened: {1}")]
+    Refused(String, io::Error),
+}
+
+fn there_is(found: &[String]) -> String {
+    if found.is_empty() { "there is none at all".into() } else { format!("there is {}", found.join(", ")) }
+}
+
+impl OpenError {
+    /// Advice on the next step.
+    pub fn advice(&self) -> String {
+        match self {
+            Self::NoCan(_) => {
+                "load it: `sudo modprobe can_raw`; a container needs the CAN of its host".into()
+            }
+            Self::Missing { name, .. } if name.starts_with("vcan") => format!(
+                "make it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"
+            ),
+            Self::Missing { .. } => {
+                "plug the adapter in, or name another: `ip -details link show type can` lists them".into()
+            }
+            Self::Down(name) if name.starts_with("vcan") => {
+                format!("bring it up: `sudo ip link set {name} up`")
+            }
+            Self::Down(name) => {
+                format!(
+                    "bring it up with the bitrate of the drives: `sudo ip link set {name} up type can bitrate 1000000`"
+                )
+            }
+            Self::Classic(name) => format!(
+                "leave `data_bitrate` out, or bring it up as CAN FD: `sudo ip link set {name} up type can bitrate 1000000 dbitrate 5000000 fd on`"
+            ),
+            Self::Bitrate { name, expected, .. } => format!(
+                "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
+            ),
+            Self::Refused(..) => {
+                "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
+            }
+        }
+    }
+}
+
+/// A bus of the kernel.
+///
+/// ```no_run
+/// use motorium_can::{Bus, Frame, Id, Received, SocketBus};
+///
+/// let mut bus = SocketBus::open("can0")?;
+/// assert_eq!(bus.send(&[Frame::classic(Id::Standard(1), &[0xff; 8])]), 1);
+/// let mut answers = [Received::default(); 8];
+/// for answer in &answers[..bus.receive(&mut answers)] {
+///     println!("{:?}", answer.frame);
+/// }
+/// println!("{}", bus.condition().name());
+/// # Ok::<(), motorium_can::OpenError>(())
+/// ```
+pub struct SocketBus {
+    name: String,
+    socket: CanFdSocket,
+    batch: Batch,
+    filters: Vec<CanFilter>,
+    is_virtual: bool,
+    hardware: HardwareClock,
+    condition: Condition,
+    counters: [u8; 2],
+    counts: SocketCounts,
+    overflows: u32,
+    /// Time at which an interface that has gone is looked for again, ns.
+    reopen_ns: u64,
+}
+
+/// Time after which an interface that has gone is looked for again, ns.
+const REOPEN_NS: u64 = 1_000_000_000;
+
+impl SocketBus {
+    /// Opens an interface that is up.
+    ///
+    /// # Errors
+    /// There is none of that name, it is down, or the kernel refuses.
+    pub fn open(name: &str) -> Result<Self, OpenError> {
+        let interface = look_up(name)?;
+        let socket = CanFdSocket::open(name).map_err(|error| match error.raw_os_error() {
+            Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT) => OpenError::NoCan(error),
+            _ => OpenError::Refused(name.into(), error),
+        })?;
+        let bus = Self {
+            name: name.into(),
+            socket,
+            batch: Batch::new(),
+            filters: Vec::new(),
+            is_virtual: interface.is_virtual(),
+            hardware: HardwareClock::default(),
+            condition: interface.state.map_or(Condition::Active, Condition::from),
+            counters: [0; 2],
+            counts: SocketCounts::default(),
+            overflows: 0,
+            reopen_ns: 0,
+        };
+        bus.set_options().map_err(|error| OpenError::Refused(name.into(), error))?;
+        Ok(bus)
+    }
+
+    /// Opens an interface for a bus of these rates, and makes sure that it has them, as far as the kernel tells.
+    ///
+    /// # Errors
+    /// It cannot be opened, or has other rates.
+    pub fn open_with(name: &str, rates: &crate::Rates, is_fd: bool) -> Result<Self, OpenError> {
+        let interface = look_up(name)?;
+        if is_fd && !interface.is_fd {
+            return Err(OpenError::Classic(name.into()));
+        }
+        for (found, expected) in [(interface.bitrate, rates.nominal), (interface.data_bitrate, rates.fast)] {
+            if let Some(found) = found
+                && found != expected
+                && (is_fd || expected == rates.nominal)
+            {
+                return Err(OpenError::Bitrate { name: name.into(), found, expected });
+            }
+        }
+        Self::open(name)
+    }
+
+    fn set_options(&self) -> io::Result<()> {
+        let socket = &self.socket;
+        socket.set_nonblocking(true)?;
+        socket.set_error_filter_accept_all()?;
+        socket.set_timestamping(
+            timestamp::SOF_TIMESTAMPING_RX_SOFTWARE
+                | timestamp::SOF_TIMESTAMPING_SOFTWARE
+                | timestamp::SOF_TIMESTAMPING_RX_HARDWARE
+                | timestamp::SOF_TIMESTAMPING_RAW_HARDWARE
+                | timestamp::SOF_TIMESTAMPING_OPT_CMSG,
+        )?;
+        socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_RXQ_OVFL, 1)?;
+        if !self.filters.is_empty() {
+            socket.set_filters(&self.filters)?;
+        }
+        Ok(())
+    }
+
+    /// Receives frames with these identifiers only; reports of the controller always.
+    ///
+    /// # Errors
+    /// The kernel refused.
+    pub fn receive_only(&mut self, ids: &[Id]) -> io::Result<()> {
+        let filter = |id: &Id| match id {
+            Id::Standard(id) => CanFilter::new((*id).into(), libc::CAN_SFF_MASK | libc::CAN_EFF_FLAG),
+            Id::Extended(id) => {
+                CanFilter::new(id | libc::CAN_EFF_FLAG, libc::CAN_EFF_MASK | libc::CAN_EFF_FLAG)
+            }
+        };
+        self.filters = ids.iter().map(filter).collect();
+        self.socket.set_filters(&self.filters)
+    }
+
+    /// Name of its interface.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its condition.
+    pub fn condition(&self) -> Condition {
+        self.condition
+    }
+
+    /// Errors that its controller has counted as sender and as receiver, as it reported last.
+    pub fn counters(&self) -> [u8; 2] {
+        self.counters
+    }
+
+    /// Its counts.
+    pub fn counts(&self) -> &SocketCounts {
+        &self.counts
+    }
+
+    /// True for a virtual bus: frames pass it without bit times, acknowledgement and arbitration.
+    pub fn is_virtual(&self) -> bool {
+        self.is_virtual
+    }
+
+    /// Lets the participants of a virtual bus receive a report, as if their controller had made it.
+    ///
+    /// # Errors
+    /// The kernel refused.
+    pub fn inject(&self, report: &Report) -> io::Result<()> {
+        batch::send_raw(self.socket.as_fd(), &raw::of_report(report))
+    }
+
+    fn take(&mut self, report: &Report) {
+        let counts = &mut self.counts;
+        counts.reports += 1;
+        counts.unacknowledged += u64::from(report.is_unacknowledged);
+        counts.disturbed += u64::from(report.is_disturbed);
+        counts.overflows += u64::from(report.is_overflow);
+        self.counters = report.counters.unwrap_or(self.counters);
+        if let Some(state) = report.state {
+            counts.bus_off += u64::from(state == ErrorState::Off && self.condition != Condition::Off);
+            self.condition = state.into();
+        }
+    }
+
+    /// Takes an error of the socket; true if the call may be tried again.
+    fn fail(&mut self, error: &io::Error) -> bool {
+        let condition = match error.raw_os_error() {
+            Some(libc::EINTR) => return true,
+            Some(libc::ENETDOWN) => Condition::Down,
+            Some(libc::ENXIO | libc::ENODEV | libc::EBADF) => Condition::Gone,
+            Some(libc::ENOBUFS) => {
+                self.counts.queue_full += 1;
+                return false;
+            }
+            _ => return false,
+        };
+        if self.condition != Condition::Gone && self.condition != condition {
+            self.counts.down += u64::from(self.condition != Condition::Down);
+            self.condition = condition;
+            self.reopen_ns = monotonic_ns() + REOPEN_NS;
+        }
+        false
+    }
+
+    /// Looks for an interface that has gone or is down, once a second.
+    fn look_again(&mut self) {
+        let now_ns = monotonic_ns();
+        if now_ns < self.reopen_ns {
+            return;
+        }
+        self.reopen_ns = now_ns + REOPEN_NS;
+        if let Ok(mut opened) = Self::open(&self.name) {
+            core::mem::swap(&mut opened.filters, &mut self.filters);
+            if opened.set_options().is_ok() {
+                (opened.counts, opened.reopen_ns) = (self.counts, self.reopen_ns);
+                core::mem::swap(&mut opened.batch, &mut self.batch);
+                *self = opened;
+            } else {
+                core::mem::swap(&mut opened.filters, &mut self.filters);
+            }
+        }
+    }
+}
+
+/// The interface of a name, if it is up.
+pub(crate) fn look_up(name: &str) -> Result<Interface, OpenError> {
+    let all = Interface::all().map_err(|error| OpenError::Refused(name.into(), error))?;
+    let found = all.iter().map(Interface::to_string).collect();
+    let Some(interface) = all.into_iter().find(|interface| interface.name == name) else {
+        return Err(OpenError::Missing { name: name.into(), found });
+    };
+    if interface.is_up { Ok(interface) } else { Err(OpenError::Down(name.into())) }
+}
+
+impl AsFd for SocketBus {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
+}
+
+impl Bus for SocketBus {
+    fn send(&mut self, frames: &[Frame]) -> usize {
+        if matches!(self.condition, Condition::Gone | Condition::Down) {
+            self.look_again();
+        }
+        if !self.condition.can_send() {
+            return 0;
+        }
+        let mut sent = 0;
+        let mut tries = 0;
+        while sent < frames.len() && tries < 3 {
+            match self.batch.send(self.socket.as_fd(), &frames[sent..]) {
+                Ok(count) => sent += count,
+                Err(error) => {
+                    tries += 1;
+                    // An error may be left from before: the interface was down, and is up again.
+                    let is_old = error.raw_os_error() == Some(libc::ENETDOWN) && tries == 1;
+                    if is_old {
+                        batch::take_error(self.socket.as_fd());
+                    } else if !self.fail(&error) {
+                        break;
+                    }
+                }
+            }
+        }
+        sent
+    }
+
+    fn receive(&mut self, frames: &mut [Received]) -> usize {
+        let mut count = 0;
+        while count < frames.len() {
+            let arrived = match self.batch.receive(self.socket.as_fd(), frames.len() - count) {
+                Ok(arrived) => arrived,
+                Err(error) => {
+                    if self.fail(&error) {
+                        continue;
+                    }
+                    break;
+                }
+            };
+            // both clocks at one moment, for the whole batch
+            let (now_ns, wall_ns) = (monotonic_ns(), realtime_ns());
+            for index in 0..arrived {
+                let Some(arrival) = self.batch.arrival(index) else {
+                    self.counts.other += 1;
+                    continue;
+                };
+                if let Some(overflows) = arrival.overflows {
+                    self.counts.overflows += u64::from(overflows.wrapping_sub(self.overflows));
+                    self.overflows = overflows;
+                }
+                match raw::of_kernel(&arrival.frame, arrival.is_fd) {
+                    Delivered::Data(frame) => {
+                        let age_ns =
+                            if arrival.wall_ns > 0 { wall_ns.saturating_sub(arrival.wall_ns) } else { 0 };
+                        let kernel_ns = now_ns.saturating_sub(age_ns);
+                        let time_ns = match arrival.hardware_ns {
+                            0 => kernel_ns,
+                            hardware_ns => self.hardware.to_computer(hardware_ns, kernel_ns),
+                        };
+                        frames[count] = Received { frame, time_ns };
+                        count += 1;
+                    }
+                    Delivered::Report(report) => self.take(&report),
+                    Delivered::Other => self.counts.other += 1,
+                }
+            }
+            if arrived < batch::BATCH {
+                break;
+            }
+        }
+        count
+    }
+}

@@ -1,0 +1,117 @@
+//! The account of one bus: counts, state, load.
+
+use motorium::prelude::*;
+use motorium::state::BusHealth;
+
+use crate::bus::report::Report;
+use crate::{Bits, Condition, ErrorState, Frame, Rates, SocketBus, SocketCounts};
+
+/// Time over which the load of a real bus is measured, ns: steps of the adapter do not follow one another that evenly.
+const WINDOW_NS: u64 = 100_000_000;
+
+/// The account of one bus.
+pub(super) struct BusAccount {
+    pub(super) name: String,
+    rates: Rates,
+    pub(super) health: Output<BusHealth>,
+    pub(super) counts: BusHealth,
+    /// Time that its bits took since the window opened, and in all, ns.
+    busy_ns: u64,
+    total_ns: u64,
+    opened_ns: u64,
+    /// The largest load of a cycle; of a real bus, of a tenth of a second.
+    pub(super) peak: f64,
+    /// Condition and counts of a real bus.
+    pub(super) socket: Option<(Condition, SocketCounts)>,
+}
+
+impl BusAccount {
+    pub(super) fn new(index: usize, name: &str, rates: Rates, health: Output<BusHealth>) -> Self {
+        let counts = BusHealth { bus: index as u32, state: BusHealth::ACTIVE, ..BusHealth::default() };
+        let name = name.to_string();
+        Self { name, rates, health, counts, busy_ns: 0, total_ns: 0, opened_ns: 0, peak: 0.0, socket: None }
+    }
+
+    pub(super) fn is_off(&self) -> bool {
+        self.counts.state == BusHealth::BUS_OFF
+    }
+
+    pub(super) fn received(&mut self, frame: &Frame) {
+        self.counts.received += 1;
+        self.busy_ns += Bits::of(frame).ns(&self.rates);
+    }
+
+    /// Enters that the first `count` of these frames were sent, and the others not.
+    pub(super) fn sent(&mut self, frames: &[Frame], count: usize) {
+        self.counts.sent += count as u64;
+        self.counts.unsent += (frames.len() - count) as u64;
+        self.busy_ns += frames[..count].iter().map(|frame| Bits::of(frame).ns(&self.rates)).sum::<u64>();
+    }
+
+    /// Enters the report of a simulated controller.
+    pub(super) fn report(&mut self, report: &Report) {
+        let state = match report.state.unwrap_or_default() {
+            ErrorState::Active => BusHealth::ACTIVE,
+            ErrorState::Warning => BusHealth::WARNING,
+            ErrorState::Passive => BusHealth::PASSIVE,
+            ErrorState::Off => BusHealth::BUS_OFF,
+        };
+        self.counts.errors += u64::from(state != BusHealth::ACTIVE);
+        self.counts.bus_off += u64::from(state == BusHealth::BUS_OFF && self.counts.state != state);
+        self.counts.state = state;
+    }
+
+    /// Enters the condition of a real bus.
+    pub(super) fn follow(&mut self, bus: &SocketBus) {
+        let (condition, counts) = (bus.condition(), *bus.counts());
+        self.counts.state = match condition {
+            Condition::Active => BusHealth::ACTIVE,
+            Condition::Warning => BusHealth::WARNING,
+            Condition::Passive => BusHealth::PASSIVE,
+            Condition::Off => BusHealth::BUS_OFF,
+            Condition::Down | Condition::Gone => BusHealth::DOWN,
+        };
+        self.counts.errors = counts.reports + counts.queue_full + counts.down;
+        (self.counts.bus_off, self.counts.dropped) = (counts.bus_off, counts.overflows + counts.other);
+        self.socket = Some((condition, counts));
+    }
+
+    /// Closes a cycle that ends at `now_ns` since the run began, the `cycles`-th of this period.
+    pub(super) fn close(&mut self, now_ns: u64, cycles: u64, period_ns: u64) {
+        self.counts.load = ((self.total_ns + self.busy_ns) as f64 / (cycles * period_ns) as f64).min(1.0);
+        let window_ns = now_ns.saturating_sub(self.opened_ns);
+        let length_ns = match self.socket {
+            None => period_ns,
+            Some(_) if window_ns >= WINDOW_NS => window_ns,
+            Some(_) => return,
+        };
+        self.peak = self.peak.max(self.busy_ns as f64 / length_ns as f64);
+        self.total_ns += core::mem::take(&mut self.busy_ns);
+        self.opened_ns = now_ns;
+    }
+
+    /// The likely cause of what has gone wrong on a real bus, and the next step; `None` if nothing has.
+    pub(super) fn diagnosis(&self) -> Option<String> {
+        let (condition, counts) = self.socket?;
+        let name = &self.name;
+        let unheard = counts.unacknowledged > 0 || counts.queue_full > 0;
+        Some(match condition {
+            Condition::Gone => format!("`{name}` has gone: is its adapter plugged in?"),
+            Condition::Down => {
+                format!("`{name}` is down: `sudo ip link set {name} up`, then `motorium resume`")
+            }
+            Condition::Off => format!(
+                "the controller of `{name}` has left the bus: look for a short circuit or a wrong bitrate, then `sudo ip link set {name} down && sudo ip link set {name} up`, and `motorium resume`"
+            ),
+            _ if unheard => format!("nobody acknowledges on `{name}`: power, bitrate, termination?"),
+            Condition::Passive | Condition::Warning => {
+                format!("many errors on `{name}`: wires, termination, a node with another bitrate?")
+            }
+            Condition::Active if counts.down > 0 => format!("`{name}` was down, and is up again"),
+            Condition::Active if counts.overflows > 0 => {
+                format!("frames were lost on `{name}`: does a node send without end?")
+            }
+            Condition::Active => return None,
+        })
+    }
+}

@@ -1,0 +1,160 @@
+//! The ways in which the adapter exchanges frames with its drives: topics for simulated buses, sockets for real ones.
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium::state::CanFrame;
+use motorium::transport::{SliceInput, SliceOutput};
+
+use super::BATCH;
+use super::account::BusAccount;
+use crate::adapter::Adapter;
+use crate::bus::socket::Waiting;
+use crate::bus::{Bus, Received};
+use crate::component::{interfaces, wire};
+use crate::{ErrorState, Frame, SocketBus, Table};
+
+/// The way in which frames are exchanged.
+pub(super) enum Exchange {
+    /// The buses are simulated: frames go through topics, and answers come in a later step.
+    Topics(Topics),
+    /// The buses are real: answers are waited for within the step.
+    Sockets(Sockets),
+}
+
+/// The topics of simulated buses.
+pub(super) struct Topics {
+    pub(super) received: SliceInput<CanFrame>,
+    pub(super) sent: SliceOutput<CanFrame>,
+    batch: Vec<CanFrame>,
+}
+
+impl Topics {
+    pub(super) fn new(received: SliceInput<CanFrame>, sent: SliceOutput<CanFrame>) -> Self {
+        Self { received, sent, batch: Vec::with_capacity(BATCH) }
+    }
+
+    /// Takes all frames that were received since the last step.
+    pub(super) fn collect(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
+        while let Some((_, frames)) = self.received.next_unread() {
+            for frame in frames {
+                let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
+                if let Some(report) = wire::report_of(frame) {
+                    bus.report(&report);
+                    if report.state == Some(ErrorState::Off) {
+                        adapter.trip();
+                    }
+                } else if let Some(data) = wire::from_topic(frame) {
+                    bus.received(&data);
+                    let received = Received { frame: data, time_ns: frame.receive_time };
+                    adapter.take(frame.bus as usize, &received);
+                } else {
+                    bus.counts.dropped += 1;
+                }
+            }
+        }
+    }
+
+    /// Sends the batch of this cycle. What does not fit is not sent: the next cycle has newer commands.
+    pub(super) fn send(
+        &mut self,
+        tick: &Tick,
+        adapter: &mut Adapter,
+        buses: &mut [BusAccount],
+        frames: &mut Vec<Frame>,
+    ) -> Result<(), StepError> {
+        self.batch.clear();
+        for (index, bus) in buses.iter_mut().enumerate() {
+            frames.clear();
+            adapter.write(index, frames);
+            let room = if bus.is_off() { 0 } else { BATCH - self.batch.len() };
+            let count = frames.len().min(room);
+            bus.sent(frames, count);
+            self.batch.extend(frames[..count].iter().map(|frame| wire::to_topic(frame, index, 0)));
+            adapter.sent(index, count, tick.time_ns);
+        }
+        let mut out = self.sent.loan(self.batch.len())?;
+        out.copy_from_slice(&self.batch);
+        out.publish()
+    }
+}
+
+/// The sockets of real buses.
+pub(super) struct Sockets {
+    buses: Vec<SocketBus>,
+    inbox: Vec<Received>,
+    waiting: Waiting,
+    clock: RunClock,
+    answer_within_ns: u64,
+}
+
+impl Sockets {
+    /// Opens the interfaces of a table.
+    pub(super) fn open(table: &Table, clock: RunClock, answer_within_ns: u64) -> Result<Self, ConfigError> {
+        let buses = interfaces::open(table)?;
+        let waiting = Waiting::of(buses.len());
+        Ok(Self { buses, inbox: vec![Received::default(); BATCH], waiting, clock, answer_within_ns })
+    }
+
+    /// Adapts what the adapter expects to buses without bit times.
+    pub(super) fn prepare(&self, adapter: &mut Adapter) {
+        for (index, _) in self.buses.iter().enumerate().filter(|(_, bus)| bus.is_virtual()) {
+            adapter.without_bit_times(index);
+        }
+    }
+
+    /// Takes all frames that have been received, and the conditions of the buses.
+    pub(super) fn collect(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
+        let start_ns = self.clock.stamp_ns(0);
+        for (index, (bus, account)) in self.buses.iter_mut().zip(accounts).enumerate() {
+            loop {
+                let count = bus.receive(&mut self.inbox);
+                for received in &self.inbox[..count] {
+                    account.received(&received.frame);
+                    let time_ns = received.time_ns.saturating_sub(start_ns);
+                    adapter.take(index, &Received { frame: received.frame, time_ns });
+                }
+                // a bus that never falls silent must not hold the loop up
+                if count < self.inbox.len() {
+                    break;
+                }
+            }
+            account.follow(bus);
+            // who cannot send cannot command: the drives let go by their watchdogs
+            if !bus.condition().can_send() {
+                adapter.trip();
+            }
+        }
+    }
+
+    /// Sends the batch of this cycle. What is not taken is not sent: the next cycle has newer commands.
+    pub(super) fn send(
+        &mut self,
+        adapter: &mut Adapter,
+        accounts: &mut [BusAccount],
+        frames: &mut Vec<Frame>,
+    ) {
+        for (index, (bus, account)) in self.buses.iter_mut().zip(accounts).enumerate() {
+            frames.clear();
+            adapter.write(index, frames);
+            let now_ns = self.clock.now_ns();
+            let count = bus.send(frames);
+            account.sent(frames, count);
+            adapter.sent(index, count, now_ns);
+        }
+    }
+
+    /// Receives until all that were asked have answered, or the time for it is over.
+    pub(super) fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
+        let until_ns = self.clock.now_ns() + self.answer_within_ns;
+        loop {
+            self.collect(adapter, accounts);
+            let left_ns = until_ns.saturating_sub(self.clock.now_ns());
+            if left_ns == 0 || adapter.has_all_answers() {
+                return;
+            }
+            // an interface that is down would end the wait at once
+            let up = self.buses.iter().filter(|bus| bus.condition().can_send());
+            self.waiting.wait(up.map(std::os::fd::AsFd::as_fd), left_ns);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Simulated drives on real buses: they hear frames of an interface and answer on it.
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+
+use super::{Axis, BABBLE_NS};
+use crate::bus::{Bus, Received};
+use crate::component::adapter::BATCH;
+use crate::component::faults::{Fault, FaultKind};
+use crate::component::interfaces;
+use crate::{Condition, ErrorState, Frame, Id, Report, SocketBus, Table};
+
+/// The interfaces that the drives are on.
+pub(super) struct Sockets {
+    lines: Vec<Line>,
+    inbox: Vec<Received>,
+    /// Answers whose time has not come: time, bus, frame.
+    pending: Vec<(u64, usize, Frame)>,
+    clock: RunClock,
+}
+
+struct Line {
+    bus: SocketBus,
+    babbled_ns: u64,
+    /// The state that the fault script gives the controllers of the bus.
+    state: ErrorState,
+}
+
+/// Answers that may wait for their time.
+const PENDING: usize = 4 * BATCH;
+/// Frames of a babbling node in one step.
+const NOISE: usize = 32;
+
+impl Sockets {
+    /// Opens the interfaces of a table.
+    pub(super) fn open(
+        table: &Table,
+        axes: &[Axis],
+        faults: &[Fault],
+        clock: RunClock,
+    ) -> Result<Self, ConfigError> {
+        let mut lines = Vec::new();
+        for (index, mut bus) in interfaces::open(table)?.into_iter().enumerate() {
+            let needs_simulation = |fault: &Fault| {
+                fault.target == index && matches!(fault.kind, FaultKind::BusOff | FaultKind::Disturbed)
+            };
+            if !bus.is_virtual() && faults.iter().any(needs_simulation) {
+                let message = format!("`{}` has a real controller, whose errors are its own", bus.name());
+                return Err(ConfigError::key("faults", message)
+                    .advise("script \"bus_off\" and \"disturbed\" on simulated and virtual buses"));
+            }
+            let ids = axes.iter().filter(|axis| axis.bus == index).map(|axis| axis.drive.codec().id());
+            let ids: Vec<Id> = ids.chain([crate::damiao::EVERYBODY]).collect();
+            bus.receive_only(&ids).map_err(|error| {
+                ConfigError::key("drives", format!("the filters of `{}`: {error}", bus.name()))
+            })?;
+            lines.push(Line { bus, babbled_ns: 0, state: ErrorState::Active });
+        }
+        let inbox = vec![Received::default(); BATCH];
+        Ok(Self { lines, inbox, pending: Vec::with_capacity(PENDING), clock })
+    }
+
+    /// The faults of buses.
+    pub(super) fn begin_faults(&mut self, faults: &[Fault], now_ns: u64) {
+        for (index, line) in self.lines.iter_mut().enumerate() {
+            let is_on = |kind| faults.iter().any(|fault| fault.befalls(kind, index, now_ns));
+            let state = match () {
+                () if is_on(FaultKind::BusOff) => ErrorState::Off,
+                () if is_on(FaultKind::Disturbed) => ErrorState::Passive,
+                () => ErrorState::Active,
+            };
+            if state != line.state {
+                let report = Report {
+                    state: Some(state),
+                    is_disturbed: state == ErrorState::Passive,
+                    is_restart: line.state == ErrorState::Off,
+                    counters: (state == ErrorState::Passive).then_some([136, 0]),
+                    ..Report::default()
+                };
+                // an interface that is down has nobody to tell
+                if line.bus.inject(&report).is_ok() {
+                    line.state = state;
+                }
+            }
+            if is_on(FaultKind::Babbling) {
+                line.babbled_ns = line.babbled_ns.max(now_ns.saturating_sub(1_000_000));
+                let missing = now_ns.saturating_sub(line.babbled_ns) / BABBLE_NS;
+                let noise = [Frame::classic(Id::Standard(0), &[0xff; 8]); NOISE];
+                let count = (missing as usize).min(NOISE);
+                line.bus.send(&noise[..count]);
+                line.babbled_ns += missing * BABBLE_NS;
+            } else {
+                line.babbled_ns = now_ns;
+            }
+        }
+    }
+
+    /// Lets `hear` have each frame that was received, with its bus and its time; what it returns is sent when its time has come.
+    /// How many answers there was no room for.
+    pub(super) fn receive(
+        &mut self,
+        mut hear: impl FnMut(usize, &Frame, u64, &mut dyn FnMut(Frame, u64)),
+    ) -> u64 {
+        let start_ns = self.clock.stamp_ns(0);
+        let Self { lines, inbox, pending, .. } = self;
+        let mut lost = 0;
+        for (index, line) in lines.iter_mut().enumerate() {
+            let count = line.bus.receive(inbox);
+            if line.state == ErrorState::Off {
+                continue;
+            }
+            for received in &inbox[..count] {
+                let mut answer = |frame: Frame, ready_ns: u64| {
+                    if pending.len() < PENDING {
+                        pending.push((ready_ns, index, frame));
+                    } else {
+                        lost += 1;
+                    }
+                };
+                hear(index, &received.frame, received.time_ns.saturating_sub(start_ns), &mut answer);
+            }
+        }
+        lost
+    }
+
+    /// Sends the answers whose time has come. How many the interfaces did not take.
+    pub(super) fn send(&mut self, now_ns: u64) -> u64 {
+        let Self { lines, pending, .. } = self;
+        let mut lost = 0;
+        for (index, line) in lines.iter_mut().enumerate() {
+            let mut batch = [Frame::default(); BATCH];
+            let mut count = 0;
+            pending.retain(|(ready_ns, bus, frame)| {
+                let is_due = *bus == index && *ready_ns <= now_ns && count < BATCH;
+                if is_due {
+                    batch[count] = *frame;
+                    count += 1;
+                }
+                !is_due
+            });
+            if count > 0 {
+                lost += (count - line.bus.send(&batch[..count])) as u64;
+            }
+        }
+        lost
+    }
+
+    /// Name and condition of each interface.
+    pub(super) fn conditions(&self) -> impl Iterator<Item = (&str, Condition)> {
+        self.lines.iter().map(|line| (line.bus.name(), line.bus.condition()))
+    }
+}

@@ -1,0 +1,245 @@
+//! The devices on a bus: who answers, by which protocol, with which settings.
+
+use core::time::Duration;
+
+use crate::bus::{Bus, Received};
+use crate::damiao::{EVERYBODY, Register, Request, Value};
+use crate::frame::{Frame, Id};
+
+/// A device that was found on a bus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Device {
+    /// Its number on the bus.
+    pub node: u8,
+    /// What it is.
+    pub kind: DeviceKind,
+}
+
+/// The kind of a device.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DeviceKind {
+    /// A Damiao drive, which tells its settings.
+    Damiao {
+        /// The identifier of its answers.
+        master: u16,
+        /// Its watchdog, ns, 0 for off; `None` if it did not tell.
+        watchdog_ns: Option<u64>,
+        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for one that it did not tell.
+        ranges: [Option<f64>; 3],
+    },
+    /// An ODrive: its heartbeat, with the state and the errors of its axis.
+    Odrive {
+        /// State of the axis: 1 idle, 8 closed loop.
+        state: u8,
+        /// Errors of the axis.
+        errors: u32,
+    },
+    /// A CANopen node: its heartbeat, with its state.
+    CanOpen {
+        /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
+        state: u8,
+    },
+}
+
+/// What was found on a bus.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The devices, by their numbers.
+    pub devices: Vec<Device>,
+    /// Identifiers of frames that belong to none of them, and how many there were.
+    pub others: Vec<(Id, u64)>,
+}
+
+/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for the heartbeats of
+/// ODrives and CANopen nodes. `pass` lets time pass.
+///
+/// ```no_run
+/// use std::time::Duration;
+/// use motorium_can::{SocketBus, scan};
+///
+/// let mut bus = SocketBus::open("can0")?;
+/// let found = scan(&mut bus, Duration::from_secs(1), |_, time| std::thread::sleep(time));
+/// for device in found.devices {
+///     println!("{} {:?}", device.node, device.kind);
+/// }
+/// # Ok::<(), motorium_can::OpenError>(())
+/// ```
+pub fn scan<B: Bus>(bus: &mut B, listen: Duration, mut pass: impl FnMut(&mut B, Duration)) -> Found {
+    const PAUSE: Duration = Duration::from_millis(2);
+    let mut found = Found::default();
+    for node in 1..=0xf {
+        for register in Register::CHECKED {
+            let request = Request { node, register };
+            bus.send(&[request.frame()]);
+            pass(bus, PAUSE);
+            receive(bus, &mut found);
+        }
+    }
+    let mut left = listen;
+    while !left.is_zero() {
+        let pause = left.min(Duration::from_millis(10));
+        pass(bus, pause);
+        receive(bus, &mut found);
+        left -= pause;
+    }
+    found.devices.sort_by_key(|device| device.node);
+    found.others.sort_by_key(|(id, _)| id.arbitration());
+    found
+}
+
+fn receive(bus: &mut impl Bus, found: &mut Found) {
+    let mut inbox = [Received::default(); 32];
+    loop {
+        let count = bus.receive(&mut inbox);
+        for received in &inbox[..count] {
+            found.take(&received.frame);
+        }
+        if count < inbox.len() {
+            return;
+        }
+    }
+}
+
+impl Found {
+    fn take(&mut self, frame: &Frame) {
+        if let Some(device) = damiao(frame) {
+            let kind = |device: &Device| matches!(device.kind, DeviceKind::Damiao { .. });
+            match self.devices.iter_mut().find(|known| known.node == device.node && kind(known)) {
+                Some(known) => known.kind.complete(device.kind),
+                None => self.devices.push(device),
+            }
+        } else if let Some(device) = heartbeat(frame) {
+            let same = |known: &Device| {
+                known.node == device.node
+                    && core::mem::discriminant(&known.kind) == core::mem::discriminant(&device.kind)
+            };
+            match self.devices.iter_mut().find(|known| same(known)) {
+                Some(known) => *known = device,
+                None => self.devices.push(device),
+            }
+        } else {
+            match self.others.iter_mut().find(|(id, _)| *id == frame.id) {
+                Some((_, count)) => *count += 1,
+                None => self.others.push((frame.id, 1)),
+            }
+        }
+    }
+}
+
+impl DeviceKind {
+    /// Takes what the other one tells.
+    fn complete(&mut self, other: Self) {
+        let (
+            Self::Damiao { watchdog_ns, ranges, .. },
+            Self::Damiao { watchdog_ns: told, ranges: told_ranges, .. },
+        ) = (self, other)
+        else {
+            return;
+        };
+        *watchdog_ns = watchdog_ns.or(told);
+        for (range, told) in ranges.iter_mut().zip(told_ranges) {
+            *range = range.or(told);
+        }
+    }
+}
+
+/// The answer of a Damiao drive about one of its registers.
+fn damiao(frame: &Frame) -> Option<Device> {
+    let (Id::Standard(master), [node, 0, _, register, ..]) = (frame.id, frame.data()) else { return None };
+    if frame.id == EVERYBODY {
+        return None;
+    }
+    let register = *Register::CHECKED.iter().find(|known| **known as u8 == *register)?;
+    let value = Request { node: *node, register }.value(frame, frame.id).ok()?;
+    let (mut watchdog_ns, mut ranges) = (None, [None; 3]);
+    match (register, value) {
+        (_, Value::Watchdog(time)) => watchdog_ns = Some(time.unwrap_or(0)),
+        (Register::PositionMax, Value::Range(max)) => ranges[0] = Some(max),
+        (Register::VelocityMax, Value::Range(max)) => ranges[1] = Some(max),
+        (_, Value::Range(max)) => ranges[2] = Some(max),
+    }
+    Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
+}
+
+/// The heartbeat of an ODrive or of a CANopen node.
+fn heartbeat(frame: &Frame) -> Option<Device> {
+    let Id::Standard(id) = frame.id else { return None };
+    match *frame.data() {
+        [state] if (0x701..=0x77f).contains(&id) && matches!(state & 0x7f, 0 | 4 | 5 | 127) => {
+            Some(Device { node: (id & 0x7f) as u8, kind: DeviceKind::CanOpen { state: state & 0x7f } })
+        }
+        [a, b, c, d, state, ..] if frame.data().len() == 8 && id & 0x1f == 1 => {
+            let errors = u32::from_le_bytes([a, b, c, d]);
+            Some(Device { node: (id >> 5) as u8, kind: DeviceKind::Odrive { state, errors } })
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mit::Ranges;
+    use crate::{Rates, SimulatedBus, SimulatedDrive, mit};
+
+    /// A bus with one Damiao drive, an ODrive and a CANopen node that beat, and a stranger.
+    struct Desk {
+        bus: SimulatedBus,
+        drive: SimulatedDrive,
+        now_ns: u64,
+    }
+
+    impl Bus for Desk {
+        fn send(&mut self, frames: &[Frame]) -> usize {
+            self.bus.port(0, self.now_ns).send(frames)
+        }
+
+        fn receive(&mut self, frames: &mut [Received]) -> usize {
+            self.bus.port(0, self.now_ns).receive(frames)
+        }
+    }
+
+    impl Desk {
+        fn pass(&mut self, time: Duration) {
+            let mut inbox = [Received::default(); 8];
+            self.now_ns += time.as_nanos() as u64;
+            let heard = self.bus.port(1, self.now_ns).receive(&mut inbox);
+            for received in &inbox[..heard] {
+                if let Some(answer) = self.drive.receive(&received.frame, received.time_ns) {
+                    self.bus.enqueue(1, answer, received.time_ns + 50_000);
+                }
+            }
+            if self.now_ns % 100_000_000 == 0 {
+                let beat = |id, data: &[u8]| Frame::classic(Id::Standard(id), data);
+                self.bus.enqueue(2, beat(0x061, &[0, 0, 0, 0, 8, 0, 0, 0]), self.now_ns);
+                self.bus.enqueue(2, beat(0x705, &[5]), self.now_ns);
+                self.bus.enqueue(2, beat(0x555, &[1, 2]), self.now_ns);
+            }
+        }
+    }
+
+    #[test]
+    fn devices_are_found_with_what_they_tell_of_themselves() {
+        let codec = mit::Drive::damiao(4, 0x14, Ranges::new(12.5, 30.0, 10.0));
+        let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
+        let drive = SimulatedDrive::new(codec, Some(20_000_000));
+        let mut desk = Desk { bus: SimulatedBus::new(rates, 3, 64), drive, now_ns: 0 };
+        let found = scan(&mut desk, Duration::from_millis(500), |desk, time| desk.pass(time));
+        let kinds: Vec<_> = found.devices.iter().map(|device| (device.node, device.kind.clone())).collect();
+        let damiao = DeviceKind::Damiao {
+            master: 0x14,
+            watchdog_ns: Some(20_000_000),
+            ranges: [Some(12.5), Some(30.0), Some(10.0)],
+        };
+        assert_eq!(
+            kinds,
+            [
+                (3, DeviceKind::Odrive { state: 8, errors: 0 }),
+                (4, damiao),
+                (5, DeviceKind::CanOpen { state: 5 })
+            ]
+        );
+        assert!(matches!(found.others[..], [(Id::Standard(0x555), 2..)]), "{:?}", found.others);
+        assert!(!desk.drive.is_enabled());
+    }
+}

@@ -1,0 +1,277 @@
+//! The traffic of buses as people read, write and keep it: lines in the format of `candump -L`.
+
+use core::fmt;
+use core::str::FromStr;
+use core::time::Duration;
+use std::io;
+use std::os::fd::AsFd as _;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use socketcan::dump::{CanDumpRecord, Reader};
+use socketcan::{CanAnyFrame, CanFdSocket, EmbeddedFrame as _, Frame as _, Socket as _, SocketOptions as _};
+
+use crate::bus::socket::look_up;
+use crate::{Form, Frame, Id, OpenError, Report};
+
+/// One line of traffic: when, where, and what.
+///
+/// ```
+/// use motorium_can::{Id, Record};
+///
+/// let line = "(1735270496.916858) can0 11F##1AABB";
+/// let record: Record = line.parse()?;
+/// assert_eq!((record.interface(), record.time_us()), ("can0", 1_735_270_496_916_858));
+/// assert_eq!(record.frame().map(|frame| frame.id), Some(Id::Standard(0x11f)));
+/// assert_eq!(record.to_string(), line);
+///
+/// let report: Record = "(0.000000) can0 20000040#0000000000000000".parse()?;
+/// assert_eq!(report.error().as_deref(), Some("bus off"));
+/// # Ok::<(), motorium_can::RecordError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Record(CanDumpRecord);
+
+/// A line that is no record.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{found:?} is no frame: {message}")]
+pub struct RecordError {
+    /// The line.
+    pub found: String,
+    /// The reason.
+    pub message: String,
+}
+
+impl RecordError {
+    /// Advice on how to write one.
+    pub const ADVICE: &'static str = "write `123#0102` (classic), `123##10102` (CAN FD, its data at the higher rate), `00000123#01` (29 bits), or `123#R`";
+}
+
+impl FromStr for Record {
+    type Err = RecordError;
+
+    /// Reads a line of `candump -L`.
+    fn from_str(line: &str) -> Result<Self, RecordError> {
+        let refuse = |message: String| RecordError { found: line.to_string(), message };
+        match Reader::from_reader(line.as_bytes()).next_record() {
+            Ok(Some(record)) => Ok(Self(record)),
+            Ok(None) => Err(refuse("it is empty".into())),
+            Err(error) => Err(refuse(error.to_string())),
+        }
+    }
+}
+
+impl Record {
+    /// Reads a frame alone, such as `123#0102`, for an interface.
+    ///
+    /// # Errors
+    /// It is no frame.
+    pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
+        let line = format!("(0.000000) {interface} {frame}");
+        line.parse().map_err(|error: RecordError| RecordError { found: frame.to_string(), ..error })
+    }
+
+    /// Time, us since 1970, or since whatever the log counts from.
+    pub fn time_us(&self) -> u64 {
+        self.0.t_us
+    }
+
+    /// The interface.
+    pub fn interface(&self) -> &str {
+        &self.0.device
+    }
+
+    /// The data frame, if it is one.
+    pub fn frame(&self) -> Option<Frame> {
+        let form = match &self.0.frame {
+            CanAnyFrame::Normal(_) => Form::Classic,
+            CanAnyFrame::Fd(fd) if fd.is_brs() => Form::FdFast,
+            CanAnyFrame::Fd(_) => Form::Fd,
+            CanAnyFrame::Remote(_) | CanAnyFrame::Error(_) => return None,
+        };
+        let raw = self.0.frame.raw_id();
+        let id =
+            if self.0.frame.is_extended() { Id::extended(raw)? } else { Id::standard(raw.try_into().ok()?)? };
+        Frame::new(id, form, self.0.frame.data())
+    }
+
+    /// The report of a controller, if it is one.
+    pub fn report(&self) -> Option<Report> {
+        match &self.0.frame {
+            CanAnyFrame::Error(error) => {
+                let mut data = [0; 8];
+                let bytes = error.data();
+                data[..bytes.len().min(8)].copy_from_slice(&bytes[..bytes.len().min(8)]);
+                Some(Report::decode(error.id_word() & libc::CAN_ERR_MASK, &data))
+            }
+            _ => None,
+        }
+    }
+
+    /// The report of a controller in words, if it is one.
+    pub fn error(&self) -> Option<String> {
+        match &self.0.frame {
+            CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Record {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Listeners on interfaces, for tools: they wait, and may allocate.
+pub struct Listener {
+    sockets: Vec<(String, CanFdSocket)>,
+}
+
+impl Listener {
+    /// Listens on these interfaces.
+    ///
+    /// # Errors
+    /// One is missing or down, or the kernel refuses.
+    pub fn open<'a>(interfaces: impl IntoIterator<Item = &'a str>) -> Result<Self, OpenError> {
+        let open = |name: &str| {
+            let refused = |error| OpenError::Refused(name.to_string(), error);
+            look_up(name)?;
+            let socket = CanFdSocket::open(name).map_err(refused)?;
+            socket.set_nonblocking(true).map_err(refused)?;
+            socket.set_error_filter_accept_all().map_err(refused)?;
+            socket.set_recv_timestamp(true).map_err(refused)?;
+            Ok((name.to_string(), socket))
+        };
+        Ok(Self { sockets: interfaces.into_iter().map(open).collect::<Result<_, _>>()? })
+    }
+
+    /// The next record, if one comes within `timeout`.
+    ///
+    /// # Errors
+    /// An interface went down or away.
+    pub fn next(&self, timeout: Duration) -> io::Result<Option<Record>> {
+        if let Some(record) = self.take()? {
+            return Ok(Some(record));
+        }
+        let mut polled: Vec<PollFd<'_>> = self
+            .sockets
+            .iter()
+            .map(|(_, socket)| PollFd::from_borrowed_fd(socket.as_fd(), PollFlags::IN))
+            .collect();
+        let timeout = Timespec { tv_sec: timeout.as_secs() as i64, tv_nsec: timeout.subsec_nanos().into() };
+        match poll(&mut polled, Some(&timeout)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => self.take(),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn take(&self) -> io::Result<Option<Record>> {
+        for (name, socket) in &self.sockets {
+            match socket.read_frame_with_timestamp() {
+                Ok((frame, time)) => {
+                    let t_us = since_1970_us(time);
+                    return Ok(Some(Record(CanDumpRecord {
+                        t_us,
+                        device: name.clone(),
+                        frame,
+                        direction: None,
+                    })));
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Err(io::Error::new(error.kind(), format!("`{name}`: {error}"))),
+            }
+        }
+        Ok(None)
+    }
+}
+
+fn since_1970_us(time: SystemTime) -> u64 {
+    time.duration_since(UNIX_EPOCH).map_or(0, |since| u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
+}
+
+/// A sender of records, for tools.
+pub struct Sender {
+    name: String,
+    socket: CanFdSocket,
+}
+
+impl Sender {
+    /// Sends on an interface.
+    ///
+    /// # Errors
+    /// It is missing or down, or the kernel refuses.
+    pub fn open(name: &str) -> Result<Self, OpenError> {
+        look_up(name)?;
+        let socket = CanFdSocket::open(name).map_err(|error| OpenError::Refused(name.to_string(), error))?;
+        Ok(Self { name: name.to_string(), socket })
+    }
+
+    /// Sends the frame of a record, whatever interface it came from.
+    ///
+    /// # Errors
+    /// The interface does not take it; the error says what that means.
+    pub fn send(&self, record: &Record) -> io::Result<()> {
+        self.socket.write_frame(&record.0.frame).map_err(|error| {
+            let name = &self.name;
+            let why = match error.raw_os_error() {
+                Some(libc::ENOBUFS) => format!(
+                    "the queue of `{name}` is full: nobody acknowledges (power, bitrate, termination?), or it is sent too fast"
+                ),
+                Some(libc::ENETDOWN) => format!("`{name}` went down: `sudo ip link set {name} up`"),
+                Some(libc::EINVAL) => format!("`{name}` does not take this frame: CAN FD on a classic interface?"),
+                _ => format!("`{name}`: {error}"),
+            };
+            io::Error::new(error.kind(), why)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_of_each_kind_is_written_as_it_was_read() {
+        for line in [
+            "(1735270496.916858) can0 110#00112233",
+            "(1735270588.936508) can0 120##500112233445566778899AABB",
+            "(1735279041.257318) can1 104#R",
+            "(1735279048.349278) can1 110#R4",
+            "(1469439874.299654) can1 104#",
+            "(1785099856.242430) can1 20000004#000C000000000000",
+            "(0.000001) vcan0 1FFFFFFF#0102030405060708",
+        ] {
+            let record: Record = line.parse().unwrap();
+            assert_eq!(record.to_string(), line);
+        }
+    }
+
+    #[test]
+    fn frames_have_their_identifier_form_and_data() {
+        let frame = |text: &str| Record::of_frame(text, "can0").unwrap().frame();
+        assert_eq!(frame("123#0102"), Some(Frame::classic(Id::Standard(0x123), &[1, 2])));
+        assert_eq!(frame("00000123#01"), Some(Frame::classic(Id::Extended(0x123), &[1])));
+        assert_eq!(frame("123##0AA"), Frame::new(Id::Standard(0x123), Form::Fd, &[0xaa]));
+        assert_eq!(frame("123##1AA"), Frame::new(Id::Standard(0x123), Form::FdFast, &[0xaa]));
+        assert_eq!(frame("123#R"), None);
+    }
+
+    #[test]
+    fn what_is_no_frame_is_refused_with_what_was_found() {
+        for text in ["", "123", "123#0", "123#GG", "800#00", "123#112233445566778899", "12#00"] {
+            let error = Record::of_frame(text, "can0").unwrap_err();
+            assert_eq!(error.found, text);
+            assert!(error.to_string().contains("is no frame"), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_interface_that_is_missing_is_named_with_those_that_there_are_and_the_next_step() {
+        let error = Listener::open(["no-such-bus"]).err().unwrap();
+        assert!(error.to_string().contains("no CAN interface `no-such-bus`"), "{error}");
+        assert!(error.advice().contains("ip -details link show type can"));
+        let error = Sender::open("vcan77").err().unwrap();
+        assert!(error.advice().contains("sudo ip link add vcan77 type vcan"), "{}", error.advice());
+    }
+}

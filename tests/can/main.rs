@@ -1,0 +1,317 @@
+//! CAN on a real kernel: an arm under control over SocketCAN, in a virtual machine, with every fault that a bus can have.
+//!
+//! The machine is started once (`vm.sh`), runs all rows one after the other (`rows.sh`), and its reports are looked at here. Its
+//! time is virtual: all that is asserted are counts and states. Where there is no machine to be had, such as without
+//! the network, each test says that it was not run.
+
+mod twelve;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+/// A row as it came out: its exit code, its report, and what it said.
+#[derive(Debug)]
+struct Row {
+    code: i32,
+    text: String,
+    errors: String,
+}
+
+impl Row {
+    fn report(&self) -> Value {
+        serde_json::from_str(&self.text)
+            .unwrap_or_else(|error| panic!("{error}: {}\n{}", self.text, self.errors))
+    }
+
+    fn results(&self) -> Value {
+        self.report()["results"].clone()
+    }
+}
+
+/// The row of this name; `None`, with the reason printed, if there was no machine to run it on.
+fn row(name: &str) -> Option<&'static Row> {
+    static ROWS: OnceLock<Option<BTreeMap<String, Row>>> = OnceLock::new();
+    let rows = ROWS.get_or_init(run).as_ref();
+    if rows.is_none() {
+        eprintln!("NOT RUN: `{name}` needs a virtual machine");
+    }
+    rows.map(|rows| rows.get(name).unwrap_or_else(|| panic!("no row `{name}` among {:?}", rows.keys())))
+}
+
+/// Runs all rows in the machine.
+fn run() -> Option<BTreeMap<String, Row>> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scratch = tempfile::tempdir().expect("a folder");
+    let graphs = scratch.path().join("graphs");
+    let copied = Command::new("cp").args(["-r", "../graphs"]).arg(&graphs).current_dir(here).status();
+    assert!(copied.expect("cp starts").success());
+    twelve::write(&graphs);
+    let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
+    let output = Command::new("bash")
+        .arg(here.join("can/vm.sh"))
+        .args(["--put", &put(Path::new(env!("CARGO_BIN_EXE_motorium-under-test")), "/bin/motorium")])
+        .args(["--put", &put(&graphs, "/graphs")])
+        .arg(here.join("can/rows.sh"))
+        .stdin(Stdio::null())
+        .output()
+        .expect("bash starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    if output.status.code() == Some(125) {
+        eprintln!("{errors}");
+        return None;
+    }
+    let text = String::from_utf8_lossy(&output.stdout);
+    if let Some(folder) = std::env::var_os("MOTORIUM_VM_KEEP") {
+        std::fs::write(Path::new(&folder).join("rows.txt"), text.as_bytes()).expect("a file");
+    }
+    let mut rows = BTreeMap::new();
+    for part in text.split("=== ").skip(1) {
+        let (head, rest) = part.split_once('\n').unwrap_or((part, ""));
+        let (name, code) = head.split_once(' ').expect("a name and a code");
+        let (body, said) = rest.split_once("--- errors\n").unwrap_or((rest, ""));
+        let code = code.trim().parse().expect("a code");
+        rows.insert(name.to_string(), Row { code, text: body.to_string(), errors: said.to_string() });
+    }
+    assert!(output.status.success(), "{:?}: {errors}\n{text}", output.status);
+    Some(rows)
+}
+
+fn number(value: &Value) -> u64 {
+    value.as_u64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// The drives of which this is true.
+fn drives(results: &Value, is: impl Fn(&Value) -> bool) -> usize {
+    results["drives"]["drives"].as_object().expect("drives").values().filter(|drive| is(drive)).count()
+}
+
+#[test]
+fn twelve_joints_at_1_khz_lose_no_reply_on_two_buses_of_a_real_kernel() {
+    let Some(row) = row("twelve") else { return };
+    let (report, results) = (row.report(), row.results());
+    let adapter = &results["adapter"];
+    assert!(number(&adapter["cycles"]) > 5_000, "{adapter}");
+    assert_eq!(
+        (&adapter["missing_replies"], &adapter["tripped"]),
+        (&Value::from(0), &Value::from(false)),
+        "{adapter}"
+    );
+    for bus in ["left", "right"] {
+        assert_eq!(adapter["buses"][bus]["condition"], "active");
+        assert_eq!(adapter["buses"][bus]["unsent"], 0);
+        // six drives of two frames of CAN FD, 98 to 114 us each pair
+        let load = adapter["buses"][bus]["load"].as_f64().expect("a number");
+        assert!((0.5..0.7).contains(&load), "{bus}: {load}");
+        let highest = adapter["buses"][bus]["highest_load"].as_f64().expect("a number");
+        assert!(highest >= load && highest < 0.75, "{bus}: {highest}");
+    }
+    assert!(adapter["joints"].as_object().is_some_and(|joints| joints.len() == 12));
+    assert!(adapter["joints"].as_object().expect("joints").values().all(|joint| joint["phase"] == "enabled"));
+    let component =
+        report["components"].as_array().expect("a list").iter().find(|one| one["name"] == "adapter");
+    let component = component.expect("the adapter");
+    assert_eq!(component["allocations"], 0, "{component}");
+    let misses = &component["misses"];
+    let late: u64 = ["late_wake", "long_step", "stolen"].iter().map(|cause| number(&misses[*cause])).sum();
+    assert!(late <= 1, "{misses}");
+    assert_eq!(number(&results["policy"]["goals_missed"]), 0, "{}", results["policy"]);
+}
+
+#[test]
+fn a_silent_node_is_lost_in_its_third_cycle() {
+    let Some(row) = row("silent") else { return };
+    let adapter = &row.results()["adapter"];
+    let joint = &adapter["joints"]["panda_joint4"];
+    assert_eq!((number(&joint["lost"]), &adapter["tripped"]), (1, &Value::from(true)), "{adapter}");
+    // every cycle since the first silent one is missing; `lost_in_cycle` is the third of them
+    let since = number(&adapter["cycles"]) - number(&joint["lost_in_cycle"]) + 3;
+    let missing = number(&joint["missing_replies"]);
+    assert!(missing > 3 && missing <= since, "{missing} of {since}");
+    let others =
+        adapter["joints"].as_object().expect("joints").iter().filter(|(name, _)| *name != "panda_joint4");
+    assert!(
+        others.map(|(_, joint)| number(&joint["missing_replies"])).all(|missing| missing == 0),
+        "{adapter}"
+    );
+}
+
+#[test]
+fn late_replies_are_counted_as_late_and_their_cycles_as_missing() {
+    let Some(row) = row("late") else { return };
+    let adapter = &row.results()["adapter"];
+    let joint = &adapter["joints"]["panda_joint4"];
+    assert!(number(&joint["missing_replies"]) >= 3 && number(&adapter["late_replies"]) >= 3, "{adapter}");
+    assert_eq!(adapter["tripped"], true);
+}
+
+#[test]
+fn a_duplicate_answer_is_counted_and_trips_nothing() {
+    let Some(row) = row("duplicate") else { return };
+    let adapter = &row.results()["adapter"];
+    let second = number(&adapter["duplicate_replies"]) + number(&adapter["late_replies"]);
+    assert!(second > 50, "{adapter}");
+    assert_eq!(
+        (number(&adapter["missing_replies"]), &adapter["tripped"]),
+        (0, &Value::from(false)),
+        "{adapter}"
+    );
+}
+
+#[test]
+fn answers_of_a_wrong_length_and_corrupt_ones_are_refused_and_never_become_a_state() {
+    for name in ["wrong_length", "corrupt"] {
+        let Some(row) = row(name) else { return };
+        let adapter = &row.results()["adapter"];
+        let joint = &adapter["joints"]["panda_joint4"];
+        assert!(
+            number(&adapter["refused_frames"]) + number(&adapter["stray_frames"]) >= 3,
+            "{name}: {adapter}"
+        );
+        assert_eq!(
+            (number(&joint["lost"]), &adapter["tripped"]),
+            (1, &Value::from(true)),
+            "{name}: {adapter}"
+        );
+    }
+}
+
+#[test]
+fn a_drive_that_lost_its_power_stays_disabled() {
+    let Some(row) = row("off") else { return };
+    let results = row.results();
+    assert_eq!(results["adapter"]["tripped"], true);
+    assert_eq!(results["drives"]["drives"]["panda_joint4"]["enabled"], false);
+}
+
+#[test]
+fn a_babbling_node_is_counted_and_the_drives_still_answer() {
+    let Some(row) = row("babbling") else { return };
+    let adapter = &row.results()["adapter"];
+    // a frame each 50 us for 200 ms
+    assert!(number(&adapter["stray_frames"]) > 3_000, "{adapter}");
+    assert_eq!(
+        (number(&adapter["missing_replies"]), &adapter["tripped"]),
+        (0, &Value::from(false)),
+        "{adapter}"
+    );
+}
+
+#[test]
+fn a_bus_that_is_error_passive_is_told_and_goes_on() {
+    let Some(row) = row("passive") else { return };
+    let adapter = &row.results()["adapter"];
+    let bus = &adapter["buses"]["can0"];
+    assert!(number(&bus["errors"]) >= 2, "{bus}");
+    assert_eq!(
+        (&bus["condition"], &adapter["tripped"]),
+        (&Value::from("active"), &Value::from(false)),
+        "{adapter}"
+    );
+}
+
+#[test]
+fn after_bus_off_every_drive_has_let_go_and_stays_so() {
+    let Some(row) = row("bus_off") else { return };
+    let results = row.results();
+    let bus = &results["adapter"]["buses"]["can0"];
+    assert_eq!((number(&bus["bus_off"]), &bus["condition"]), (1, &Value::from("active")), "{bus}");
+    assert!(number(&bus["unsent"]) >= 8 * 90, "nothing is sent for 200 ms: {bus}");
+    assert_eq!(results["adapter"]["tripped"], true);
+    assert_eq!(
+        drives(&results, |drive| drive["watchdog_trips"] == 1 && drive["enabled"] == false),
+        8,
+        "{results}"
+    );
+}
+
+#[test]
+fn frames_that_nobody_acknowledges_are_told_with_the_likely_causes() {
+    let Some(row) = row("unacknowledged") else { return };
+    let bus = &row.results()["adapter"]["buses"]["can0"];
+    assert_eq!(number(&bus["unacknowledged"]), 1, "{bus}");
+    assert_eq!(bus["diagnosis"], "nobody acknowledges on `can0`: power, bitrate, termination?");
+}
+
+#[test]
+fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
+    let Some(row) = row("down") else { return };
+    let results = row.results();
+    let bus = &results["adapter"]["buses"]["can0"];
+    assert_eq!((number(&bus["down"]), &bus["condition"]), (1, &Value::from("active")), "{bus}");
+    assert!(number(&bus["unsent"]) >= 8 * 100, "{bus}");
+    assert_eq!(results["adapter"]["tripped"], true);
+    assert_eq!(drives(&results, |drive| drive["watchdog_trips"] == 1), 8, "{results}");
+}
+
+#[test]
+fn an_interface_that_is_pulled_and_plugged_in_again_is_found_again() {
+    let Some(row) = row("gone") else { return };
+    let results = row.results();
+    let bus = &results["adapter"]["buses"]["can0"];
+    assert!(number(&bus["down"]) >= 1, "{bus}");
+    assert_eq!(
+        (&bus["condition"], &results["adapter"]["tripped"]),
+        (&Value::from("active"), &Value::from(true)),
+        "{bus}"
+    );
+    assert_eq!(drives(&results, |drive| drive["enabled"] == true), 0, "{results}");
+}
+
+#[test]
+fn an_interface_that_is_not_there_is_named_with_the_next_step() {
+    let Some(row) = row("missing_interface") else { return };
+    assert_ne!(row.code, 0);
+    let said = row.errors.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        said.contains("there is no CAN interface `vcan7`: there is vcan0 (vcan, up), vcan1 (vcan, up)"),
+        "{said}"
+    );
+    assert!(said.contains("sudo ip link add vcan7 type vcan"), "{said}");
+}
+
+#[test]
+fn when_the_adapter_is_killed_or_hangs_every_drive_lets_go_by_its_own_watchdog() {
+    for name in ["adapter_killed", "adapter_hung"] {
+        let Some(row) = row(name) else { return };
+        let results = row.results();
+        assert_eq!(
+            drives(&results, |drive| drive["watchdog_trips"] == 1 && drive["enabled"] == false),
+            8,
+            "{name}: {results}"
+        );
+    }
+}
+
+#[test]
+fn when_the_controller_is_killed_or_stopped_the_adapter_holds_the_robot_in_its_safe_state() {
+    for name in ["controller_killed", "controller_stopped"] {
+        let Some(row) = row(name) else { return };
+        let results = row.results();
+        let adapter = &results["adapter"];
+        assert!(number(&adapter["cycles_in_safe_state"]) > 200, "{name}: {adapter}");
+        assert_eq!(
+            (number(&adapter["missing_replies"]), &adapter["tripped"]),
+            (0, &Value::from(false)),
+            "{name}: {adapter}"
+        );
+    }
+}
+
+#[test]
+fn when_the_launcher_is_killed_nothing_goes_over_the_bus_any_more() {
+    let Some(row) = row("launcher_killed") else { return };
+    // the log after two seconds is empty, and so is the list of processes
+    assert_eq!((row.code, row.errors.split_whitespace().collect::<Vec<_>>()), (1, vec!["0", "0"]), "{row:?}");
+    assert!(row.text.lines().count() >= 16, "{row:?}");
+}
+
+#[test]
+fn a_bus_that_the_cycle_does_not_fit_on_is_refused_with_its_arithmetic() {
+    let Some(row) = row("saturated") else { return };
+    assert_eq!(row.code, 3, "{row:?}");
+    assert!(row.errors.contains("8 drives do not fit on bus `can0`"), "{row:?}");
+}

@@ -1,0 +1,117 @@
+# Runs the arm on a CAN bus of the kernel, row by row, each with a fault, and prints their reports between marks.
+
+graph=/graphs/arm-can.toml
+export TERM=dumb
+
+# begin NAME ARGUMENTS: starts a run and waits until it is running.
+begin() {
+    name=$1
+    shift
+    rm -f report errors
+    # The machine has one slow processor, on which the times that `check` assumes of a machine do not fit.
+    motorium run "$graph" --no-expect --json --force --set component.physics.rate='"1 kHz"' \
+        --set component.physics.schedule='"fifo"' --set component.drives.schedule='"fifo"' "$@" >report 2>errors &
+    run=$!
+    for _ in $(seq 500); do
+        grep -q running errors && break
+        kill -0 $run 2>/dev/null || break
+        sleep 0.02
+    done
+}
+
+# finish: waits for the end of the run, and prints its report.
+finish() {
+    wait $run
+    code=$?
+    echo "=== $name $code"
+    cat report
+    echo "--- errors"
+    cat errors
+}
+
+# row NAME FAULT [ARGUMENTS]: a run with a fault of the simulated drives.
+row() {
+    name=$1 fault=$2
+    shift 2
+    begin "$name" --for 800ms --set "component.drives.config.faults=[{ at = \"300 ms\", $fault }]" "$@"
+    finish
+}
+
+row silent 'kind = "silent", joint = "panda_joint4"'
+row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
+row duplicate 'kind = "duplicate", joint = "panda_joint4"'
+row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
+row corrupt 'kind = "corrupt", joint = "panda_joint4"'
+row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
+row babbling 'kind = "babbling", lasts = "200 ms", bus = "can0"'
+row passive 'kind = "disturbed", lasts = "200 ms", bus = "can0"'
+row bus_off 'kind = "bus_off", lasts = "200 ms", bus = "can0"'
+
+begin unacknowledged --for 800ms
+sleep 0.3
+motorium can send vcan0 20000020#0000000000000000
+finish
+
+begin down --for 2s
+sleep 0.3
+ip link set vcan0 down
+sleep 0.3
+ip link set vcan0 up
+finish
+
+begin gone --for 3s
+sleep 0.3
+ip link del vcan0
+sleep 0.3
+ip link add vcan0 type vcan
+ip link set vcan0 mtu 72
+ip link set vcan0 up
+finish
+
+begin missing_interface --for 1s --set 'component.adapter.config.drives="drives/missing.toml"'
+finish
+
+begin adapter_killed --for 1s --set component.adapter.on_failure='"ignore"'
+sleep 0.3
+motorium kill arm-can adapter
+finish
+
+begin adapter_hung --for 1s --set component.adapter.on_failure='"ignore"'
+sleep 0.3
+motorium kill arm-can adapter --signal stop
+finish
+
+begin controller_killed --for 1s --set component.controller.on_failure='"ignore"'
+sleep 0.3
+motorium kill arm-can controller
+finish
+
+begin controller_stopped --for 1s --set component.controller.on_failure='"ignore"'
+sleep 0.3
+motorium kill arm-can controller --signal stop
+finish
+
+begin launcher_killed --for 5s
+motorium can log vcan0 --output traffic &
+log=$!
+sleep 0.3
+kill -9 $run
+sleep 2
+kill -INT $log
+wait $log
+motorium can log vcan0 --for 300ms >silence
+echo "=== launcher_killed $?"
+tail -n 16 traffic
+echo "--- errors"
+ps | grep -c '[m]otorium worker'
+wc -l <silence
+
+graph=/graphs/twelve.toml
+begin twelve --for 5s
+finish
+
+motorium can check /graphs/arm-can.toml --set component.adapter.rate='"1 kHz"' --set component.adapter.config.answer_within='"500 us"' >report 2>errors
+echo "=== saturated $?"
+cat report
+echo "--- errors"
+cat errors

@@ -1,0 +1,144 @@
+#!/usr/bin/env bash
+# Runs a shell script under a Linux kernel that has CAN, in a virtual machine: no root, nothing installed.
+#
+#   vm.sh [--memory MB] [--put FILE[:PLACE]]... SCRIPT
+#
+# The machine has the virtual CAN interfaces vcan0 and vcan1, and one processor whose time is virtual: an instruction takes a
+# nanosecond, and idle time none. How busy the host is does not matter then, and nothing that it measures is a speed. SCRIPT is
+# run by sh with its standard output and error; programs among the files bring their libraries along. The exit code is that of
+# SCRIPT; 124 if it took too long; 125, and a reason, if there was no machine to run it on.
+#
+# Needs Debian's apt-get, dpkg-deb and xz. The kernel and, where there is none, the emulator are downloaded once, about 90 MB,
+# into $MOTORIUM_VM_CACHE, by default ~/.cache/motorium-vm.
+set -euo pipefail
+
+cache=${MOTORIUM_VM_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/motorium-vm}
+memory=2048 limit=${MOTORIUM_VM_SECONDS:-1500} files=()
+cannot() { echo "no virtual machine: $*" >&2; exit 125; }
+while [[ ${1-} == --* ]]; do
+    case $1 in
+        --memory) memory=$2 ;;
+        --put) files+=("$2") ;;
+        *) cannot "unknown option $1" ;;
+    esac
+    shift 2
+done
+script=${1:?the script to run}
+
+for tool in apt-get dpkg-deb xz ldd timeout; do
+    command -v "$tool" >/dev/null || cannot "\`$tool\` is missing"
+done
+[[ $(uname -m) == x86_64 ]] || cannot "the kernel is one for x86_64"
+
+# Downloads packages and unpacks them into a folder of the cache, once.
+unpacked() {
+    local folder=$cache/$1 scratch package
+    shift
+    [[ -e $folder ]] && return
+    scratch=$(mktemp -d "$cache/new.XXXXXX")
+    (cd "$scratch" && apt-get -qq -o APT::Sandbox::User=root download "$@" >/dev/null 2>&1) \
+        || { rm -rf "$scratch"; return 1; }
+    mkdir "$scratch/root"
+    for package in "$scratch"/*.deb; do dpkg-deb -x "$package" "$scratch/root"; done
+    mv -T "$scratch/root" "$folder"
+    rm -rf "$scratch"
+}
+fetched() { unpacked "$@" || { apt-get -qq update >/dev/null 2>&1 && unpacked "$@"; } || cannot "cannot download ${*:2}"; }
+
+mkdir -p "$cache"
+exec 9>"$cache/lock"
+flock 9
+if command -v qemu-system-x86_64 >/dev/null; then
+    emulator=(qemu-system-x86_64)
+else
+    fetched emulator qemu-system-x86 qemu-system-common qemu-system-data seabios ipxe-qemu libcapstone4 libfdt1 \
+        libpmem1 librdmacm1 libibverbs1 libslirp0 libvdeplug2 libnl-3-200 libnl-route-3-200 libndctl6 libdaxctl1
+    root=$cache/emulator libraries=$cache/emulator/usr/lib/x86_64-linux-gnu
+    emulator=(env "LD_LIBRARY_PATH=$libraries:$root/lib/x86_64-linux-gnu" "QEMU_MODULE_DIR=$libraries/qemu"
+        "$root/usr/bin/qemu-system-x86_64" -L "$root/usr/share/qemu" -L "$root/usr/share/seabios")
+fi
+fetched busybox busybox-static
+busybox=$cache/busybox/bin/busybox
+if [[ ! -e $cache/kernel.name ]]; then
+    name() { apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[0-9].*\)/\1/p' | head -1; }
+    found=$(name)
+    [[ $found ]] || { apt-get -qq update >/dev/null 2>&1 || true; found=$(name); }
+    [[ $found ]] || cannot "there is no package of a kernel"
+    echo "$found" >"$cache/kernel.name"
+fi
+kernel=$(<"$cache/kernel.name")
+fetched kernel "$kernel"
+# An uncompressed kernel starts seconds sooner: to unpack it under emulation takes long.
+image=$cache/vmlinux
+if [[ ! -e $image ]]; then
+    packed=$(echo "$cache"/kernel/boot/vmlinuz-*)
+    for offset in $(LC_ALL=C grep -aboP '\xfd7zXZ\x00' "$packed" | cut -d: -f1); do
+        tail -c+$((offset + 1)) "$packed" | xz -dc 2>/dev/null >"$image.new" || true
+        [[ $(head -c4 "$image.new" | tail -c3) == ELF ]] && { mv "$image.new" "$image"; break; }
+    done
+    [[ -e $image ]] || cp "$packed" "$image"
+fi
+flock -u 9
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+root=$work/root
+mkdir -p "$root"/{bin,dev,proc,sys,tmp,etc,modules,lib64}
+cp "$busybox" "$root/bin/busybox"
+echo 'root:x:0:0:root:/:/bin/sh' >"$root/etc/passwd"
+modules="can can-dev can-raw vcan slcan"
+for module in $modules; do
+    found=$(find "$cache/kernel/lib/modules" -name "$module.ko*" | head -1)
+    case $found in
+        *.xz) xz -dc "$found" >"$root/modules/$module.ko" ;;
+        ?*) cp "$found" "$root/modules/$module.ko" ;;
+    esac
+done
+put() {
+    local source=$1 place=$2 library
+    mkdir -p "$root$(dirname "$place")"
+    cp -rL "$source" "$root$place"
+    [[ -f $source && $(head -c4 "$source" | tail -c3) == ELF ]] || return 0
+    strip --strip-debug "$root$place" 2>/dev/null || true
+    for library in $(ldd "$source" | grep -oE '/[^ ]+'); do
+        [[ -e $root$library ]] || { mkdir -p "$root$(dirname "$library")"; cp -L "$library" "$root$library"; }
+    done
+}
+for file in ${files[@]+"${files[@]}"}; do put "${file%%:*}" "${file#*:}"; done
+cp "$script" "$root/script"
+cat >"$root/init" <<INIT
+#!/bin/busybox sh
+/bin/busybox --install -s /bin
+export PATH=/bin HOME=/tmp TERM=dumb
+mount -t devtmpfs dev /dev; mount -t proc proc /proc; mount -t sysfs sys /sys
+mkdir -p /dev/shm /dev/pts; mount -t tmpfs -o mode=1777 shm /dev/shm; mount -t devpts devpts /dev/pts; chmod 1777 /tmp
+for line in 1 2 3; do stty -F /dev/ttyS\$line raw -echo; done
+for module in $modules; do [ -e /modules/\$module.ko ] && insmod /modules/\$module.ko; done
+echo -1 >/proc/sys/kernel/sched_rt_runtime_us
+ip link set lo up
+for bus in vcan0 vcan1; do ip link add \$bus type vcan; ip link set \$bus mtu 72; ip link set \$bus up; done
+cd /tmp
+sh /script >/dev/ttyS1 2>/dev/ttyS2 </dev/null
+echo "code \$?" >/dev/ttyS3
+sync
+poweroff -f
+INIT
+chmod +x "$root/init"
+(cd "$root" && find . | LC_ALL=C sort | "$busybox" cpio -o -H newc 2>/dev/null) >"$work/files"
+
+touch "$work/out" "$work/errors" "$work/code"
+machine=(-M q35 -cpu max -smp 1 -m "$memory" -nodefaults -no-user-config -no-reboot -display none
+    -bios qboot.rom -kernel "$image" -initrd "$work/files" -accel tcg
+    -icount shift=0,sleep=off -rtc base=2026-01-01,clock=vm -seed 1
+    -serial "file:$work/console" -serial "file:$work/out" -serial "file:$work/errors" -serial "file:$work/code")
+arguments="console=ttyS0 quiet panic=-1 tsc=reliable nokaslr nolapic_timer random.trust_cpu=on cryptomgr.notests=1"
+status=0
+timeout -k 5 "$limit" "${emulator[@]}" "${machine[@]}" -append "$arguments" </dev/null >"$work/emulator" 2>&1 \
+    || status=$?
+cat "$work/out"
+cat "$work/errors" >&2
+code=$(sed -n 's/^code \([0-9]*\).*/\1/p' "$work/code")
+[[ $code ]] && exit "$code"
+[[ $status == 124 || $status == 137 ]] && { echo "no end within $limit s" >&2; exit 124; }
+tail -n 20 "$work/console" "$work/emulator" >&2 || true
+cannot "it ended without a result ($status)"

@@ -1,0 +1,115 @@
+//! `motorium can check`: what a graph's adapters put on their buses, with the arithmetic.
+
+use std::process::ExitCode;
+
+use motorium::plan::{ComponentPlan, Program};
+use motorium_can::{Budget, CanAdapterConfig, Table};
+use serde_json::{Value, json};
+
+use crate::commands::loading::GraphArgs;
+use crate::out::{out, outln};
+use crate::{exit, registry};
+
+/// Check what the adapters of a graph put on their CAN buses: bits with the most stuffing, turn-round, share of the cycle.
+///
+/// The exit code is 3 if the graph is not right, such as when the frames of a cycle do not fit.
+///
+/// Example: motorium can check graphs/arm-can.toml --json
+#[derive(Debug, clap::Args)]
+pub(super) struct Check {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The buses of one adapter.
+struct Found {
+    component: String,
+    period_ns: u64,
+    waits_ns: u64,
+    table: Table,
+}
+
+impl Check {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let checked = match self.graph.load(&registry::registry(), self.json) {
+            Ok(checked) => checked,
+            Err(code) => return Ok(code),
+        };
+        let found = checked.plan.components.iter().filter(|component| is_adapter(component)).map(found);
+        let found: Vec<Found> = found.collect::<anyhow::Result<_>>()?;
+        if self.json {
+            let adapters: Vec<Value> = found.iter().map(value).collect();
+            outln!("{}", serde_json::to_string_pretty(&json!({ "adapters": adapters }))?);
+        } else if found.is_empty() {
+            outln!("graph `{}` has no component of the kind `can.adapter`", checked.plan.name);
+        } else {
+            found.iter().for_each(|found| out!("{}", describe(found)));
+        }
+        Ok(if found.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+}
+
+fn is_adapter(component: &ComponentPlan) -> bool {
+    matches!(&component.program, Program::Builtin { kind } | Program::Sibling { kind, .. } if kind == "can.adapter")
+}
+
+fn found(component: &ComponentPlan) -> anyhow::Result<Found> {
+    let config: CanAdapterConfig = serde_json::from_value(component.config.clone())?;
+    let table = config.table(&component.folder)?;
+    let (component, period_ns, waits_ns) =
+        (component.name.clone(), component.period_ns(), component.waits_ns);
+    Ok(Found { component, period_ns, waits_ns, table })
+}
+
+impl Found {
+    fn budgets(&self) -> impl Iterator<Item = (usize, Budget)> {
+        (0..self.table.buses.len()).map(|bus| (bus, self.table.budget(bus, self.period_ns)))
+    }
+}
+
+fn value(found: &Found) -> Value {
+    let bits = |shape: &motorium_can::Shape| {
+        let (nominal, worst) = (shape.least(), shape.worst());
+        json!({ "bytes": shape.bytes, "bits": nominal.nominal + nominal.fast, "bits_with_most_stuffing": worst.nominal + worst.fast })
+    };
+    let bus = |(index, budget): (usize, Budget)| {
+        let entry = &found.table.buses[index];
+        let drives = found.table.drives.iter().filter(|drive| drive.bus == entry.name);
+        let drives = drives.zip(&budget.exchanges).map(|(drive, (command, answer))| {
+            json!({ "joint": drive.joint, "node": drive.node, "command": bits(command), "answer": bits(answer) })
+        });
+        json!({
+            "name": entry.name,
+            "interface": entry.interface,
+            "bitrate": entry.bitrate,
+            "data_bitrate": entry.data_bitrate,
+            "cycle_us": budget.cycle_ns as f64 * 1e-3,
+            "busy_us": budget.busy_ns() as f64 * 1e-3,
+            "turn_round_us": budget.turn_round_ns as f64 * 1e-3,
+            "complete_us": budget.complete_ns() as f64 * 1e-3,
+            "answers_awaited_us": (found.waits_ns > 0).then_some(found.waits_ns as f64 * 1e-3),
+            "share": budget.share(),
+            "fits": budget.fits(),
+            "most_such_drives": budget.most(),
+            "drives": drives.collect::<Vec<_>>(),
+            "arithmetic": budget.to_string(),
+        })
+    };
+    json!({ "component": found.component, "buses": found.budgets().map(bus).collect::<Vec<_>>() })
+}
+
+fn describe(found: &Found) -> String {
+    let mut text = format!("{}\n", found.component);
+    for (index, budget) in found.budgets() {
+        let entry = &found.table.buses[index];
+        let interface =
+            entry.interface.as_deref().map_or_else(|| "simulated".into(), |name| format!("interface {name}"));
+        let comfortable = if budget.share() > Budget::COMFORTABLE { ", nearly full" } else { "" };
+        text += &format!("  {} ({interface}){comfortable}\n    {budget}\n", entry.name);
+        text += &format!("    at most {} such drives fit\n", budget.most());
+    }
+    text
+}

@@ -1,0 +1,60 @@
+//! `motorium can`: CAN buses, the devices on them, and what goes over them.
+
+mod check;
+mod log;
+mod monitor;
+mod scan;
+mod send;
+mod traffic;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Context as _;
+use motorium_can::OpenError;
+
+/// See what is on CAN buses, send frames, keep logs, and check what fits on them.
+///
+/// Example: motorium can scan can0
+#[derive(Debug, clap::Args)]
+pub(crate) struct Can {
+    #[command(subcommand)]
+    command: Command,
+}
+
+// The help of each is that of its own type: a doc comment on a variant would hide it.
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Scan(scan::Scan),
+    Check(check::Check),
+    Monitor(monitor::Monitor),
+    Send(send::Send),
+    Log(log::Log),
+}
+
+impl Can {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Scan(command) => command.run(),
+            Command::Check(command) => command.run(),
+            Command::Monitor(command) => command.run(),
+            Command::Send(command) => command.run(),
+            Command::Log(command) => command.run(),
+        }
+    }
+}
+
+/// An interface that cannot be opened, with the next step.
+fn refused(error: OpenError) -> anyhow::Error {
+    anyhow::anyhow!("{error}\n  {}", error.advice())
+}
+
+/// A flag that Ctrl-C and a request to end set.
+fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, flag.clone()).context("catching signals")?;
+    }
+    Ok(flag)
+}

@@ -1,0 +1,109 @@
+//! `motorium can send`: frames of the command line, or a log, onto a bus.
+
+use std::io::{BufRead as _, Read as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use motorium::units::TimeSpan;
+use motorium_can::{Record, RecordError, Sender};
+
+use super::refused;
+use crate::exit;
+use crate::out::errln;
+
+/// Send frames onto a CAN bus, or play a log.
+///
+/// A frame is written as candump does: `123#0102`, `123##10102` (CAN FD), `00000123#01` (29 bits), `123#R` (remote). A log is
+/// played with its pauses. A drive that is enabled obeys every frame that is for it: mind the robot.
+///
+/// The exit code is 3 if a frame or a line of the log is none.
+///
+/// Example: motorium can send can0 001#FFFFFFFFFFFFFFFD
+#[derive(Debug, clap::Args)]
+pub(super) struct Send {
+    /// The interface
+    interface: String,
+    /// The frames
+    #[arg(required_unless_present = "log")]
+    frames: Vec<String>,
+    /// A log in the format of `candump -L` to play instead; `-` for standard input
+    #[arg(long, value_name = "FILE", conflicts_with = "frames")]
+    log: Option<PathBuf>,
+    /// Send them all once more after this time, until Ctrl-C or as often as `--count` says
+    #[arg(long, value_name = "TIME", conflicts_with = "log")]
+    every: Option<TimeSpan>,
+    /// Number of times
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, requires = "every")]
+    count: u64,
+}
+
+impl Send {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let records = match self.records()? {
+            Ok(records) => records,
+            Err((place, error)) => {
+                errln!("{} {place}{error}\n  {}", crate::style::error("error:"), RecordError::ADVICE);
+                return Ok(exit::invalid());
+            }
+        };
+        let sender = Sender::open(&self.interface).map_err(refused)?;
+        let interrupted = super::interrupted()?;
+        let is_over = || interrupted.load(std::sync::atomic::Ordering::Relaxed);
+        let began = Instant::now();
+        let first_us = records.first().map_or(0, Record::time_us);
+        for round in 0.. {
+            for record in &records {
+                if self.log.is_some() {
+                    wait_until(
+                        began + Duration::from_micros(record.time_us().saturating_sub(first_us)),
+                        &is_over,
+                    );
+                }
+                if is_over() {
+                    return Ok(ExitCode::SUCCESS);
+                }
+                sender.send(record)?;
+            }
+            let Some(every) = self.every else { break };
+            if round + 1 == self.count {
+                break;
+            }
+            wait_until(began + Duration::from(every) * (round as u32 + 1), &is_over);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// The frames; or the place of one that is none, and why.
+    fn records(&self) -> anyhow::Result<Result<Vec<Record>, (String, RecordError)>> {
+        let Some(path) = &self.log else {
+            let frame = |frame: &String| {
+                Record::of_frame(frame, &self.interface).map_err(|error| (String::new(), error))
+            };
+            return Ok(self.frames.iter().map(frame).collect());
+        };
+        let mut text = String::new();
+        if path.as_os_str() == "-" {
+            std::io::stdin().lock().read_to_string(&mut text).context("reading standard input")?;
+        } else {
+            text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        }
+        let line = |(index, line): (usize, String)| {
+            line.parse().map_err(|error| (format!("{}:{}: ", path.display(), index + 1), error))
+        };
+        let lines = text.as_bytes().lines().map_while(Result::ok).enumerate();
+        Ok(lines.filter(|(_, line)| !line.trim().is_empty()).map(line).collect())
+    }
+}
+
+/// Sleeps until then, in pieces short enough to be ended.
+fn wait_until(then: Instant, is_over: &impl Fn() -> bool) {
+    while !is_over() {
+        let left = then.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return;
+        }
+        std::thread::sleep(left.min(Duration::from_millis(50)));
+    }
+}

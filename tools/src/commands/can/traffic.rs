@@ -1,0 +1,147 @@
+//! What has gone over buses: rates, ages, errors.
+
+use std::collections::BTreeMap;
+
+use motorium_can::{Bits, Rates, Record, Report};
+use serde::Serialize;
+
+/// Traffic on some buses, as it is counted.
+#[derive(Debug, Default)]
+pub(super) struct Traffic {
+    buses: BTreeMap<String, Bus>,
+}
+
+#[derive(Debug, Default)]
+struct Bus {
+    rates: Option<Rates>,
+    frames: u64,
+    busy_ns: u64,
+    last: Option<Report>,
+    error: Option<String>,
+    errors: u64,
+    ids: BTreeMap<(u32, String), Line>,
+}
+
+/// The frames of one identifier.
+#[derive(Debug, Default)]
+struct Line {
+    frames: u64,
+    new: u64,
+    seen_us: u64,
+    data: String,
+}
+
+/// One bus in a table.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct BusRow {
+    pub(super) interface: String,
+    pub(super) frames: u64,
+    /// Frames a second since the last table.
+    pub(super) rate_hz: f64,
+    /// Share of the time in which it carried bits; `None` where its bitrate is not known.
+    pub(super) load: Option<f64>,
+    pub(super) errors: u64,
+    /// The newest report of its controller.
+    pub(super) error: Option<String>,
+    /// Errors counted as sender and as receiver.
+    pub(super) counters: Option<[u8; 2]>,
+    pub(super) ids: Vec<IdRow>,
+}
+
+/// One identifier in a table.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct IdRow {
+    pub(super) id: String,
+    pub(super) frames: u64,
+    pub(super) rate_hz: f64,
+    /// Time since the newest one, ms.
+    pub(super) age_ms: f64,
+    /// Its data, in hexadecimal digits.
+    pub(super) data: String,
+}
+
+impl Traffic {
+    /// Counts on a bus, whose load is told if its rates are known.
+    pub(super) fn follow(&mut self, interface: &str, rates: Option<Rates>) {
+        self.buses.entry(interface.to_string()).or_default().rates = rates;
+    }
+
+    pub(super) fn take(&mut self, record: &Record) {
+        let bus = self.buses.entry(record.interface().to_string()).or_default();
+        if let Some(report) = record.report() {
+            bus.errors += 1;
+            bus.error = record.error();
+            bus.last = Some(Report {
+                counters: report.counters.or(bus.last.and_then(|last| last.counters)),
+                ..report
+            });
+            return;
+        }
+        bus.frames += 1;
+        let Some(frame) = record.frame() else { return };
+        if let Some(rates) = &bus.rates {
+            bus.busy_ns += Bits::of(&frame).ns(rates);
+        }
+        let line = bus.ids.entry((frame.id.arbitration(), frame.id.to_string())).or_default();
+        line.frames += 1;
+        line.new += 1;
+        line.seen_us = record.time_us();
+        line.data = frame.data().iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ");
+    }
+
+    /// The table at `now_us`, `seconds` after the last one, whose counts begin anew.
+    pub(super) fn table(&mut self, now_us: u64, seconds: f64) -> Vec<BusRow> {
+        let row = |(name, bus): (&String, &mut Bus)| {
+            let new: u64 = bus.ids.values().map(|line| line.new).sum();
+            let busy_ns = core::mem::take(&mut bus.busy_ns);
+            let ids = bus.ids.iter_mut().map(|((_, id), line)| IdRow {
+                id: id.clone(),
+                frames: line.frames,
+                rate_hz: core::mem::take(&mut line.new) as f64 / seconds,
+                age_ms: now_us.saturating_sub(line.seen_us) as f64 * 1e-3,
+                data: line.data.clone(),
+            });
+            BusRow {
+                interface: name.clone(),
+                frames: bus.frames,
+                rate_hz: new as f64 / seconds,
+                load: bus.rates.map(|_| busy_ns as f64 * 1e-9 / seconds),
+                errors: bus.errors,
+                error: bus.error.clone(),
+                counters: bus.last.and_then(|last| last.counters),
+                ids: ids.collect(),
+            }
+        };
+        self.buses.iter_mut().map(row).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn take(traffic: &mut Traffic, line: &str) {
+        traffic.take(&line.parse().unwrap());
+    }
+
+    #[test]
+    fn rates_ages_loads_and_errors_are_those_of_the_time_since_the_last_table() {
+        let mut traffic = Traffic::default();
+        traffic.follow("can0", Some(Rates { nominal: 1_000_000, fast: 1_000_000 }));
+        for k in 0..100 {
+            take(&mut traffic, &format!("(10.{:06}) can0 123#0102030405060708", 10_000 * k));
+        }
+        take(&mut traffic, "(10.500000) can0 00000777#00");
+        take(&mut traffic, "(10.600000) can0 20000204#0020000000008803");
+        let rows = traffic.table(11_000_000, 1.0);
+        let [bus] = &rows[..] else { panic!("{rows:?}") };
+        assert_eq!((bus.frames, bus.rate_hz, bus.errors, bus.counters), (101, 101.0, 1, Some([0x88, 3])));
+        assert!(bus.error.as_deref().unwrap().contains("controller problem"), "{bus:?}");
+        // 100 frames of 111 to 135 bits
+        assert!(bus.load.is_some_and(|load| load > 0.0111 && load < 0.0137), "{bus:?}");
+        let ids: Vec<_> = bus.ids.iter().map(|row| (row.id.as_str(), row.frames, row.age_ms)).collect();
+        assert_eq!(ids, [("0x00000777", 1, 500.0), ("0x123", 100, 10.0)]);
+        let rows = traffic.table(12_000_000, 1.0);
+        assert_eq!((rows[0].frames, rows[0].rate_hz, rows[0].load), (101, 0.0, Some(0.0)));
+    }
+}
