@@ -13,6 +13,9 @@ use motorium::worker::Registry;
 
 use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, replaced};
 
+/// Simulated time between two looks at the topics: not more than the least that a recorder bridges.
+const AT_A_TIME: Duration = Duration::from_millis(1);
+
 /// The outcome of a verification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verification {
@@ -168,7 +171,8 @@ pub fn verify(
     'run: while recorded.left > 0 {
         let end = session.plan().duration_ns.map_or(Duration::MAX, Duration::from_nanos);
         while recorded.left > 0 && session.time() < end && !session.is_episode_over() {
-            match session.step() {
+            // A single step could go beyond the end of the episode.
+            match session.step_until(end.min(session.time() + AT_A_TIME)) {
                 Ok(()) => {}
                 // A run that was recorded to its failure fails again; what is missing then is told below.
                 Err(SessionError::Ended(_)) => break 'run,

@@ -61,7 +61,7 @@ impl Pushes {
             };
             let link = link.map_err(|error| ConfigError::key(key("link"), error.to_string()))?;
             for (name, numbers) in [("point", config.point), ("force", config.force)] {
-                if let Some(number) = numbers.iter().find(|number| !(number.abs() < 1e6)) {
+                if let Some(number) = numbers.iter().find(|number| number.is_nan() || number.abs() >= 1e6) {
                     let message = format!("{number}, expected a number between -1e6 and 1e6");
                     return Err(ConfigError::key(key(name), message));
                 }

@@ -44,7 +44,7 @@ pub enum RiccatiError {
     NotPositive(&'static str),
     /// No stabilising solution was found.
     #[error(
-        "no solution that stabilises: something unstable is not reached by an input, or something on the edge costs nothing"
+        "no solution that stabilises was found: something that does not decay is not reached by an input, or costs nothing"
     )]
     NotStabilisable,
 }
@@ -70,7 +70,9 @@ const RESIDUAL: f64 = 1e-8;
 /// The stabilising solution `P` of the discrete algebraic Riccati equation.
 ///
 /// By the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004): each iteration
-/// doubles the horizon of the cost. It converges quadratically. It allocates: call it before the loop.
+/// doubles the horizon of the cost. It converges quadratically. It allocates: call it before the loop. What does not decay by
+/// itself must be reached by an input and cost something: otherwise the cost of a longer horizon does not lead to the
+/// stabilising solution.
 ///
 /// # Errors
 /// [`RiccatiError`].
@@ -237,7 +239,7 @@ mod tests {
     #[test]
     fn one_state_has_the_closed_form() {
         for (a, b, q, r) in
-            [(1.2_f64, 0.5_f64, 2.0_f64, 0.3_f64), (0.5, 1.0, 0.1, 10.0), (3.0, 0.2, 0.0, 1.0)]
+            [(1.2_f64, 0.5_f64, 2.0_f64, 0.3_f64), (0.5, 1.0, 0.1, 10.0), (3.0, 0.2, 0.01, 1.0)]
         {
             let linear = r * (1.0 - a * a) - q * b * b;
             let p = (-linear + (linear * linear + 4.0 * b * b * q * r).sqrt()) / (2.0 * b * b);
@@ -282,6 +284,7 @@ mod tests {
         };
         let one = || dmatrix![1.0];
         assert_eq!(solve(dmatrix![1.5], dmatrix![0.0], one(), one()), RiccatiError::NotStabilisable);
+        assert_eq!(solve(dmatrix![1.5], one(), dmatrix![0.0], one()), RiccatiError::NotStabilisable);
         assert_eq!(solve(one(), one(), dmatrix![-1.0], one()), RiccatiError::NotPositive("q"));
         assert_eq!(solve(one(), one(), one(), dmatrix![0.0]), RiccatiError::NotPositive("r"));
         assert_eq!(solve(dmatrix![f64::NAN], one(), one(), one()), RiccatiError::NotFinite("a"));

@@ -19,7 +19,7 @@ fn truth() -> Source {
     })
 }
 
-fn run<C: Component, T: StateBuffer>(port: &str, config: &str, duration: &str) -> Vec<T> {
+fn run<C: Component, T: StateBuffer + Send>(port: &str, config: &str, duration: &str) -> Vec<T> {
     let config: toml::Table = format!("config = {{ {config} }}").parse().unwrap();
     let sensor = Instance::of::<C>("sensor")
         .rate("100 Hz")
