@@ -114,7 +114,7 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
     let errors = String::from_utf8_lossy(&output.stderr);
     let report: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}"));
-    assert_eq!(report["exit"], "finished", "{errors}");
+    assert_eq!(report["exit"]["kind"], "finished", "{errors}");
     let ended = report["results"]["recorder"]["ended"].as_str().expect("a reason");
     assert!(ended.contains("too large"), "{ended}");
     let whole = folder.path().join("whole.mcap");

@@ -13,7 +13,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Ranges;
     ///
-    /// let mut ranges = Ranges { least: 0.1, most: 10.0, ..Ranges::default() };
+    /// let mut ranges = Ranges::default();
+    /// (ranges.least, ranges.most) = (0.1, 10.0);
     /// ranges.set_count(2);
     /// ranges.range_mut().copy_from_slice(&[0.5, 11.0]);
     /// let met = ranges.range().iter().filter(|range| f64::from(**range) <= ranges.most);

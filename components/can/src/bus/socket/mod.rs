@@ -8,6 +8,7 @@ mod batch;
 mod hardware;
 mod interface;
 mod raw;
+mod time;
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -21,8 +22,8 @@ use batch::Batch;
 pub(crate) use batch::Waiting;
 pub use hardware::HardwareClock;
 pub use interface::Interface;
-use motorium::os::{monotonic_ns, realtime_ns};
 use raw::Delivered;
+use time::{monotonic_ns, realtime_ns};
 
 /// The condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -174,7 +175,8 @@ impl OpenError {
 /// let mut bus = SocketBus::open("can0")?;
 /// assert_eq!(bus.send(&[Frame::classic(Id::Standard(1), &[0xff; 8])]), 1);
 /// let mut answers = [Received::default(); 8];
-/// for answer in &answers[..bus.receive(&mut answers)] {
+/// let count = bus.receive(&mut answers);
+/// for answer in &answers[..count] {
 ///     println!("{:?}", answer.frame);
 /// }
 /// println!("{}", bus.condition().name());
@@ -368,7 +370,8 @@ impl SocketBus {
 /// The interface of a name, if it is up.
 pub(crate) fn look_up(name: &str) -> Result<Interface, OpenError> {
     let all = Interface::all().map_err(|error| OpenError::Refused(name.into(), error))?;
-    let found = all.iter().map(Interface::to_string).collect();
+    let mut found: Vec<String> = all.iter().map(Interface::to_string).collect();
+    found.sort_unstable();
     let Some(interface) = all.into_iter().find(|interface| interface.name == name) else {
         return Err(OpenError::Missing { name: name.into(), found });
     };

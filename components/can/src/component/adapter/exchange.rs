@@ -16,7 +16,7 @@ use crate::{ErrorState, Frame, SocketBus, Table};
 /// The way in which frames are exchanged.
 pub(super) enum Exchange {
     /// The buses are simulated: frames go through topics, and answers come in a later step.
-    Topics(Topics),
+    Topics(Box<Topics>),
     /// The buses are real: answers are waited for within the step.
     Sockets(Sockets),
 }

@@ -125,7 +125,8 @@ impl Component for CanAdapter {
             Exchange::Sockets(sockets)
         } else {
             let received = setup.slice_input("frames_received")?;
-            Exchange::Topics(Topics::new(received, setup.slice_output("frames_sent")?))
+            let topics = Topics::new(received, setup.slice_output("frames_sent")?);
+            Exchange::Topics(Box::new(topics))
         };
         Ok(Self {
             command: setup.input("joint_command")?,

@@ -41,7 +41,7 @@ pub struct DriveSimulation {
 
 /// The lines between adapter and drives.
 enum Lines {
-    Simulated(Simulated),
+    Simulated(Box<Simulated>),
     Sockets(Sockets),
 }
 
@@ -108,7 +108,7 @@ impl Component for DriveSimulation {
         } else {
             let (sent, received) =
                 (setup.slice_input("frames_sent")?, setup.slice_output("frames_received")?);
-            Lines::Simulated(Simulated::new(sent, received, wires(table, &mut axes)))
+            Lines::Simulated(Box::new(Simulated::new(sent, received, wires(table, &mut axes))))
         };
         Ok(Self {
             joint_state: setup.input("joint_state")?,
