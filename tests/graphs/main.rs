@@ -27,6 +27,7 @@ mod sockets;
 mod supervisors;
 mod support;
 mod top;
+mod trace;
 
 /// The `motorium` command under test.
 const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");

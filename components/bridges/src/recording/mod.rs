@@ -23,6 +23,7 @@ mod reader;
 mod recorder;
 mod recover;
 mod replay;
+mod score;
 mod signals;
 mod verify;
 
@@ -32,6 +33,9 @@ pub use csv::{TableError, write_csv};
 pub use reader::{ReadError, RecordedSample, RecordedTopic, Recording, Samples};
 pub use recover::{Recovered, recover};
 pub use replay::{Replay, ReplayConfig, loggers, replaced, replay_kind};
+pub use score::{
+    GoalScore, JointScore, JointsScore, PoseScore, Score, Tolerance, score, spectral_arc_length,
+};
 pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
 pub use verify::{Difference, Verification, VerifyError, What, verify};
 
