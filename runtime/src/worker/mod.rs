@@ -127,7 +127,7 @@ fn live<C: Component>(
     let component = &plan.components[index];
     let block = &region.components()[index];
     let at_setup = |message: String| Failure { tick: block.steps.load(Relaxed), message };
-    let context = Rc::new(Context::new(plan, index, region.clone()));
+    let context = Rc::new(Context::new(plan, index, region.clone()).traced());
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
         Some(
