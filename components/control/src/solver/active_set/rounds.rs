@@ -14,6 +14,8 @@ const LOWER_SHIFT: f64 = 0.1;
 const ROUNDS: usize = 60;
 /// Relative change of the solution from one round to the next at which the rounds end.
 const CLOSE: f64 = 1e-10;
+/// Force of the proximal term, as a share of the numbers of the cost's slope, that is rounding.
+const NO_FORCE: f64 = 1e-14;
 /// Relative tolerance below which a rate of change along a direction counts as zero.
 const RECESSION: f64 = 1e-9;
 /// Violation, as a share of one and of the value, that only a breakdown of the arithmetic leaves.
@@ -56,7 +58,10 @@ impl Run<'_> {
             self.work.residual[i] = self.work.x[i] - self.work.centre[i];
         }
         self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
-        if largest(&self.work.residual[..n]) <= CLOSE * (1.0 + largest(&self.work.centre[..n])) {
+        let (step, size) = (largest(&self.work.residual[..n]), largest(&self.work.centre[..n]));
+        // Where the cost is as good as flat, x may go on in small steps for ever: the conditions of the optimum decide, too.
+        let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
+        if step <= CLOSE * (1.0 + size) || self.work.shift * step <= NO_FORCE * slope {
             return Ok(Next::Done);
         }
         if let Some(variable) = self.recession() {
