@@ -63,8 +63,9 @@ impl Run<'_> {
                 return Ok(());
             }
             match self.next_round(outcome, round)? {
-                Next::Done => {
+                Next::Done(accuracy) => {
                     self.write();
+                    self.solution.accuracy = accuracy;
                     return Ok(());
                 }
                 Next::Solve { factorize: again } => factorize = again,
