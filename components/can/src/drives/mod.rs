@@ -6,5 +6,6 @@
 pub mod cia402;
 pub mod damiao;
 pub mod mit;
+pub mod moteus;
 pub mod odrive;
 pub mod range;

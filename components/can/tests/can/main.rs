@@ -6,9 +6,13 @@ mod bus;
 mod cia402;
 mod components;
 mod damiao;
+mod database;
+mod faults;
 mod mit;
+mod moteus;
 mod odrive;
 mod random;
+mod slcan;
 mod table;
 
 motorium::count_allocations!();
