@@ -32,7 +32,7 @@ pub use component::{
 };
 pub use database::{Database, DatabaseError, Decoded, SignalValue};
 pub use drives::range::Range;
-pub use drives::{cia402, damiao, mit, moteus, odrive};
+pub use drives::{cia402, damiao, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
 pub use simulated_drive::SimulatedDrive;

@@ -9,3 +9,4 @@ pub mod mit;
 pub mod moteus;
 pub mod odrive;
 pub mod range;
+pub mod servo;

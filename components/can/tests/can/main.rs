@@ -12,6 +12,7 @@ mod mit;
 mod moteus;
 mod odrive;
 mod random;
+mod servo;
 mod slcan;
 mod table;
 
