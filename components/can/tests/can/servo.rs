@@ -96,7 +96,7 @@ proptest! {
         for protocol in [Protocol::One, Protocol::Two] {
             let mut packet = [0; LONGEST];
             let length = write_status(protocol, servo, 0, &data, &mut packet).unwrap();
-            packet[usize::from(place) % length] ^= 1 << bit;
+            packet[usize::from(place) % length] ^= 1_u8 << bit;
             let whole = packet[..length].to_vec();
             prop_assert!(read(&whole).iter().all(|found| found.as_ref() != Ok(&(servo, 0, data.clone()))));
         }

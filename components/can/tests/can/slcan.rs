@@ -119,10 +119,11 @@ const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
 /// Whatever has come on a terminal by now.
 fn written(terminal: &mut File) -> Vec<u8> {
-    let mut bytes = vec![0; 1 << 16];
-    let length = terminal.read(&mut bytes).unwrap_or(0);
-    bytes.truncate(length);
-    bytes
+    let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
+    while let Ok(length @ 1..) = terminal.read(&mut bytes) {
+        all.extend_from_slice(&bytes[..length]);
+    }
+    all
 }
 
 /// Opens the bus on a terminal whose other end answers to its commands in this way.

@@ -51,7 +51,7 @@ impl Quantity {
     fn of(register: u32) -> Option<Self> {
         Some(match register {
             MODE | FAULT => Self::Number,
-            POSITION | COMMAND => Self::Position,
+            POSITION | COMMAND | 0x26 => Self::Position,
             VELOCITY | 0x21 => Self::Velocity,
             TORQUE | 0x22 | 0x25 => Self::Torque,
             0x23 | 0x24 => Self::Share,
