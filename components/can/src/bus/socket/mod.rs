@@ -124,8 +124,19 @@ pub enum OpenError {
         /// That of the bus.
         expected: u32,
     },
-    /// The kernel refused.
-    #[error("the CAN interface `{0}` cannot be opened: {1}")]
+    /// There is no such serial line.
+    #[error("there is no serial line `{0}`")]
+    NoLine(String),
+    /// An adapter on a serial line knows no such bitrate.
+    #[error("the adapter on `{name}` knows no {rate} bit/s")]
+    NoBitrate {
+        /// The serial line.
+        name: String,
+        /// The bitrate asked for.
+        rate: u32,
+    },
+    /// The kernel, or the adapter on a serial line, refused.
+    #[error("`{0}` cannot be opened: {1}")]
     Refused(String, io::Error),
 }
 
@@ -160,6 +171,15 @@ impl OpenError {
             Self::Bitrate { name, expected, .. } => format!(
                 "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
             ),
+            Self::NoLine(_) => {
+                "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
+            }
+            Self::NoBitrate { .. } => {
+                "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
+            }
+            Self::Refused(name, _) if name.starts_with('/') => {
+                "join the group of serial lines (`sudo usermod -aG dialout $USER`), and see that no other program has it".into()
+            }
             Self::Refused(..) => {
                 "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
             }
