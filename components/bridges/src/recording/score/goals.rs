@@ -133,7 +133,7 @@ impl Follower {
             let free = number(weight) == Some(0.0);
             if free { f64::INFINITY } else { number(key).unwrap_or(usual) }
         };
-        let name = frame.map_or("base", |frame| &loaded.model.frames()[frame.index()].name);
+        let name = frame.map_or("base", |frame| loaded.model.frames()[frame.index()].name.as_str());
         let score = PoseScore {
             target: plan.topics[topic].name.clone(),
             reader: component.name.clone(),

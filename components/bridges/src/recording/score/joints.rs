@@ -108,7 +108,8 @@ impl Limits {
         for (index, joint) in self.joints.iter_mut().enumerate() {
             joint.velocity_share = share(joint.velocity_max, model.velocity_limit()[index]);
             joint.effort_share = share(joint.effort_max, model.effort_limit()[index]);
-            let errors = tracking.and_then(|tracking| tracking.joints.get(index));
+            // Where no position is commanded, none is compared.
+            let errors = tracking.and_then(|tracking| tracking.joints.get(index)).filter(|both| both.1 > 0.0);
             (joint.tracking_rms, joint.tracking_max) = (errors.map(|both| both.0), errors.map(|both| both.1));
         }
         self.joints.retain(|joint| joint.position_min <= joint.position_max);
