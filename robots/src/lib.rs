@@ -58,6 +58,7 @@ mod source;
 mod srdf;
 mod twist;
 mod urdf;
+mod world;
 
 pub use catalogue::{Entry, catalogue};
 pub use dynamics::{
@@ -67,7 +68,8 @@ pub use dynamics::{
 pub use end_effector::EndEffectorError;
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
-    MeshMode, MeshProblem, Proximity, SolidKind, SolidProblem, TriangleMesh, fit_capsule,
+    MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, TriangleMesh,
+    fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
@@ -91,3 +93,4 @@ pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
     parse_urdf_with, pinocchio_joint_order,
 };
+pub use world::{Ground, Object, ObjectShape, World, WorldError};

@@ -25,6 +25,7 @@ mod pinocchio;
 mod pinocchio_catalogue;
 mod profiles;
 mod properties;
+mod rays;
 mod solids;
 mod standing;
 mod urdf_faults;

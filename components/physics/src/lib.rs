@@ -23,7 +23,6 @@ mod robot;
 mod rotors;
 mod simulation;
 mod simulator;
-mod world;
 
 pub use articulated::{
     Articulated, ArticulatedSimulator, JointEvents, JointSpaceIntegrator, LinkForce, Singular,
@@ -36,6 +35,7 @@ pub use component::{
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
+pub use motorium_robots::{Ground, Object, ObjectShape, World, WorldError};
 pub use options::Options;
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};
@@ -44,4 +44,3 @@ pub use simulation::{Engine, Simulation};
 pub use simulator::{
     Capabilities, Contact, ForeignState, ObjectId, RayHit, SavedState, Simulator, StepReport,
 };
-pub use world::{Ground, Object, ObjectShape, World, WorldError};

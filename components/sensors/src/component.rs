@@ -5,6 +5,7 @@ pub mod estimator;
 pub mod imu;
 pub mod merge;
 pub mod place;
+pub mod rays;
 mod readings;
 mod robot;
 
@@ -173,5 +174,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<place::AtPlace<place::Altimeter>>(),
         Kind::of::<place::AtPlace<place::Magnetometer>>(),
         Kind::of::<place::AtPlace<place::Gps>>(),
+        Kind::of::<rays::AlongRays<rays::RaySensor>>(),
+        Kind::of::<rays::AlongRays<rays::Lidar>>(),
+        Kind::of::<rays::AlongRays<rays::HeightScanSensor>>(),
     ]
 }

@@ -4,11 +4,12 @@
 //! - [`imu`]: gyroscopes and accelerometers. [`contact`]: the contact sensors of feet.
 //! - [`channel`]: the errors of a measured quantity: noise, bias, scale, resolution, range.
 //! - [`geodesy`]: places on the earth.
+//! - [`ranging`]: rays of sensors of distance, and the errors of what they read.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
 //! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`,
-//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`.
+//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
@@ -42,6 +43,7 @@ pub mod estimation;
 pub mod geodesy;
 pub mod imu;
 pub mod noise;
+pub mod ranging;
 
 pub use component::merge::JointMerge;
 pub use component::{JointEncoder, kinds};

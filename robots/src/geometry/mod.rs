@@ -4,6 +4,8 @@
 //! stay surfaces, pairs that cannot or may not collide are left out. [`Collisions`] is the workspace of its
 //! queries: distances with their witness points, and their Jacobians.
 //!
+//! A [`RayScene`] finds the first surface along a line: for sensors and simulators.
+//!
 //! Distances are signed: positive is the gap \[m\], negative the depth, the shortest way out. Points and normals are
 //! in world axes; normals point from the first solid of a pair to the second.
 
@@ -13,6 +15,7 @@ mod distance;
 mod jacobian;
 mod mesh;
 mod pairs;
+mod rays;
 mod shape;
 mod solid;
 mod support;
@@ -21,5 +24,6 @@ pub use capsule::fit_capsule;
 pub use distance::{Collisions, Proximity};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh};
 pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
+pub use rays::{Ray, RayHit, RayScene, RayShape};
 pub use shape::ConvexShape;
 pub use solid::{MeshMode, SolidKind, SolidProblem};

@@ -3,7 +3,7 @@
 
 use super::{
     Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, Controls,
-    EmergencyStop, Event, FootContacts, GeoFix, ImageInfo, ImuSample, JointCommand, JointState,
+    EmergencyStop, Event, FootContacts, GeoFix, HeightScan, ImageInfo, ImuSample, JointCommand, JointState,
     MagneticField, ObjectPoses, Observation, Odometry, Phase, PoseTarget, Ranges, Reward, StateBuffer, Text,
     TwistTarget, TypeLayout, Weights, Wrench,
 };
@@ -82,6 +82,7 @@ numbers! {
     27 GeoFix,
     28 Altitude,
     29 MagneticField,
+    30 HeightScan,
 }
 
 #[cfg(test)]

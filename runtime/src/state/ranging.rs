@@ -6,6 +6,8 @@ use super::counted::counted_buffer;
 
 /// The most rays of one [`Ranges`].
 pub const MAX_RANGES: usize = 2048;
+/// The most points of one [`HeightScan`].
+pub const MAX_HEIGHTS: usize = 1024;
 
 counted_buffer! {
     /// Distances along the rays of a sensor, in the order of its rays.
@@ -13,7 +15,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Ranges;
     ///
-    /// let mut ranges = Ranges { least: 0.1, most: 10.0, ..Ranges::default() };
+    /// let mut ranges = Ranges::default();
+    /// (ranges.least, ranges.most) = (0.1, 10.0);
     /// ranges.set_count(2);
     /// ranges.range_mut().copy_from_slice(&[0.5, 11.0]);
     /// let met = ranges.range().iter().filter(|range| f64::from(**range) <= ranges.most);
@@ -29,6 +32,40 @@ counted_buffer! {
         counted {
             /// Distance along a ray, m.
             range, range_mut: f32;
+        }
+    }
+}
+
+counted_buffer! {
+    /// Heights of the surface on a grid about a sensor: row by row from the back, each row from right to left.
+    ///
+    /// The grid lies level, its rows along y of the sensor, its columns along x, as far as the sensor's yaw turns them; the
+    /// sensor is in its middle.
+    ///
+    /// ```
+    /// use motorium::state::HeightScan;
+    ///
+    /// let mut scan = HeightScan { rows: 2, columns: 3, spacing: 0.1, ..HeightScan::default() };
+    /// scan.set_count(6);
+    /// scan.height_mut()[5] = -0.3; // ahead on the left
+    /// assert_eq!(scan.height().iter().filter(|height| **height < -0.2).count(), 1);
+    /// ```
+    pub struct HeightScan as "motorium.HeightScan", at most MAX_HEIGHTS {
+        plain {
+            /// Points along x.
+            rows: u32;
+            /// Points along y.
+            columns: u32;
+            /// Distance of two points that are side by side, m.
+            spacing: f64;
+            /// The least height that is told, m: that of a point without a surface, too.
+            least: f64;
+            /// The greatest height that is told, m.
+            most: f64;
+        }
+        counted {
+            /// Height of the surface above the origin of the sensor, m; negative below it.
+            height, height_mut: f32;
         }
     }
 }

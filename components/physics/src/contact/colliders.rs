@@ -1,11 +1,9 @@
 //! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
 
-use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, Geometry, MeshMode,
-};
-use nalgebra::{Isometry3, Vector3};
+use motorium_robots::{Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, MeshMode};
+use nalgebra::Isometry3;
 
-use crate::{BuildWarning, ObjectShape, Options, RobotSetup, World};
+use crate::{BuildWarning, Options, RobotSetup, World};
 
 /// The part of the simulation that a collider moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +76,7 @@ impl Colliders {
             CollisionError::UnknownLink { .. } => BuildWarning::RuleIgnored { reason: defect.to_string() },
         }));
         for object in &world.objects {
-            let (geometry, pose) = (geometry(&object.shape), object.pose());
+            let (geometry, pose) = (object.shape.geometry(), object.pose());
             let added = if object.is_dynamic() {
                 model.add_free_object(&object.name, pose, geometry, MeshMode::Outermost)
             } else {
@@ -130,13 +128,5 @@ impl Colliders {
     /// Excludes pairs of colliders.
     pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
         self.model.retain_pairs(|pair| !pairs.contains(pair));
-    }
-}
-
-fn geometry(shape: &ObjectShape) -> Geometry {
-    match *shape {
-        ObjectShape::Box { size } => Geometry::Box { size: Vector3::from(size) },
-        ObjectShape::Sphere { radius } => Geometry::Sphere { radius },
-        ObjectShape::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
     }
 }

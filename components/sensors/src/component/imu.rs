@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::readings::{Readings, refused};
-use super::robot::{Mount, TrueMotion};
+use super::robot::{Mount, Needs, TrueMotion};
 use crate::channel::{Channel, ErrorModel, Timing};
 use crate::imu::{ImuModel, SensorMotion};
 
@@ -97,7 +97,7 @@ impl Component for Imu {
     fn declare(config: &ImuConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         config.models(0)?;
         Readings::declare(&config.timing(), declare)?;
-        TrueMotion::declare(&config.mount, declare)?;
+        TrueMotion::declare(&config.mount, Needs::Place, declare)?;
         declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
         Ok(())
     }
@@ -106,7 +106,7 @@ impl Component for Imu {
         let seed = config.seed.unwrap_or(setup.seed());
         let (model, attitude) = config.models(seed)?;
         Ok(Self {
-            motion: TrueMotion::open(&config.mount, setup)?,
+            motion: TrueMotion::open(&config.mount, Needs::Place, setup)?,
             sample: setup.output("imu")?,
             readings: Readings::new(&config.timing(), WIDTH, setup.period(), seed)?,
             model,

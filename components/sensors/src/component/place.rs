@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::readings::{Readings, refused};
-use super::robot::{Motion, Mount, TrueMotion};
+use super::robot::{Motion, Mount, Needs, TrueMotion};
 use crate::channel::{Channel, ErrorModel, Timing};
 use crate::geodesy::{Geodetic, TangentPlane};
 
@@ -64,7 +64,7 @@ impl<S: PlaceSensor> Component for AtPlace<S> {
         let (mount, timing, _) = S::common(config);
         S::new(config, 0)?;
         Readings::declare(&timing, declare)?;
-        TrueMotion::declare(mount, declare)?;
+        TrueMotion::declare(mount, Needs::Place, declare)?;
         declare.output::<S::Message>(S::PORT.0, S::PORT.1);
         Ok(())
     }
@@ -73,7 +73,7 @@ impl<S: PlaceSensor> Component for AtPlace<S> {
         let (mount, timing, seed) = S::common(&config);
         let seed = seed.unwrap_or(setup.seed());
         Ok(Self {
-            motion: TrueMotion::open(mount, setup)?,
+            motion: TrueMotion::open(mount, Needs::Place, setup)?,
             output: setup.output(S::PORT.0)?,
             readings: Readings::new(&timing, S::WIDTH, setup.period(), seed)?,
             sensor: S::new(&config, seed)?,

@@ -1,7 +1,7 @@
 //! The robot of a component, and the motion of a place on it.
 
 use motorium::prelude::*;
-use motorium_robots::{BaseMode, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource};
+use motorium_robots::{BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
         name: &robot.name,
         text: &robot.urdf,
         base: &robot.base,
-        pose: None,
+        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
     };
     let options = LoadOptions { base, ..LoadOptions::default() };
     source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))
@@ -77,6 +77,17 @@ pub(super) struct Motion {
     pub(super) times: StateTimes,
 }
 
+/// Which motion a sensor needs besides that of its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Needs {
+    /// None; a place that never moves is refused.
+    Place,
+    /// None; the place may stand still.
+    AnyPlace,
+    /// That of all links.
+    AllLinks,
+}
+
 /// The true motion of a place on a robot, from its base state and its joint state.
 pub(super) struct TrueMotion {
     base: Option<Input<BaseState>>,
@@ -91,13 +102,13 @@ pub(super) struct TrueMotion {
 }
 
 impl TrueMotion {
-    /// Declares the inputs: `base_state` where the base floats, `joint_state` where joints move the frame.
-    pub(super) fn declare(mount: &Mount, declare: &mut Declare) -> Result<(), ConfigError> {
+    /// Declares the inputs: `base_state` where the base floats, `joint_state` where joints move the frame, or where all links
+    /// are needed. Returns the model.
+    pub(super) fn declare(mount: &Mount, needs: Needs, declare: &mut Declare) -> Result<Model, ConfigError> {
         let model = load(named(declare, "the place of the sensor on it")?, BaseMode::AsFile)?.model;
-        let frame = mount.frame(&model)?;
+        let moved = by_joints(&model, mount.frame(&model)?, needs);
         mount.pose()?;
-        let moved = model.frames()[frame.index()].body.is_some();
-        if !model.base().floating && !moved {
+        if !model.base().floating && !moved && needs == Needs::Place {
             return Err(ConfigError::key("mount.frame", "the link does not move: nothing to measure there")
                 .advise("name a link that a joint moves"));
         }
@@ -107,18 +118,20 @@ impl TrueMotion {
         if moved {
             declare.input::<JointState>("joint_state", "true joint state");
         }
-        Ok(())
+        Ok(model)
     }
 
     /// Opens the inputs.
-    pub(super) fn open(mount: &Mount, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    pub(super) fn open(mount: &Mount, needs: Needs, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let model = load(setup.robot()?, BaseMode::AsFile)?.model;
         let (frame, pose) = (mount.frame(&model)?, mount.pose()?);
-        let moved = model.frames()[frame.index()].body.is_some();
+        let moved = by_joints(&model, frame, needs);
+        let mut kinematics = Kinematics::new(&model);
+        kinematics.update(&model, &model.neutral());
         Ok(Self {
             base: if model.base().floating { Some(setup.input("base_state")?) } else { None },
             joints: if moved { Some(setup.input("joint_state")?) } else { None },
-            kinematics: Kinematics::new(&model),
+            kinematics,
             frame,
             mount: pose,
             q: model.neutral(),
@@ -126,6 +139,26 @@ impl TrueMotion {
             model,
             seen: [(0, 0, 0); 2],
         })
+    }
+
+    /// True for a place that never moves, on a robot of which no motion is needed: then there is no input.
+    pub(super) fn is_still(&self) -> bool {
+        self.base.is_none() && self.joints.is_none()
+    }
+
+    /// The model of the robot.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Poses of the links, as of the motion that was read last.
+    pub(super) fn kinematics(&self) -> &Kinematics {
+        &self.kinematics
+    }
+
+    /// Pose of the place, as of the motion that was read last.
+    pub(super) fn pose(&self) -> Isometry3<f64> {
+        self.kinematics.pose(&self.model, self.frame) * self.mount
     }
 
     /// The motion, if there is a newer one.
@@ -170,6 +203,12 @@ impl TrueMotion {
     pub(super) fn reset(&mut self) {
         self.seen = [(0, 0, 0); 2];
     }
+}
+
+/// True if the joints must be known.
+fn by_joints(model: &Model, frame: FrameId, needs: Needs) -> bool {
+    let all = needs == Needs::AllLinks && model.joint_count() > 0;
+    all || model.frames()[frame.index()].body.is_some()
 }
 
 /// What tells one sample from another.

@@ -9,5 +9,6 @@ mod estimator;
 mod imu;
 mod invariant;
 mod place;
+mod rays;
 
 motorium::count_allocations!();

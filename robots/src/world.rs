@@ -4,6 +4,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::{ConvexShape, Geometry};
+
 /// Gravity, a ground and simple objects. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -126,6 +128,24 @@ impl ObjectShape {
                 let across = mass * (3.0 * radius * radius + length * length) / 12.0;
                 Vector3::new(across, across, 0.5 * mass * radius * radius)
             }
+        }
+    }
+
+    /// The shape as that of a collision model.
+    pub fn geometry(&self) -> Geometry {
+        match *self {
+            Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
+            Self::Sphere { radius } => Geometry::Sphere { radius },
+            Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
+        }
+    }
+
+    /// The shape as a convex one.
+    pub fn convex_shape(&self) -> ConvexShape {
+        match *self {
+            Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
+            Self::Sphere { radius } => ConvexShape::Sphere { radius },
+            Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
         }
     }
 

@@ -1,0 +1,173 @@
+//! `sensor.height_scan`: heights of the surface on a grid about the sensor.
+
+use motorium::prelude::*;
+use motorium::state::{HeightScan, MAX_HEIGHTS};
+use motorium_robots::{Ray, RayHit, RayScene, World};
+use nalgebra::{Isometry3, Point3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use super::{Common, Mount, RangeSensor, Timing};
+use crate::channel::{Channel, ErrorModel};
+
+/// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root link.
+///
+/// ```toml
+/// size    = [1.6, 1.0]
+/// spacing = 0.1
+/// height  = { noise = 0.01, bias = 0.01 }
+/// latency = "20 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HeightScanConfig {
+    /// Place of the sensor on the robot, in the middle of the grid. Default: the root link.
+    pub mount: Mount,
+    /// Ground and objects, in a graph without a `[world]`.
+    pub world: World,
+    /// True if the robot that carries the sensor is part of the surface, too. Default false.
+    pub sees_robot: bool,
+    /// Length of the grid along x and y of the sensor (m). Default 1.6 and 1.0.
+    pub size: [f64; 2],
+    /// Distance of two points that are side by side (m). Default 0.1.
+    pub spacing: f64,
+    /// The least height above the sensor that is told (m). Default -2.
+    pub least: f64,
+    /// The greatest height above the sensor that is told (m): the scan looks down from there, and what hangs higher is not
+    /// seen. Default 1.
+    pub most: f64,
+    /// Errors of a height, m.
+    pub height: ErrorModel,
+    /// Time from sampling until the scan is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the scans that are not published, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+impl Default for HeightScanConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            world: World::default(),
+            sees_robot: false,
+            size: [1.6, 1.0],
+            spacing: 0.1,
+            least: -2.0,
+            most: 1.0,
+            height: ErrorModel::default(),
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            seed: None,
+        }
+    }
+}
+
+impl HeightScanConfig {
+    /// Points along x and y.
+    fn points(&self) -> Result<[usize; 2], ConfigError> {
+        if !(self.spacing.is_finite() && self.spacing > 0.0) {
+            return Err(ConfigError::key("spacing", format!("{}: expected a length above 0", self.spacing)));
+        }
+        if !self.size.iter().all(|size| (0.0..=1e6).contains(size)) {
+            return Err(ConfigError::key("size", "expected lengths from 0 to 1e6 m"));
+        }
+        // a size that is a multiple up to rounding has a point at its end
+        let points = self.size.map(|size| (size / self.spacing + 1e-6).floor() as usize + 1);
+        let count = points[0].saturating_mul(points[1]);
+        if count > MAX_HEIGHTS {
+            let message = format!("{} x {} points, at most {MAX_HEIGHTS} fit", points[0], points[1]);
+            return Err(
+                ConfigError::key("size", message).advise("make the grid smaller, or `spacing` greater")
+            );
+        }
+        Ok(points)
+    }
+}
+
+/// `sensor.height_scan`: heights of the surface on a grid about the sensor.
+pub struct HeightScanSensor {
+    points: [usize; 2],
+    spacing: f64,
+    least: f64,
+    most: f64,
+    channel: Channel,
+    rays: Vec<Ray>,
+    hits: Vec<Option<RayHit>>,
+}
+
+impl RangeSensor for HeightScanSensor {
+    const KIND: &'static str = "sensor.height_scan";
+    const SUMMARY: &'static str = "heights of the surface on a grid about the sensor: noise, latency";
+    type Config = HeightScanConfig;
+    type Outputs = Output<HeightScan>;
+
+    fn common(config: &HeightScanConfig) -> Common<'_> {
+        Common {
+            mount: &config.mount,
+            world: &config.world,
+            sees_robot: config.sees_robot,
+            timing: Timing { latency: config.latency, drop_out: config.drop_out },
+            seed: config.seed,
+        }
+    }
+
+    fn new(config: &HeightScanConfig, seed: u64) -> Result<Self, ConfigError> {
+        let points = config.points()?;
+        let HeightScanConfig { spacing, least, most, .. } = *config;
+        if !(least.is_finite() && most.is_finite() && least < most) {
+            let message = format!("heights from {least} to {most}: expected `least` below `most`");
+            return Err(ConfigError::key("least", message));
+        }
+        let count = points[0] * points[1];
+        let channel = Channel::new("height", &config.height, count, seed, 0).map_err(refused)?;
+        let down = Ray { origin: Point3::origin(), direction: -Vector3::z_axis() };
+        Ok(Self { points, spacing, least, most, channel, rays: vec![down; count], hits: vec![None; count] })
+    }
+
+    fn width(&self) -> usize {
+        self.rays.len()
+    }
+
+    fn declare(&self, declare: &mut Declare) {
+        declare.output::<HeightScan>("heights", "heights of the surface above the sensor");
+    }
+
+    fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {
+        Ok(setup.output("heights")?)
+    }
+
+    fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
+        let ahead = pose.rotation * Vector3::x();
+        let (sin, cos) = ahead.y.atan2(ahead.x).sin_cos();
+        let from = pose.translation.vector;
+        let [rows, columns] = self.points;
+        let middle = |count: usize| 0.5 * (count - 1) as f64;
+        for (index, ray) in self.rays.iter_mut().enumerate() {
+            let x = ((index / columns) as f64 - middle(rows)) * self.spacing;
+            let y = ((index % columns) as f64 - middle(columns)) * self.spacing;
+            ray.origin =
+                Point3::new(from.x + x * cos - y * sin, from.y + x * sin + y * cos, from.z + self.most);
+        }
+        let depth = self.most - self.least;
+        scene.cast_all(&self.rays, depth, &mut self.hits);
+        for (value, hit) in values.iter_mut().zip(&self.hits) {
+            *value = hit.map_or(self.least, |hit| self.most - hit.distance);
+        }
+        self.channel.measure(dt, values);
+        values.iter_mut().for_each(|value| *value = value.clamp(self.least, self.most));
+    }
+
+    fn publish(&self, values: &[f64], source: u64, output: &mut Output<HeightScan>) -> Result<(), StepError> {
+        let mut scan = output.loan()?;
+        (scan.rows, scan.columns) = (self.points[0] as u32, self.points[1] as u32);
+        (scan.spacing, scan.least, scan.most) = (self.spacing, self.least, self.most);
+        scan.set_count(values.len());
+        for (height, value) in scan.height_mut().iter_mut().zip(values) {
+            *height = *value as f32;
+        }
+        scan.publish_from(source)
+    }
+}

@@ -1,0 +1,246 @@
+//! `sensor.lidar`: distances along many rays.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use motorium::prelude::*;
+use motorium::state::{CloudPoint, MAX_RANGES, Ranges};
+use motorium::transport::SliceOutput;
+use motorium_robots::{Ray, RayHit, RayScene, World};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use super::{Common, Mount, RangeSensor, Timing};
+use crate::channel::ErrorModel;
+use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
+
+/// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around z.
+///
+/// ```toml
+/// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
+/// rays       = 720
+/// elevations = [-0.26, -0.09, 0.09, 0.26]
+/// most       = 20.0
+/// distance   = { noise = 0.01, resolution = 0.001 }
+/// lost       = 0.002
+/// latency    = "50 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LidarConfig {
+    /// Place of the sensor on the robot: rays turn about z, from x towards y. Default: the root link.
+    pub mount: Mount,
+    /// Ground and objects, in a graph without a `[world]`.
+    pub world: World,
+    /// True if rays meet the robot that carries the sensor, too. Default true.
+    pub sees_robot: bool,
+    /// Angle over which the rays of a ring spread, in its middle x (rad). Default: a whole turn.
+    pub field_of_view: f64,
+    /// Rays of a ring. Default 360.
+    pub rays: usize,
+    /// Angles of the rings above the xy plane of the sensor (rad). Default: one ring in the plane.
+    pub elevations: Vec<f64>,
+    /// The least distance that is measured (m). Default 0.1.
+    pub least: f64,
+    /// The greatest distance that is measured (m). Default 30.
+    pub most: f64,
+    /// Errors of a distance, m.
+    pub distance: ErrorModel,
+    /// Share of the rays without a return, 0 to 1. Default 0.
+    pub lost: f64,
+    /// Time from sampling until the scan is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the scans that are not published, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+impl Default for LidarConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            world: World::default(),
+            sees_robot: true,
+            field_of_view: TAU,
+            rays: 360,
+            elevations: vec![0.0],
+            least: 0.1,
+            most: 30.0,
+            distance: ErrorModel::default(),
+            lost: 0.0,
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            seed: None,
+        }
+    }
+}
+
+/// Rays from one point in fixed directions. A reading has the distances, then the cosines of the angles of incidence.
+#[derive(Debug)]
+pub(super) struct Fan {
+    directions: Vec<Unit<Vector3<f64>>>,
+    rays: Vec<Ray>,
+    hits: Vec<Option<RayHit>>,
+    settings: RangeSettings,
+    model: RangeModel,
+}
+
+impl Fan {
+    /// Rays of these azimuths and elevations \[rad\].
+    pub(super) fn new(
+        angles: impl Iterator<Item = (f64, f64)>,
+        settings: &RangeSettings,
+        seed: u64,
+    ) -> Result<Self, ConfigError> {
+        let directions: Vec<_> = angles.map(|(azimuth, elevation)| direction(azimuth, elevation)).collect();
+        let count = directions.len();
+        let rays = directions.iter().map(|&direction| Ray { origin: Point3::origin(), direction }).collect();
+        let model = RangeModel::new(settings, count, seed).map_err(refused)?;
+        Ok(Self { directions, rays, hits: vec![None; count], settings: *settings, model })
+    }
+
+    /// Number of rays.
+    pub(super) fn count(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// Numbers of a reading with angles of incidence.
+    fn width(&self) -> usize {
+        2 * self.count()
+    }
+
+    /// Fills in a reading; that of a sensor without angles of incidence has the distances only.
+    pub(super) fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
+        let origin = Point3::from(pose.translation.vector);
+        for (ray, direction) in self.rays.iter_mut().zip(&self.directions) {
+            *ray = Ray { origin, direction: pose.rotation * direction };
+        }
+        // beyond the greatest distance, for errors may bring a surface in
+        scene.cast_all(&self.rays, self.model.no_return(), &mut self.hits);
+        let (distances, cosines) = values.split_at_mut(self.directions.len());
+        for (distance, hit) in distances.iter_mut().zip(&self.hits) {
+            *distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
+        }
+        for ((cosine, hit), ray) in cosines.iter_mut().zip(&self.hits).zip(&self.rays) {
+            *cosine = hit.map_or(0.0, |hit| -hit.normal.dot(&ray.direction));
+        }
+        self.model.measure(dt, distances);
+    }
+
+    /// Publishes the distances of a reading.
+    pub(super) fn publish(
+        &self,
+        values: &[f64],
+        source: u64,
+        output: &mut Output<Ranges>,
+    ) -> Result<(), StepError> {
+        let mut ranges = output.loan()?;
+        (ranges.least, ranges.most) = (self.settings.least, self.settings.most);
+        ranges.set_count(self.count());
+        for (range, value) in ranges.range_mut().iter_mut().zip(values) {
+            *range = *value as f32;
+        }
+        ranges.publish_from(source)
+    }
+
+    /// Publishes the points where there was a return, in the axes of the sensor.
+    fn publish_points(
+        &self,
+        values: &[f64],
+        source: u64,
+        output: &mut SliceOutput<CloudPoint>,
+    ) -> Result<(), StepError> {
+        let (distances, cosines) = values.split_at(self.count());
+        let returned = |distance: &f64| *distance <= self.settings.most;
+        let mut points = output.loan(distances.iter().filter(|distance| returned(distance)).count())?;
+        let seen = distances.iter().zip(cosines).zip(&self.directions);
+        let seen = seen.filter(|((distance, _), _)| returned(distance));
+        for (point, ((distance, cosine), direction)) in points.iter_mut().zip(seen) {
+            let place = direction.scale(*distance);
+            *point = CloudPoint {
+                x: place.x as f32,
+                y: place.y as f32,
+                z: place.z as f32,
+                intensity: *cosine as f32,
+            };
+        }
+        points.publish_from(source)
+    }
+}
+
+/// `sensor.lidar`: distances along many rays.
+pub struct Lidar(Fan);
+
+/// The outputs of a lidar.
+pub struct LidarOutputs {
+    ranges: Output<Ranges>,
+    points: SliceOutput<CloudPoint>,
+}
+
+/// Scans that wait for a slow reader of points.
+const SCANS: usize = 4;
+
+impl RangeSensor for Lidar {
+    const KIND: &'static str = "sensor.lidar";
+    const SUMMARY: &'static str = "distances along rings of rays: noise, resolution, lost returns, latency";
+    type Config = LidarConfig;
+    type Outputs = LidarOutputs;
+
+    fn common(config: &LidarConfig) -> Common<'_> {
+        Common {
+            mount: &config.mount,
+            world: &config.world,
+            sees_robot: config.sees_robot,
+            timing: Timing { latency: config.latency, drop_out: config.drop_out },
+            seed: config.seed,
+        }
+    }
+
+    fn new(config: &LidarConfig, seed: u64) -> Result<Self, ConfigError> {
+        let LidarConfig { distance, least, most, lost, field_of_view, rays, ref elevations, .. } = *config;
+        if !(field_of_view > 0.0 && field_of_view <= TAU + 1e-6) {
+            let message = format!("{field_of_view}: expected an angle above 0, up to a turn of {TAU:.6} rad");
+            return Err(ConfigError::key("field_of_view", message));
+        }
+        if let Some(wrong) = elevations.iter().find(|angle| !(-FRAC_PI_2..=FRAC_PI_2).contains(*angle)) {
+            let message = format!("{wrong}: expected angles from -pi/2 to pi/2 rad");
+            return Err(ConfigError::key("elevations", message));
+        }
+        let count = rays.saturating_mul(elevations.len());
+        if !(1..=MAX_RANGES).contains(&count) {
+            let message = format!("{count} rays in all rings, expected 1 to {MAX_RANGES}");
+            return Err(ConfigError::key("rays", message).advise("use several sensors for more"));
+        }
+        let angles = elevations
+            .iter()
+            .flat_map(|elevation| azimuths(field_of_view, rays).map(move |azimuth| (azimuth, *elevation)));
+        Fan::new(angles, &RangeSettings { distance, least, most, lost }, seed).map(Self)
+    }
+
+    fn width(&self) -> usize {
+        self.0.width()
+    }
+
+    fn declare(&self, declare: &mut Declare) {
+        declare.output::<Ranges>("ranges", "distances, ring by ring, each from right to left");
+        let doc = "points with a return, in the axes of the sensor";
+        declare.slice_output::<CloudPoint>("points", self.0.count(), SCANS, doc);
+    }
+
+    fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {
+        Ok(LidarOutputs { ranges: setup.output("ranges")?, points: setup.slice_output("points")? })
+    }
+
+    fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
+        self.0.read(pose, scene, dt, values);
+    }
+
+    fn publish(&self, values: &[f64], source: u64, outputs: &mut LidarOutputs) -> Result<(), StepError> {
+        if outputs.points.is_wired() {
+            self.0.publish_points(values, source, &mut outputs.points)?;
+        }
+        self.0.publish(values, source, &mut outputs.ranges)
+    }
+}

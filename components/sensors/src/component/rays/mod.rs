@@ -1,0 +1,141 @@
+//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`.
+
+mod height_scan;
+mod lidar;
+mod ray;
+mod view;
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium_robots::{RayScene, World};
+use nalgebra::Isometry3;
+use schemars::JsonSchema;
+
+use super::readings::Readings;
+use super::robot::Mount;
+use crate::channel::Timing;
+
+pub use height_scan::{HeightScanConfig, HeightScanSensor};
+pub use lidar::{Lidar, LidarConfig};
+pub use ray::{RayConfig, RaySensor};
+use view::{Look, Seen, View};
+
+/// What the configuration of every sensor of rays has.
+#[derive(Clone, Copy, Debug)]
+pub struct Common<'a> {
+    mount: &'a Mount,
+    world: &'a World,
+    sees_robot: bool,
+    timing: Timing,
+    seed: Option<u64>,
+}
+
+impl<'a> Common<'a> {
+    fn seen(&self) -> Seen<'a> {
+        Seen { mount: self.mount, world: self.world, sees_robot: self.sees_robot }
+    }
+}
+
+/// A sensor that looks along rays.
+pub trait RangeSensor: Sized + 'static {
+    /// Name of the kind.
+    const KIND: &'static str;
+    /// One line on it.
+    const SUMMARY: &'static str;
+    /// Its configuration.
+    type Config: serde::de::DeserializeOwned + JsonSchema;
+    /// Its outputs.
+    type Outputs;
+
+    /// Where it is, what it sees, how late, and its seed.
+    fn common(config: &Self::Config) -> Common<'_>;
+    /// The sensor of a seed.
+    ///
+    /// # Errors
+    /// A number out of range.
+    fn new(config: &Self::Config, seed: u64) -> Result<Self, ConfigError>;
+    /// Numbers of a reading.
+    fn width(&self) -> usize;
+    /// Declares the outputs.
+    fn declare(&self, declare: &mut Declare);
+    /// Opens the outputs.
+    ///
+    /// # Errors
+    /// A port cannot be opened.
+    fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError>;
+    /// Fills in a reading: the sensor at `pose`, `dt` \[s\] after the last reading.
+    fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]);
+    /// Publishes a reading with its source time.
+    ///
+    /// # Errors
+    /// A port refuses it.
+    fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
+}
+
+/// A component of a [`RangeSensor`]: it looks at the true state of robot and world at its own rate, or at that of its trigger.
+pub struct AlongRays<S: RangeSensor> {
+    view: View,
+    outputs: S::Outputs,
+    config: S::Config,
+    sensor: S,
+    readings: Readings,
+    values: Vec<f64>,
+    since: Option<u64>,
+    clock: RunClock,
+}
+
+impl<S: RangeSensor> Component for AlongRays<S> {
+    const KIND: &'static str = S::KIND;
+    const SUMMARY: &'static str = S::SUMMARY;
+    const READS_WORLD: bool = true;
+    const RESETS: bool = true;
+    type Config = S::Config;
+
+    fn declare(config: &S::Config, declare: &mut Declare) -> Result<(), ConfigError> {
+        let common = S::common(config);
+        let sensor = S::new(config, 0)?;
+        Readings::declare(&common.timing, declare)?;
+        View::declare(common.seen(), declare)?;
+        sensor.declare(declare);
+        Ok(())
+    }
+
+    fn configure(config: S::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let common = S::common(&config);
+        let seed = common.seed.unwrap_or(setup.seed());
+        let sensor = S::new(&config, seed)?;
+        Ok(Self {
+            view: View::open(common.seen(), setup)?,
+            outputs: sensor.open(setup)?,
+            readings: Readings::new(&common.timing, sensor.width(), setup.period(), seed)?,
+            values: vec![0.0; sensor.width()],
+            since: None,
+            clock: setup.clock(),
+            sensor,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if let Some(Look { pose, times: (time, source) }) = self.view.newest(tick, &self.clock)? {
+            let dt = self.since.replace(time).map_or(0.0, |since| time.saturating_sub(since) as f64 * 1e-9);
+            self.sensor.read(&pose, &mut self.view.scene, dt, &mut self.values);
+            self.readings.push(tick.time_ns, source, &self.values);
+        }
+        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        self.sensor.publish(values, source, &mut self.outputs)
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        let seed = S::common(&self.config).seed.unwrap_or(episode.seed);
+        self.sensor = S::new(&self.config, seed).map_err(|error| StepError::failed(error.to_string()))?;
+        self.readings.reset(seed);
+        self.view.reset();
+        self.since = None;
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(self.readings.result())
+    }
+}

@@ -1,0 +1,172 @@
+//! The robot and the world as a sensor sees them.
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium::state::{MAX_OBJECTS, ObjectPoses};
+use motorium_robots::{
+    Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode, RayScene, World, WorldError,
+};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use super::super::robot::{Mount, Needs, TrueMotion};
+
+/// Where a sensor is, and what it sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<'a> {
+    /// Place of the sensor on the robot.
+    pub(super) mount: &'a Mount,
+    /// The world.
+    pub(super) world: &'a World,
+    /// True if it sees the robot that carries it.
+    pub(super) sees_robot: bool,
+}
+
+impl Seen<'_> {
+    fn needs(&self) -> Needs {
+        if self.sees_robot { Needs::AllLinks } else { Needs::AnyPlace }
+    }
+
+    fn moves(&self) -> bool {
+        self.world.objects.iter().any(|object| object.is_dynamic())
+    }
+}
+
+/// The pose of a sensor and the shapes around it, as of the newest truth.
+pub(super) struct View {
+    motion: TrueMotion,
+    objects: Option<Input<ObjectPoses>>,
+    pub(super) scene: RayScene,
+    /// The links that move, as shapes of the scene.
+    links: Vec<Link>,
+    root: FrameId,
+    /// Number of the first object among the shapes.
+    first_object: usize,
+    object_count: usize,
+}
+
+struct Link {
+    target: usize,
+    attachment: Attachment,
+    placement: Isometry3<f64>,
+}
+
+/// A look at the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look {
+    /// Pose of the sensor in the world.
+    pub(super) pose: Isometry3<f64>,
+    /// Time of the state, and its source time on the clock of stamps, ns.
+    pub(super) times: (u64, u64),
+}
+
+impl View {
+    /// Declares the inputs: those of the place of the sensor and of the links it sees, `object_poses` where objects move.
+    pub(super) fn declare(seen: Seen<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        let model = TrueMotion::declare(seen.mount, seen.needs(), declare)?;
+        let links = model.frames().iter().map(|frame| frame.name.as_str());
+        seen.world.check(links).map_err(|error: WorldError| ConfigError::key("world", error.to_string()))?;
+        let beyond = seen.world.objects.iter().skip(MAX_OBJECTS).find(|object| object.is_dynamic());
+        if let Some(object) = beyond {
+            let message = format!(
+                "`{}` moves, and is none of the first {MAX_OBJECTS} objects, whose poses are known",
+                object.name
+            );
+            return Err(ConfigError::key("world", message).advise("name objects that move first"));
+        }
+        if seen.sees_robot {
+            let solids = solids(&model);
+            for defect in solids.left_out() {
+                declare.warn(format!("rays do not meet a link: {defect}"));
+            }
+        }
+        if seen.moves() {
+            declare.input::<ObjectPoses>("object_poses", "true poses of the objects of the world");
+        }
+        Ok(())
+    }
+
+    /// Opens the inputs.
+    pub(super) fn open(seen: Seen<'_>, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let motion = TrueMotion::open(seen.mount, seen.needs(), setup)?;
+        let mut scene = RayScene::default();
+        let mut links = Vec::new();
+        if seen.sees_robot {
+            let solids = solids(motion.model());
+            scene.add_solids(&solids);
+            links.extend((0..solids.solid_count()).filter_map(|target| {
+                let attachment = solids.attachment(target);
+                let placement = solids.placement(target);
+                (attachment != Attachment::World).then_some(Link { target, attachment, placement })
+            }));
+        }
+        let first_object = scene.add_world(seen.world);
+        let root = motion.model().frames()[0].name.clone();
+        let root = motion.model().frame(&root).map_err(|error| ConfigError::new(error.to_string()))?;
+        let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
+        let object_count = seen.world.objects.len();
+        let mut view = Self { motion, objects, scene, links, root, first_object, object_count };
+        view.place_links();
+        Ok(view)
+    }
+
+    /// The newest truth, if there is one that was not seen before.
+    pub(super) fn newest(&mut self, tick: &Tick, clock: &RunClock) -> Result<Option<Look>, StepError> {
+        let times = if self.motion.is_still() {
+            (tick.time_ns, clock.stamp_ns(tick.time_ns))
+        } else {
+            let Some(motion) = self.motion.newest()? else { return Ok(None) };
+            (motion.times.state, motion.times.source)
+        };
+        if let Some(input) = &mut self.objects {
+            let Some(poses) = input.latest() else { return Ok(None) };
+            for index in 0..poses.count() {
+                let object = poses.object()[index] as usize;
+                if object >= self.object_count {
+                    return Err(StepError::failed("the poses of objects are those of another world"));
+                }
+                let position =
+                    [poses.position_x()[index], poses.position_y()[index], poses.position_z()[index]];
+                let orientation = Quaternion::new(
+                    poses.orientation_w()[index],
+                    poses.orientation_x()[index],
+                    poses.orientation_y()[index],
+                    poses.orientation_z()[index],
+                );
+                let rotation = UnitQuaternion::new_normalize(orientation);
+                let pose = Isometry3::from_parts(Translation3::from(position), rotation);
+                self.scene.set_pose(self.first_object + object, &pose);
+            }
+        }
+        self.place_links();
+        Ok(Some(Look { pose: self.motion.pose(), times }))
+    }
+
+    fn place_links(&mut self) {
+        let Self { motion, scene, links, root, .. } = self;
+        let base = motion.kinematics().pose(motion.model(), *root);
+        for link in links {
+            let carrier = match link.attachment {
+                Attachment::Body(body) => motion.kinematics().body_pose(body),
+                Attachment::Base => base,
+                Attachment::World => continue,
+            };
+            scene.set_pose(link.target, &(carrier * link.placement));
+        }
+    }
+
+    /// Goes back to the start.
+    pub(super) fn reset(&mut self) {
+        self.motion.reset();
+    }
+}
+
+/// The solids of a robot, for rays: meshes as their convex hulls.
+fn solids(model: &motorium_robots::Model) -> CollisionModel {
+    let options = CollisionOptions {
+        meshes: MeshMode::Hull { most_corners: 5000 },
+        self_collision: false,
+        leave_out_defects: true,
+        ..CollisionOptions::default()
+    };
+    CollisionModel::new(model, &options).expect("defects are left out, and nothing else can go wrong")
+}

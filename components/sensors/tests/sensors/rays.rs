@@ -1,0 +1,258 @@
+//! Ray, lidar and height scan in graphs.
+
+use motorium::component::Component;
+use motorium::prelude::*;
+use motorium::state::{CloudPoint, HeightScan, ObjectPoses, Ranges};
+use motorium::testing::{Graph, Instance, Probe, Source};
+use motorium_sensors::component::rays::{AlongRays, HeightScanSensor, Lidar, RaySensor};
+use nalgebra::UnitQuaternion;
+
+const YAW: f64 = 0.4;
+
+/// A base that stands at (1, 2, 0.5) m, turned to the left by 0.4 rad.
+fn truth() -> Source {
+    Source::new("truth", "base", |_| {
+        let mut state = BaseState { position: [1.0, 2.0, 0.5], ..BaseState::default() };
+        let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, YAW);
+        state.orientation.copy_from_slice(rotation.coords.as_slice());
+        Some(state)
+    })
+}
+
+/// An object that begins far away and stands at a place of the axes of the base.
+fn objects(ahead: f64, left: f64, z: f64) -> Source {
+    Source::new("objects", "objects", move |_| {
+        let mut poses = ObjectPoses::default();
+        poses.set_count(1);
+        poses.position_x_mut()[0] = 1.0 + ahead * YAW.cos() - left * YAW.sin();
+        poses.position_y_mut()[0] = 2.0 + ahead * YAW.sin() + left * YAW.cos();
+        poses.position_z_mut()[0] = z;
+        poses.orientation_w_mut()[0] = 1.0;
+        Some(poses)
+    })
+}
+
+fn sensor<C: Component>(port: &str, config: &str) -> Instance {
+    let config: toml::Table = format!("config = {{ sees_robot = false, {config} }}").parse().unwrap();
+    Instance::of::<C>("sensor")
+        .rate("50 Hz")
+        .robot("dog")
+        .subscribe("base_state", "base")
+        .publish(port, "reading")
+        .set("config", config["config"].clone())
+}
+
+fn run<C: Component, T: StateBuffer + Send>(
+    port: &str,
+    config: &str,
+    object: Option<Source>,
+    duration: &str,
+) -> Vec<T> {
+    let mut instance = sensor::<C>(port, config);
+    let probe = Probe::<T>::of("reading");
+    let mut graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(&probe);
+    if let Some(object) = object {
+        instance = instance.subscribe("object_poses", "objects");
+        graph = graph.with(object);
+    }
+    let report = graph.with(instance).run(duration).unwrap();
+    let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
+    assert_eq!((sensor.allocations, sensor.errors), (Some(0), 0));
+    let readings = probe.values();
+    assert_eq!(report.results["sensor"]["readings"].as_u64(), Some(readings.len() as u64));
+    assert!(readings.len() > 3, "{}", readings.len());
+    readings
+}
+
+const BALL: &str = "objects = [{ name = \"ball\", shape = { sphere = { radius = 0.5 } }, mass = 1.0, position = [50.0, 0.0, 0.5] }]";
+
+#[test]
+fn a_ray_down_at_an_angle_reads_the_height_by_its_sine() {
+    let config = "mount = { rpy = [0.0, 0.5, 0.0] }, world = { ground = { height = 0.1 } }";
+    for reading in run::<AlongRays<RaySensor>, Ranges>("range", config, None, "200 ms") {
+        assert_eq!(reading.count(), 1);
+        assert!((f64::from(reading.range()[0]) - 0.4 / 0.5_f64.sin()).abs() < 1e-6, "{}", reading.range()[0]);
+    }
+}
+
+#[test]
+fn a_lidar_sees_a_ball_where_its_pose_has_it_not_where_the_world_began() {
+    let config = format!("world = {{ {BALL} }}, rays = 360, most = 8.0, least = 0.2");
+    let readings = run::<AlongRays<Lidar>, Ranges>("ranges", &config, Some(objects(3.0, 0.0, 0.5)), "200 ms");
+    for reading in readings {
+        assert_eq!((reading.count(), reading.least, reading.most), (360, 0.2, 8.0));
+        for (index, range) in reading.range().iter().enumerate() {
+            // ray 180 looks ahead; the chord of a circle of 0.5 m at 3 m
+            let azimuth = (index as f64 - 180.0).to_radians();
+            let square = 0.25 - (3.0 * azimuth.sin()).powi(2);
+            let expected =
+                if azimuth.cos() > 0.0 && square > 0.0 { 3.0 * azimuth.cos() - square.sqrt() } else { 16.0 };
+            assert!((f64::from(*range) - expected).abs() < 1e-6, "ray {index}: {range}, expected {expected}");
+        }
+    }
+}
+
+#[test]
+fn the_points_of_a_lidar_lie_on_what_it_sees_in_the_axes_of_the_sensor() {
+    let probe = Probe::<Ranges>::of("reading");
+    let config = "world = { ground = {} }, rays = 8, elevations = [-0.5, 0.5], most = 5.0";
+    let instance = sensor::<AlongRays<Lidar>>("ranges", config).publish("points", "points");
+    let counter = Instance::of::<Counter>("counter").trigger("points").subscribe("points", "points");
+    let graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(instance).with(counter);
+    let report = graph.with(&probe).run("300 ms").unwrap();
+    let result = &report.results["counter"];
+    let scans = probe.values().len() as u64;
+    assert!(result["scans"].as_u64().unwrap() + 2 > scans && scans > 3, "{result}");
+    // the ring that looks down sees the ground, the other nothing
+    assert_eq!(result["points"].as_u64(), Some(8 * result["scans"].as_u64().unwrap()));
+    assert!((result["height"].as_f64().unwrap() + 0.5).abs() < 1e-6, "{result}");
+    assert!((result["intensity"].as_f64().unwrap() - 0.5_f64.sin()).abs() < 1e-6, "{result}");
+}
+
+/// Counts points, and keeps the height and the intensity of the last.
+struct Counter {
+    points: motorium::transport::SliceInput<CloudPoint>,
+    count: [u64; 2],
+    last: [f32; 2],
+}
+
+impl Component for Counter {
+    const KIND: &'static str = "test.counter";
+    const SUMMARY: &'static str = "counts points";
+    type Config = motorium::component::NoConfig;
+
+    fn declare(_: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.slice_input::<CloudPoint>("points", 8, "points");
+        Ok(())
+    }
+
+    fn configure(_: Self::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self { points: setup.slice_input("points")?, count: [0; 2], last: [0.0; 2] })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        while let Some((_, points)) = self.points.next_unread() {
+            self.count[0] += 1;
+            self.count[1] += points.len() as u64;
+            if let Some(last) = points.last() {
+                self.last = [last.z, last.intensity];
+            }
+        }
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({
+            "scans": self.count[0], "points": self.count[1], "height": self.last[0], "intensity": self.last[1],
+        }))
+    }
+}
+
+#[test]
+fn the_noise_of_a_lidar_has_the_stated_deviation_and_share_of_lost_returns() {
+    let config =
+        "world = { ground = {} }, rays = 200, elevations = [-0.5], distance = { noise = 0.02 }, lost = 0.1";
+    let readings = run::<AlongRays<Lidar>, Ranges>("ranges", config, None, "4 s");
+    let truth = 0.5 / 0.5_f64.sin();
+    let all: Vec<f64> =
+        readings.iter().flat_map(|reading| reading.range()).map(|range| f64::from(*range)).collect();
+    let seen: Vec<f64> = all.iter().copied().filter(|range| *range < 30.0).collect();
+    let (n, total) = (seen.len() as f64, all.len() as f64);
+    let lost = 1.0 - n / total;
+    assert!((lost - 0.1).abs() < 5.0 * (0.09 / total).sqrt(), "{lost}");
+    let mean = seen.iter().sum::<f64>() / n - truth;
+    assert!(mean.abs() < 5.0 * 0.02 / n.sqrt(), "{mean}");
+    let ratio = seen.iter().map(|range| (range - truth).powi(2)).sum::<f64>() / n / (0.02 * 0.02);
+    assert!((ratio - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{ratio}");
+}
+
+#[test]
+fn a_height_scan_is_level_turns_with_the_base_and_finds_the_box_at_its_left() {
+    let config = "size = [1.0, 0.6], spacing = 0.2, world = { ground = {}, objects = [{ name = \"step\", shape = { box = \
+                  { size = [0.3, 0.3, 0.2] } }, mass = 1.0, position = [50.0, 0.0, 0.5] }] }";
+    // the box is turned as the world is, and so reaches 0.15 m to each side at least: one point lies on it
+    let readings = run::<AlongRays<HeightScanSensor>, HeightScan>(
+        "heights",
+        config,
+        Some(objects(0.3, 0.3, 0.1)),
+        "200 ms",
+    );
+    for reading in readings {
+        assert_eq!((reading.rows, reading.columns, reading.spacing), (6, 4, 0.2));
+        for (index, height) in reading.height().iter().enumerate() {
+            let (x, y) = ((index / 4) as f64 * 0.2 - 0.5, (index % 4) as f64 * 0.2 - 0.3);
+            let (dx, dy) = (x - 0.3, y - 0.3);
+            let in_world = (dx * YAW.cos() - dy * YAW.sin(), dx * YAW.sin() + dy * YAW.cos());
+            let on = in_world.0.abs() < 0.15 && in_world.1.abs() < 0.15;
+            let expected = if on { -0.3 } else { -0.5 };
+            assert!((f64::from(*height) - expected).abs() < 1e-6, "point {index}: {height}");
+        }
+        assert!(reading.height().iter().any(|height| *height > -0.4));
+    }
+}
+
+#[test]
+fn latency_and_drop_outs_are_those_of_the_other_sensors() {
+    let config = "world = { ground = {} }, rays = 4, latency = \"60 ms\", drop_out = 0.5, seed = 3";
+    let readings = run::<AlongRays<Lidar>, Ranges>("ranges", config, None, "8 s");
+    let share = readings.len() as f64 / 400.0;
+    assert!((share - 0.5).abs() < 5.0 * (0.25 / 400.0_f64).sqrt(), "{share}");
+}
+
+#[test]
+fn a_camera_on_a_table_needs_no_motion_and_a_lidar_sees_the_arm_beside_it() {
+    let config: toml::Table =
+        "config = { mount = { position = [1.0, 0.0, 0.07] }, rays = 360, sees_robot = true, most = 5.0 }"
+            .parse()
+            .unwrap();
+    let lidar = Instance::of::<AlongRays<Lidar>>("sensor")
+        .rate("50 Hz")
+        .robot("arm")
+        .subscribe("joint_state", "joints")
+        .publish("ranges", "reading")
+        .set("config", config["config"].clone());
+    let joints = Source::new("joints", "joints", |_| {
+        let mut state = JointState::default();
+        state.set_count(8);
+        Some(state)
+    });
+    let probe = Probe::<Ranges>::of("reading");
+    let report =
+        Graph::new("rays").robot("arm", "panda").with(joints).with(lidar).with(&probe).run("200 ms").unwrap();
+    assert_eq!(report.components.iter().find(|component| component.name == "sensor").unwrap().errors, 0);
+    for reading in probe.values() {
+        // ray 0 looks back at the arm, whose base is no wider than 0.2 m
+        assert!((0.8..1.0).contains(&reading.range()[0]), "{}", reading.range()[0]);
+        assert!(reading.range()[90] > 5.0 && reading.range()[180] > 5.0);
+    }
+    let still =
+        Instance::of::<AlongRays<RaySensor>>("sensor").rate("50 Hz").robot("arm").publish("range", "reading");
+    let config: toml::Table =
+        "config = { sees_robot = false, mount = { rpy = [0.0, 1.5707963, 0.0], position = [0.0, 0.0, 1.0] }, world = { ground = {} } }".parse().unwrap();
+    let probe = Probe::<Ranges>::of("reading");
+    let still = still.set("config", config["config"].clone());
+    Graph::new("rays").robot("arm", "panda").with(still).with(&probe).run("200 ms").unwrap();
+    assert!(
+        probe.values().len() > 8
+            && probe.values().iter().all(|reading| (reading.range()[0] - 1.0).abs() < 1e-6)
+    );
+}
+
+#[test]
+fn settings_that_describe_no_sensor_are_refused_with_the_key() {
+    for (config, expected) in [
+        ("rays = 3000", "rays"),
+        ("elevations = [2.0]", "elevations"),
+        ("field_of_view = -1.0", "field_of_view"),
+        ("least = 40.0", "least"),
+        ("lost = 1.5", "lost"),
+        ("distance = { noise = -1.0 }", "distance.noise"),
+        ("world = { ground = { friction = -1.0 } }", "world"),
+        (&format!("world = {{ {BALL} }}"), "object_poses"),
+    ] {
+        let instance = sensor::<AlongRays<Lidar>>("ranges", config);
+        let graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(instance);
+        let error = graph.check().unwrap_err().to_string();
+        assert!(error.contains(expected), "{config}: {error}");
+    }
+}

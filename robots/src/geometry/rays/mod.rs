@@ -1,0 +1,50 @@
+//! Rays: the first surface that a straight line from a point meets.
+//!
+//! A [`RayShape`] is one shape as rays meet it, in closed form. A [`RayScene`] is a set of them at places, for many rays at
+//! once: rays that lie side by side are bounded by one cone, and only the shapes that reach into it are tried.
+//!
+//! A shape in which a ray begins is not met: a sensor sees out of the case that it sits in.
+
+mod scene;
+mod shape;
+mod surfaces;
+
+use nalgebra::{Point3, Unit, Vector3};
+
+pub use scene::RayScene;
+pub use shape::RayShape;
+
+/// A ray: all points from an origin on along a direction.
+///
+/// ```
+/// use motorium_robots::Ray;
+/// use nalgebra::{Point3, Vector3};
+///
+/// let down = Ray { origin: Point3::new(0.0, 0.0, 2.0), direction: -Vector3::z_axis() };
+/// assert_eq!(down.at(0.5).z, 1.5);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Origin in the world \[m\].
+    pub origin: Point3<f64>,
+    /// Direction, world axes.
+    pub direction: Unit<Vector3<f64>>,
+}
+
+impl Ray {
+    /// The point at a distance \[m\] from the origin.
+    pub fn at(&self, distance: f64) -> Point3<f64> {
+        self.origin + self.direction.scale(distance)
+    }
+}
+
+/// The surface that a ray meets first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayHit {
+    /// The shape, by its index in the scene.
+    pub target: usize,
+    /// Distance from the origin of the ray \[m\].
+    pub distance: f64,
+    /// Outward unit normal of the surface, world axes.
+    pub normal: Vector3<f64>,
+}

@@ -1,0 +1,137 @@
+//! One shape as rays meet it.
+
+use nalgebra::{Isometry3, Vector3};
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::surfaces::{self, Meeting};
+use super::{Ray, RayHit};
+use crate::ConvexShape;
+use crate::algebra::{M3, V3};
+use crate::geometry::support::{v3, vector};
+
+/// A shape as rays meet it.
+///
+/// ```
+/// use motorium_robots::{ConvexShape, Ray, RayShape};
+/// use nalgebra::{Isometry3, Point3, Vector3};
+///
+/// let ball = RayShape::new(&ConvexShape::Sphere { radius: 0.25 });
+/// let ray = Ray { origin: Point3::origin(), direction: Vector3::x_axis() };
+/// let (distance, normal) = ball.cast(&Isometry3::translation(2.0, 0.0, 0.0), &ray, 10.0).unwrap();
+/// assert_eq!((distance, normal), (1.75, -Vector3::x()));
+/// ```
+#[derive(Clone, Debug)]
+pub struct RayShape {
+    pub(super) surface: Surface,
+    /// Radius of the sphere about the origin that holds the shape \[m\].
+    pub(super) reach: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Surface {
+    Sphere(f64),
+    Box(V3),
+    Cylinder {
+        radius: f64,
+        half: f64,
+    },
+    Capsule {
+        radius: f64,
+        half: f64,
+    },
+    Polytope(Vec<(V3, f64)>),
+    HalfSpace,
+    /// A hull without volume.
+    Nothing,
+}
+
+/// Two planes are the same where their normals differ by no more than this.
+const SAME: f64 = 1e-9;
+
+impl RayShape {
+    /// The shape of a convex one. A hull without volume is never met.
+    pub fn new(shape: &ConvexShape) -> Self {
+        let surface = match shape {
+            ConvexShape::Sphere { radius } => Surface::Sphere(*radius),
+            ConvexShape::Box { half } => Surface::Box((*half).into()),
+            ConvexShape::Cylinder { radius, half_length } => {
+                Surface::Cylinder { radius: *radius, half: *half_length }
+            }
+            ConvexShape::Capsule { radius, half_length } => {
+                Surface::Capsule { radius: *radius, half: *half_length }
+            }
+            ConvexShape::HalfSpace => Surface::HalfSpace,
+            ConvexShape::Hull { points } => planes(points).map_or(Surface::Nothing, Surface::Polytope),
+        };
+        Self { surface, reach: shape.bounding_radius() }
+    }
+
+    /// Distance \[m\] along a ray to the shape at `pose`, and the outward normal there, world axes; `None` if the ray
+    /// does not meet it within `range` \[m\], or begins inside.
+    pub fn cast(&self, pose: &Isometry3<f64>, ray: &Ray, range: f64) -> Option<(f64, Vector3<f64>)> {
+        let rotation: M3 = pose.rotation.to_rotation_matrix().into_inner().into();
+        let (origin, direction) = (ray.origin.coords.into(), (*ray.direction).into());
+        let (distance, normal) =
+            self.meet(&rotation, pose.translation.vector.into(), (origin, direction), range)?;
+        Some((distance, normal.into()))
+    }
+
+    /// As [`cast`](Self::cast), all in the algebra of this crate.
+    #[inline(always)]
+    pub(super) fn meet(
+        &self,
+        rotation: &M3,
+        position: V3,
+        (origin, direction): (V3, V3),
+        range: f64,
+    ) -> Meeting {
+        let from = origin - position;
+        let along = -from.dot(direction);
+        // Passes by, lies behind, or lies beyond.
+        let square = from.dot(from) - along * along;
+        if square > self.reach * self.reach || along < -self.reach || along - self.reach > range {
+            return None;
+        }
+        let (from, towards) = (rotation.tr_mul(from), rotation.tr_mul(direction));
+        let (distance, normal) = match &self.surface {
+            Surface::Sphere(radius) => surfaces::sphere(from, towards, *radius),
+            Surface::Box(half) => surfaces::block(from, towards, *half),
+            Surface::Cylinder { radius, half } => surfaces::cylinder(from, towards, *radius, *half),
+            Surface::Capsule { radius, half } => surfaces::capsule(from, towards, *radius, *half),
+            Surface::Polytope(planes) => surfaces::polytope(from, towards, planes),
+            Surface::HalfSpace => surfaces::half_space(from, towards),
+            Surface::Nothing => None,
+        }
+        .filter(|(distance, _)| *distance <= range)?;
+        Some((distance, *rotation * normal))
+    }
+
+    /// The meeting as one of a scene.
+    pub(super) fn hit(target: usize, (distance, normal): (f64, V3)) -> RayHit {
+        RayHit { target, distance, normal: normal.into() }
+    }
+}
+
+/// The planes of the faces of a convex hull, each once; `None` without volume.
+fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
+    let points: Vec<_> = points.iter().map(|&point| vector(point.into())).collect();
+    let (corners, triangles) = try_convex_hull(&points).ok()?;
+    let corners: Vec<V3> = corners.into_iter().map(v3).collect();
+    let mut planes: Vec<(V3, f64)> = Vec::new();
+    for [a, b, c] in triangles {
+        let [a, b, c] = [a, b, c].map(|index| corners[index as usize]);
+        let normal = (b - a).cross(c - a);
+        let length = normal.dot(normal).sqrt();
+        if length < 1e-18 {
+            continue;
+        }
+        let normal = normal * (1.0 / length);
+        // the outermost corner, so that rounding leaves none outside
+        let height = corners.iter().map(|corner| normal.dot(*corner)).fold(f64::NEG_INFINITY, f64::max);
+        let known = |(other, at): &(V3, f64)| 1.0 - normal.dot(*other) < SAME && (height - at).abs() < SAME;
+        if !planes.iter().any(known) {
+            planes.push((normal, height));
+        }
+    }
+    (planes.len() > 3).then_some(planes)
+}
