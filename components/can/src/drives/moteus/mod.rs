@@ -136,7 +136,7 @@ pub struct State {
     pub voltage: f64,
     /// Temperature, degrees Celsius.
     pub temperature: f64,
-    /// Code of its fault; 0 for none.
+    /// Code of its fault, up to 127; 0 for none.
     pub fault: u8,
 }
 
@@ -285,7 +285,7 @@ impl Node {
             torque: get(TORQUE, "the torque")?,
             voltage: get(VOLTAGE, "the voltage")?,
             temperature: get(TEMPERATURE, "the temperature")?,
-            fault: if (0.0..256.0).contains(&fault) && fault % 1.0 == 0.0 {
+            fault: if (0.0..128.0).contains(&fault) && fault % 1.0 == 0.0 {
                 fault as u8
             } else {
                 return Err(DecodeError::Field { field: "the fault", found: fault as i32 as u32 });
