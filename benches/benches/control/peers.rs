@@ -15,11 +15,13 @@ use crate::velocity;
 const TURNS: usize = 40;
 const CYCLES: usize = 100;
 
+/// A side of our own, by name.
+type Side<'a> = (&'a str, Box<dyn FnMut() + 'a>);
+
 /// A line of the comparison: our own work, and who else does the same.
 struct Row<'a> {
     name: String,
-    /// Our own sides, by name.
-    ours: Vec<(&'a str, Box<dyn FnMut() + 'a>)>,
+    ours: Vec<Side<'a>>,
     /// Calls in a turn.
     calls: usize,
     /// The peers by name, and the file that each of them reads.

@@ -122,11 +122,11 @@ fn frames() -> u64 {
 fn fd_frame(numbers: &mut Numbers) -> Frame {
     let mut bytes = Vec::with_capacity(64);
     let choice = numbers.next();
-    while bytes.len() < 40 && numbers.next() % 4 != 0 {
+    while bytes.len() < 40 && !numbers.next().is_multiple_of(4) {
         let kind = numbers.next();
         // a reply or a write of some registers, from one that there is
-        let action =
-            [0x20, 0x20, 0x00, 0x10, 0x30, 0x70][kind as usize % if choice % 8 == 0 { 6 } else { 2 }];
+        let action = [0x20, 0x20, 0x00, 0x10, 0x30, 0x70]
+            [kind as usize % if choice.is_multiple_of(8) { 6 } else { 2 }];
         let resolution = (kind >> 8) as u8 % 4;
         let first = [0x00, 0x01, 0x0d, 0x20, 0x27][(kind >> 16) as usize % 5];
         let count = 1 + (kind >> 24) as u8 % 3;

@@ -14,8 +14,11 @@ fn written(protocol: Protocol, servo: u8, instruction: &Instruction<'_>) -> Vec<
     packet[..length].to_vec()
 }
 
-/// The answers in a stream of bytes: servo, error and data.
-fn read(bytes: &[u8]) -> Vec<Result<(u8, u8, Vec<u8>), DecodeError>> {
+/// An answer: servo, error and data.
+type Answer = (u8, u8, Vec<u8>);
+
+/// The answers in a stream of bytes.
+fn read(bytes: &[u8]) -> Vec<Result<Answer, DecodeError>> {
     let mut reader = Reader::default();
     let mut found = Vec::new();
     for byte in bytes {

@@ -109,6 +109,10 @@ fn the_points_of_a_lidar_lie_on_what_it_sees_in_the_axes_of_the_sensor() {
     assert!((result["intensity"].as_f64().unwrap() - 0.5_f64.sin()).abs() < 1e-6, "{result}");
 }
 
+#[derive(serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Nothing {}
+
 /// Counts points, and keeps the height and the intensity of the last.
 struct Counter {
     points: motorium::transport::SliceInput<CloudPoint>,
@@ -119,7 +123,7 @@ struct Counter {
 impl Component for Counter {
     const KIND: &'static str = "test.counter";
     const SUMMARY: &'static str = "counts points";
-    type Config = motorium::component::NoConfig;
+    type Config = Nothing;
 
     fn declare(_: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.slice_input::<CloudPoint>("points", 8, "points");

@@ -19,7 +19,7 @@ impl Stats {
     pub(super) fn of(values: &Values) -> Self {
         let rows = values.len();
         let flat = numbers(values);
-        let width = if rows == 0 { 0 } else { flat.len() / rows };
+        let width = flat.len().checked_div(rows).unwrap_or(0);
         let mut rising: Vec<Vec<f64>> =
             (0..width).map(|entry| flat.iter().skip(entry).step_by(width).copied().collect()).collect();
         rising.iter_mut().for_each(|values| values.sort_by(f64::total_cmp));

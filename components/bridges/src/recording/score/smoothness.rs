@@ -36,7 +36,8 @@ pub fn spectral_arc_length(speeds: &[f64], rate_hz: f64) -> Option<f64> {
     let amplitude = |index: usize| {
         let turn = nalgebra::Complex::from_polar(1.0, -2.0 * PI * index as f64 / padded);
         // Horner's rule from the last speed on: one multiplication each, and no table.
-        let sum = speeds.iter().rev().fold(nalgebra::Complex::new(0.0, 0.0), |sum, speed| sum * turn + *speed);
+        let sum =
+            speeds.iter().rev().fold(nalgebra::Complex::new(0.0, 0.0), |sum, speed| sum * turn + *speed);
         sum.norm()
     };
     let mut spectrum: Vec<f64> = (0..=highest).map(amplitude).collect();
