@@ -15,13 +15,11 @@ use crate::velocity;
 const TURNS: usize = 40;
 const CYCLES: usize = 100;
 
-/// A side of our own, by name.
-type Side<'a> = (&'a str, Box<dyn FnMut() + 'a>);
-
 /// A line of the comparison: our own work, and who else does the same.
 struct Row<'a> {
     name: String,
-    ours: Vec<Side<'a>>,
+    /// Our own side.
+    run: Box<dyn FnMut() + 'a>,
     /// Calls in a turn.
     calls: usize,
     /// The peers by name, and the file that each of them reads.
@@ -35,19 +33,16 @@ pub(crate) fn compare(streams: &[Stream]) {
     let placo = python_of_placo();
     println!(
         "us per solve or cycle, {TURNS} turns, the sides in turn; ratio of the medians: ours to theirs. DAQP, PIQP and ProxQP\n\
-         time themselves, the others are called from Python (about half a microsecond more); `reference` is our own use of\n\
-         Clarabel, to tighter tolerances\n"
+         time themselves, the others are called from Python (about half a microsecond more)\n"
     );
     println!("{:<34} {:<10} {:>8} {:>8} {:>8} {:>9} {:>7}", "", "", "p50", "p99", "p99.9", "max", "ratio");
     for stream in streams {
         let file = stream.file.iter();
+        let mut solves = Solves::active_set(stream);
         let peers = ["daqp", "quadprog", "piqp", "proxqp", "clarabel"];
         let row = Row {
             name: stream.name.clone(),
-            ours: vec![
-                solves("motorium", Solves::active_set(stream)),
-                solves("reference", Solves::clarabel(stream)),
-            ],
+            run: Box::new(move || solves.run()),
             calls: stream.problems.len(),
             peers: file.flat_map(|file| peers.map(|peer| (peer, file.clone()))).collect(),
         };
@@ -82,10 +77,6 @@ pub(crate) fn compare(streams: &[Stream]) {
     }
 }
 
-fn solves<'a>(name: &'a str, mut solves: Solves<'a>) -> (&'a str, Box<dyn FnMut() + 'a>) {
-    (name, Box::new(move || solves.run()))
-}
-
 /// The Python that a variable names, or that of the cache of the user.
 fn python(variable: &str, folder: &str) -> PathBuf {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache"));
@@ -100,7 +91,7 @@ fn python_of_placo() -> PathBuf {
 
 impl<'a> Row<'a> {
     fn cycle(name: &str, run: impl FnMut() + 'a, peers: Vec<(&'a str, PathBuf)>) -> Self {
-        Self { name: name.to_owned(), ours: vec![("motorium", Box::new(run))], calls: CYCLES, peers }
+        Self { name: name.to_owned(), run: Box::new(run), calls: CYCLES, peers }
     }
 
     fn measure(mut self, python: &Path, placo: &Path) {
@@ -113,18 +104,14 @@ impl<'a> Row<'a> {
             }
         }
         // as the peers do: the first turn is not counted
-        for (_, run) in &mut self.ours {
-            (0..self.calls).for_each(|_| run());
-        }
-        let mut ours = vec![Vec::with_capacity(TURNS * self.calls); self.ours.len()];
+        (0..self.calls).for_each(|_| (self.run)());
+        let mut ours = Vec::with_capacity(TURNS * self.calls);
         let mut theirs = vec![Vec::new(); peers.len()];
         for _ in 0..TURNS {
-            for ((_, run), times) in self.ours.iter_mut().zip(&mut ours) {
-                for _ in 0..self.calls {
-                    let start = Instant::now();
-                    run();
-                    times.push(start.elapsed().as_nanos() as f64 * 1e-3);
-                }
+            for _ in 0..self.calls {
+                let start = Instant::now();
+                (self.run)();
+                ours.push(start.elapsed().as_nanos() as f64 * 1e-3);
             }
             for ((name, peer), times) in peers.iter_mut().zip(&mut theirs) {
                 if let Err(error) = peer.turn(times) {
@@ -132,10 +119,10 @@ impl<'a> Row<'a> {
                 }
             }
         }
-        let names = self.ours.iter().map(|(name, _)| *name).chain(peers.iter().map(|(name, _)| *name));
+        let names = std::iter::once("motorium").chain(peers.iter().map(|(name, _)| *name));
         let mut own = None;
         let mut label = self.name.as_str();
-        for (name, mut times) in names.zip(ours.into_iter().chain(theirs)) {
+        for (name, mut times) in names.zip(std::iter::once(ours).chain(theirs)) {
             times.sort_by(f64::total_cmp);
             let at = |share: f64| {
                 let place = (times.len() as f64 * share).ceil() as usize;
