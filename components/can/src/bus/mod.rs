@@ -7,6 +7,7 @@ pub mod report;
 pub mod simulated;
 pub mod slcan;
 pub mod socket;
+mod time;
 
 use crate::frame::Frame;
 

@@ -12,7 +12,7 @@ use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-use motorium::os::monotonic_ns;
+use crate::bus::time::monotonic_ns;
 
 use super::bits::Rates;
 use super::report::{ErrorState, Report};

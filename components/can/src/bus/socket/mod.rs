@@ -8,7 +8,6 @@ mod batch;
 mod hardware;
 mod interface;
 mod raw;
-mod time;
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -17,13 +16,13 @@ use socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions, timestamp};
 
 use super::report::{ErrorState, Report};
 use super::{Bus, Received};
+use crate::bus::time::{monotonic_ns, realtime_ns};
 use crate::frame::{Frame, Id};
 use batch::Batch;
 pub(crate) use batch::Waiting;
 pub use hardware::HardwareClock;
 pub use interface::Interface;
 use raw::Delivered;
-use time::{monotonic_ns, realtime_ns};
 
 /// The condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
