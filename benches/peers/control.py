@@ -1,56 +1,302 @@
-"""Times DAQP on a file of recorded quadratic programs: for each line read, answers with the median time of a
-solve over the file, in microseconds, as DAQP measures itself.
+"""One peer of the control bench: for each line read, answers with the times of one turn, in microseconds, in one line.
 
-    pip install -r benches/peers/control.txt
+    control.py SOLVER FILE                              a file of recorded quadratic programs; a turn solves all of them:
+                                                        daqp, quadprog, piqp, proxqp, clarabel
+    control.py pink-panda | placo-panda URDF            differential inverse kinematics; a turn is 100 cycles
+    control.py placo-talos URDF                         the same on two feet
+
+DAQP, PIQP and ProxQP time themselves; the others are timed around the call, which costs Python about half a microsecond.
 """
 
 import json
-import statistics
+import re
 import sys
+import tempfile
+import time
 
-import daqp
 import numpy as np
 
-
-def problem(numbers):
-    n = len(numbers["q"])
-    lower = [np.array(numbers.get("lb", [-1e30] * n), dtype=float)]
-    upper = [np.array(numbers.get("ub", [1e30] * n), dtype=float)]
-    sense = [np.zeros(n, dtype=np.int32)]
-    a = []
-    if numbers.get("A"):
-        a.append(np.array(numbers["A"], dtype=float))
-        lower.append(np.array(numbers["b"], dtype=float))
-        upper.append(np.array(numbers["b"], dtype=float))
-        sense.append(np.full(len(numbers["b"]), 5, dtype=np.int32))
-    if numbers.get("G"):
-        g = np.array(numbers["G"], dtype=float)
-        a.append(g)
-        lower.append(np.array(numbers.get("lg", [-1e30] * len(g)), dtype=float))
-        upper.append(np.array(numbers.get("ug", [1e30] * len(g)), dtype=float))
-        sense.append(np.zeros(len(g), dtype=np.int32))
-    matrix = np.vstack(a) if a else np.zeros((0, n))
-    return (
-        np.ascontiguousarray(numbers["P"], dtype=float),
-        np.array(numbers["q"], dtype=float),
-        np.ascontiguousarray(matrix),
-        np.clip(np.concatenate(upper), -1e30, 1e30),
-        np.clip(np.concatenate(lower), -1e30, 1e30),
-        np.concatenate(sense),
-    )
+CYCLES = 100
+DT = 0.001
+# A second each: the offsets of the hand's goal from where it begins, m. Those of the Panda are out of reach now and then.
+PANDA_GOALS = [[0.1, 0.2, 0.1], [-0.1, -0.3, 0.2], [0.6, 0.0, 0.5], [0.0, 0.3, -0.3]]
+TALOS_GOALS = [[0.1, 0.0, 0.15], [0.05, 0.1, 0.0], [0.1, 0.1, 0.2], [0.0, -0.05, 0.1]]
+PANDA_HOME = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
 
 
-def main():
-    data = json.load(open(sys.argv[1]))
-    problems = [problem(numbers) for numbers in (data if isinstance(data, list) else [data])]
-    for _ in sys.stdin:
-        times = []
-        for p in problems:
+def talos_home(name):
+    """The same posture as on our side: the knees are bent, the arms hang beside the trunk."""
+    bends = {"leg_._3": -0.4, "leg_._4": 0.8, "leg_._5": -0.4, "arm_._4": -1.0}
+    arms = {"arm_left_2": 0.3, "arm_right_2": -0.3}
+    found = [angle for part, angle in bends.items() if re.match(part.replace("_._", "_(left|right)_"), name)]
+    return (found + [arms[part] for part in arms if name.startswith(part)] + [0.0])[0]
+
+
+def bare(path):
+    """The URDF without shapes, which no side needs."""
+    text = open(path).read()
+    for tag in ["visual", "collision"]:
+        text = re.sub(rf"<{tag}\b.*?</{tag}>", "", text, flags=re.S)
+    file = tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False)
+    file.write(text)
+    file.close()
+    return file.name
+
+
+def timed(call):
+    start = time.perf_counter_ns()
+    result = call()
+    return (time.perf_counter_ns() - start) * 1e-3, result
+
+
+def problems(path):
+    data = json.load(open(path))
+    for numbers in data if isinstance(data, list) else [data]:
+        n = len(numbers["q"])
+        matrix = lambda key: np.array(numbers.get(key) or np.zeros((0, n)), dtype=float)
+        side = lambda key, count, value: np.clip(numbers.get(key) or [value] * count, -1e30, 1e30)
+        a, g = matrix("A"), matrix("G")
+        yield {
+            "P": np.ascontiguousarray(numbers["P"], dtype=float),
+            "q": np.array(numbers["q"], dtype=float),
+            "A": a,
+            "b": np.array(numbers.get("b") or [], dtype=float),
+            "G": g,
+            "lg": side("lg", len(g), -1e30),
+            "ug": side("ug", len(g), 1e30),
+            "lb": side("lb", n, -1e30),
+            "ub": side("ub", n, 1e30),
+        }
+
+
+def daqp(path):
+    import daqp
+
+    def pose(p):
+        n, m, k = len(p["q"]), len(p["b"]), len(p["lg"])
+        sense = np.concatenate([np.zeros(n), np.full(m, 5), np.zeros(k)]).astype(np.int32)
+        upper = np.concatenate([p["ub"], p["b"], p["ug"]])
+        lower = np.concatenate([p["lb"], p["b"], p["lg"]])
+        return p["P"], p["q"], np.ascontiguousarray(np.vstack([p["A"], p["G"]])), upper, lower, sense
+
+    posed = [pose(p) for p in problems(path)]
+
+    def turn():
+        for p in posed:
             _, _, flag, info = daqp.solve(*p)
             if flag < 1:
                 raise SystemExit(f"DAQP: exit flag {flag}")
-            times.append((info["solve_time"] + info.get("setup_time", 0.0)) * 1e6)
-        print(statistics.median(times), flush=True)
+            yield (info["solve_time"] + info.get("setup_time", 0.0)) * 1e6
+
+    return turn
+
+
+def quadprog(path):
+    import quadprog
+
+    def pose(p):
+        n, unit = len(p["q"]), np.eye(len(p["q"]))
+        rows, values = [p["A"]], [p["b"]]
+        for matrix, lower, upper in [(p["G"], p["lg"], p["ug"]), (unit, p["lb"], p["ub"])]:
+            below, above = lower > -1e20, upper < 1e20
+            rows += [matrix[below], -matrix[above]]
+            values += [lower[below], -upper[above]]
+        matrix = np.ascontiguousarray(np.vstack(rows).T)
+        return p["P"], -p["q"], matrix, np.concatenate(values), len(p["b"])
+
+    posed = [pose(p) for p in problems(path)]
+
+    def turn():
+        for p in posed:
+            yield timed(lambda: quadprog.solve_qp(*p))[0]
+
+    return turn
+
+
+def piqp(path):
+    import piqp
+
+    posed = list(problems(path))
+    solver = piqp.DenseSolver()
+    solver.settings.compute_timings = True
+    arguments = lambda p: (p["P"], p["q"], p["A"], p["b"], p["G"], p["lg"], p["ug"], p["lb"], p["ub"])
+    solver.setup(*arguments(posed[0]))
+
+    def turn():
+        for p in posed:
+            solver.update(*arguments(p))
+            if solver.solve() != piqp.PIQP_SOLVED:
+                raise SystemExit("PIQP did not solve it")
+            yield (solver.result.info.update_time + solver.result.info.solve_time) * 1e6
+
+    return turn
+
+
+def proxqp(path):
+    from proxsuite import proxqp
+
+    posed = list(problems(path))
+    first = posed[0]
+    n, m, k = len(first["q"]), len(first["b"]), len(first["lg"])
+    solver = proxqp.dense.QP(n, m, k, True)
+    solver.settings.compute_timings = True
+    solver.settings.eps_abs = 1e-6
+    solver.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+    arguments = lambda p: (p["P"], p["q"], p["A"], p["b"], p["G"], p["lg"], p["ug"], p["lb"], p["ub"])
+    solver.init(*arguments(first))
+    solver.solve()
+
+    def turn():
+        for p in posed:
+            solver.update(*arguments(p))
+            solver.solve()
+            if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
+                raise SystemExit("ProxQP did not solve it")
+            yield solver.results.info.setup_time + solver.results.info.solve_time
+
+    return turn
+
+
+def clarabel(path):
+    import clarabel
+    from scipy import sparse
+
+    def pose(p):
+        unit = np.eye(len(p["q"]))
+        rows, values = [p["A"]], [p["b"]]
+        for matrix, lower, upper in [(p["G"], p["lg"], p["ug"]), (unit, p["lb"], p["ub"])]:
+            below, above = lower > -1e20, upper < 1e20
+            rows += [matrix[above], -matrix[below]]
+            values += [upper[above], -lower[below]]
+        limits = np.concatenate(values)
+        cones = [clarabel.ZeroConeT(len(p["b"])), clarabel.NonnegativeConeT(len(limits) - len(p["b"]))]
+        hessian, matrix = sparse.csc_matrix(np.triu(p["P"])), sparse.csc_matrix(np.vstack(rows))
+        return hessian, p["q"], matrix, limits, cones
+
+    posed = [pose(p) for p in problems(path)]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+
+    def turn():
+        for p in posed:
+            yield timed(lambda: clarabel.DefaultSolver(*p, settings).solve())[0]
+
+    return turn
+
+
+def pink_panda(path):
+    import pinocchio
+    from pink import Configuration, solve_ik
+    from pink.tasks import FrameTask, PostureTask
+
+    model = pinocchio.buildModelFromUrdf(bare(path))
+    home = np.array(PANDA_HOME)
+    configuration = Configuration(model, model.createData(), home)
+    hand = FrameTask("panda_hand_tcp", position_cost=1.0, orientation_cost=0.5, gain=0.01)
+    posture = PostureTask(cost=1e-3, gain=0.001)
+    posture.set_target(home)
+    centre = configuration.get_transform_frame_to_world("panda_hand_tcp").copy()
+    tick = 0
+
+    def cycle():
+        velocity = solve_ik(configuration, [hand, posture], DT, solver="daqp")
+        configuration.integrate_inplace(velocity, DT)
+
+    def turn():
+        nonlocal tick
+        for _ in range(CYCLES):
+            goal = centre.copy()
+            goal.translation = centre.translation + PANDA_GOALS[tick // 1000 % len(PANDA_GOALS)]
+            hand.set_target(goal)
+            tick += 1
+            yield timed(cycle)[0]
+
+    return turn
+
+
+def placo_panda(path):
+    import placo
+
+    robot = placo.RobotWrapper(bare(path), placo.Flags.ignore_collisions)
+    solver = placo.KinematicsSolver(robot)
+    solver.mask_fbase(True)
+    solver.enable_joint_limits(True)
+    solver.enable_velocity_limits(True)
+    solver.dt = DT
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    for name, angle in zip(names, PANDA_HOME):
+        robot.set_joint(name, angle)
+    robot.update_kinematics()
+    centre = robot.get_T_world_frame("panda_hand_tcp").copy()
+    hand = solver.add_frame_task("panda_hand_tcp", centre)
+    hand.configure("hand", "soft", 1.0, 0.5)
+    posture = solver.add_joints_task()
+    posture.set_joints(dict(zip(names, PANDA_HOME)))
+    posture.configure("posture", "soft", 1e-6)
+    tick = 0
+
+    def cycle():
+        solver.solve(True)
+        robot.update_kinematics()
+
+    def turn():
+        nonlocal tick
+        for _ in range(CYCLES):
+            goal = centre.copy()
+            goal[:3, 3] += PANDA_GOALS[tick // 1000 % len(PANDA_GOALS)]
+            hand.T_world_frame = goal
+            tick += 1
+            yield timed(cycle)[0]
+
+    return turn
+
+
+def placo_talos(path):
+    import placo
+
+    robot = placo.RobotWrapper(bare(path), placo.Flags.ignore_collisions)
+    for name in robot.joint_names():
+        robot.set_joint(name, talos_home(name))
+    robot.update_kinematics()
+    solver = placo.KinematicsSolver(robot)
+    solver.enable_joint_limits(True)
+    solver.enable_velocity_limits(True)
+    solver.dt = DT
+    for foot in ["left_sole_link", "right_sole_link"]:
+        solver.add_frame_task(foot, robot.get_T_world_frame(foot)).configure(foot, "hard", 1.0, 1.0)
+    centre = robot.com_world()
+    solver.add_com_task(centre + np.array([0.01, 0.02, -0.02])).configure("com", "soft", 1.0)
+    start = robot.get_T_world_frame("arm_left_7_link").copy()
+    hand = solver.add_frame_task("arm_left_7_link", start)
+    hand.configure("hand", "soft", 1.0, 0.5)
+    posture = solver.add_joints_task()
+    posture.set_joints({name: talos_home(name) for name in robot.joint_names()})
+    posture.configure("posture", "soft", 1e-4)
+    tick = 0
+
+    def cycle():
+        solver.solve(True)
+        robot.update_kinematics()
+
+    def turn():
+        nonlocal tick
+        for _ in range(CYCLES):
+            goal = start.copy()
+            goal[:3, 3] += TALOS_GOALS[tick // 1000 % len(TALOS_GOALS)]
+            hand.T_world_frame = goal
+            tick += 1
+            yield timed(cycle)[0]
+
+    return turn
+
+
+def main():
+    name, path = sys.argv[1:]
+    turn = globals()[name.replace("-", "_")](path)
+    list(turn())
+    print("ready", flush=True)
+    for _ in sys.stdin:
+        print(" ".join(f"{us:.3f}" for us in turn()), flush=True)
 
 
 main()

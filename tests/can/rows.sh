@@ -106,7 +106,7 @@ echo "--- errors"
 ps | grep -c '[m]otorium worker'
 wc -l <silence
 
-graph=/graphs/twelve.toml
+graph=/graphs/two-buses.toml
 begin twelve --for 5s
 finish
 

@@ -8,7 +8,7 @@ pub(crate) fn write(folder: &Path) {
     let put = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
     put("twelve.urdf", urdf());
     put("drives/twelve.toml", table());
-    put("twelve.toml", GRAPH.to_string());
+    put("two-buses.toml", GRAPH.to_string());
     let panda = std::fs::read_to_string(folder.join("drives/panda-vcan.toml")).expect("the drive table");
     put("drives/missing.toml", panda.replace("\"vcan0\"", "\"vcan7\""));
 }

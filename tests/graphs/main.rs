@@ -6,8 +6,10 @@ mod bridge;
 mod by_hand;
 mod commands;
 mod corruption;
+mod dashboard;
 mod events;
 mod exhaustion;
+mod exports;
 mod exposition;
 mod faults;
 mod feeding;
@@ -27,6 +29,7 @@ mod sockets;
 mod supervisors;
 mod support;
 mod top;
+mod trace;
 
 /// The `motorium` command under test.
 const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");

@@ -114,7 +114,7 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
     let errors = String::from_utf8_lossy(&output.stderr);
     let report: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}"));
-    assert_eq!(report["exit"], "finished", "{errors}");
+    assert_eq!(report["exit"]["kind"], "finished", "{errors}");
     let ended = report["results"]["recorder"]["ended"].as_str().expect("a reason");
     assert!(ended.contains("too large"), "{ended}");
     let whole = folder.path().join("whole.mcap");
@@ -167,6 +167,57 @@ fn the_reader_of_mcap_for_python_reads_every_sample() {
     assert_eq!(lines[1], "foxglove.JointStates panda_joint2 True");
     assert_eq!(lines[2], "True True");
     assert_eq!(lines[3], "foxglove.Log True True");
+}
+
+#[test]
+fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.mcap");
+    let arguments = ["--clock", "lockstep", "--for", "5s", "--record", text(&file)];
+    let ended = run(&workspace().join("graphs/panda-reach.toml"), &arguments);
+    let told = &ended.report().results["controller"];
+    let scored = |arguments: &[&str]| -> serde_json::Value {
+        let output = motorium(&[&["score", text(&file), "--json"], arguments].concat());
+        let errors = String::from_utf8_lossy(&output.stderr);
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}"))
+    };
+    let score = scored(&[]);
+    let pose = &score["poses"][0];
+    assert_eq!(score["poses"].as_array().map(Vec::len), Some(1), "{score}");
+    assert_eq!((&pose["reader"], &pose["frame"]), (&"controller".into(), &"panda_hand_tcp".into()));
+    let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{value} of {score}"));
+    for count in ["goals_reached", "goals_missed"] {
+        assert_eq!(pose[count], told[count], "{count}: {pose}");
+    }
+    assert!(number(&pose["goals_reached"]) >= 2.0, "{pose}");
+    for error in ["position_error_m", "orientation_error_rad"] {
+        let (found, told) = (number(&pose[error]), number(&told[error]));
+        assert!((found - told).abs() < 1e-9, "{error}: {found}, the controller found {told}");
+        assert!(found > 0.0);
+    }
+    assert!(number(&pose["path_position_max_m"]) >= number(&pose["path_position_rms_m"]));
+    assert!(number(&pose["path_position_max_m"]) >= number(&pose["position_error_m"]));
+    let smoothness = number(&pose["smoothness"]);
+    assert!((-2.2..-1.3).contains(&smoothness), "a primitive moves in one bell: {smoothness}");
+    let strict = scored(&["--position-tolerance", "1e-9"]);
+    assert_eq!(strict["poses"][0]["goals_reached"], 0);
+    assert_eq!(strict["poses"][0]["goals_missed"], pose["goals_reached"]);
+
+    let joints = score["joints"].as_array().expect("joint states").iter();
+    let truth = joints.clone().find(|joints| joints["state"] == "panda/true_joint_state").expect("recorded");
+    assert_eq!(truth["command"], "panda/joint_command");
+    let first = &truth["joints"][0];
+    assert_eq!(first["name"], "panda_joint1");
+    assert!(
+        number(&first["tracking_rms"]) > 0.0
+            && number(&first["tracking_rms"]) <= number(&first["tracking_max"])
+    );
+    assert!(number(&first["position_margin"]) > 0.0 && first["beyond_limits"] == 0, "{first}");
+    assert!((0.0..1.0).contains(&number(&first["velocity_share"])), "{first}");
+    let said = motorium(&["score", text(&file), "--position-tolerance", "1e-9"]);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(said.contains("goals      0 reached") && said.contains("  missed     goal "), "{said}");
 }
 
 #[test]

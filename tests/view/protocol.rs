@@ -136,6 +136,8 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
     };
     assert_eq!(value(&name), before);
     guest.send(&json!({ "op": "subscribeParameterUpdates", "parameterNames": [name] }));
+    // what a client sends is heard in order: once this is answered, the subscription stands
+    guest.parameters();
     assert_eq!(owner.set(&name, &json!(wanted)), Ok(json!(wanted)));
     assert_eq!(value(&name), json!(wanted));
     let told = |client: &mut Client, expected: f64| {

@@ -36,7 +36,7 @@ impl Viewer {
     /// Starts `motorium view ARGUMENTS --port 0` and waits until it serves.
     pub(crate) fn start(arguments: &[&str], environment: &[(&str, &Path)]) -> Self {
         let installed = installed();
-        let mut child = Command::new(installed.path().join("motorium"))
+        let child = Command::new(installed.path().join("motorium"))
             .args(["view", "--port", "0"])
             .args(arguments)
             .envs(environment.iter().copied())
@@ -46,19 +46,20 @@ impl Viewer {
             .stderr(Stdio::piped())
             .spawn()
             .expect("motorium starts");
-        let errors = child.stderr.take().unwrap();
         let (sender, lines) = mpsc::channel();
+        let mut this = Self { child, lines, port: 0, token: String::new(), _installed: installed };
+        let errors = this.child.stderr.take().unwrap();
         std::thread::spawn(move || {
             BufReader::new(errors).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
         });
         let (began, mut said) = (Instant::now(), Vec::new());
         loop {
-            let line = lines.recv_timeout(Duration::from_secs(60).saturating_sub(began.elapsed()));
+            let line = this.lines.recv_timeout(Duration::from_secs(60).saturating_sub(began.elapsed()));
             let line = line.unwrap_or_else(|_| panic!("it does not serve:\n{}", said.join("\n")));
             if let Some((_, rest)) = line.split_once("view at http://localhost:") {
                 let (port, token) = rest.trim().split_once("/?token=").expect("an address with its token");
-                let (port, token) = (port.parse().unwrap(), token.to_string());
-                return Self { child, lines, port, token, _installed: installed };
+                (this.port, this.token) = (port.parse().unwrap(), token.to_string());
+                return this;
             }
             said.push(line);
         }

@@ -17,6 +17,7 @@ mod robots;
 mod runs;
 mod screen;
 mod style;
+mod trace;
 mod wrap;
 
 use std::process::ExitCode;

@@ -1,26 +1,36 @@
 //! Quadratic programs and whole control cycles: recorded streams through our solver beside Clarabel, differential inverse
-//! kinematics of an arm, inverse dynamics of a humanoid on two feet; or with `--peers` the streams beside DAQP, too.
+//! kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two feet; or with `--peers` the same beside the
+//! solvers and libraries of PyPI, the sides in turn.
 //!
-//! The streams are folders of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names the folder, by default
-//! `../shared/qps` beside the repository. Without one, streams of our own cycles are used alone.
+//! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their folder, by default
+//! `../shared/qps` beside the repository. Without one, problems of our own cycles are used alone.
 
-mod cycles;
+mod bipeds;
 mod peers;
 mod streams;
+mod torque;
+mod velocity;
 
+use bipeds::Biped;
 use criterion::Criterion;
+use torque::{Tasks, TorqueCycle};
 
 fn main() {
     let streams = streams::all();
     if std::env::args().any(|argument| argument == "--peers") {
-        if let Err(error) = peers::compare(&streams) {
-            eprintln!("no peers: {error}");
-            std::process::exit(1);
-        }
+        peers::compare(&streams);
         return;
     }
     let mut criterion = Criterion::default().configure_from_args();
     streams::measure(&streams, &mut criterion);
-    cycles::measure(&mut criterion);
+    let humanoid = Biped::catalogue();
+    let mut group = criterion.benchmark_group("cycle");
+    group.bench_function("panda, two tasks in a sum", |timer| timer.iter(velocity::panda(false)));
+    group.bench_function("panda, two levels", |timer| timer.iter(velocity::panda(true)));
+    group.bench_function("humanoid on held feet", |timer| timer.iter(velocity::on_held_feet(&humanoid)));
+    group.bench_function("humanoid, four levels", |timer| timer.iter(velocity::in_four_levels(&humanoid)));
+    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
+    group.bench_function("humanoid, inverse dynamics on two soles", |timer| timer.iter(|| torque.run()));
+    group.finish();
     criterion.final_summary();
 }

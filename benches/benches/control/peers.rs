@@ -1,84 +1,205 @@
-//! The streams beside DAQP and quadprog from PyPI: a Python process is asked over a pipe, in turn with our own code.
+//! The streams and cycles beside solvers and libraries of PyPI: a Python process each is asked over a pipe, in turn with our
+//! own code.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Instant;
 
+use crate::bipeds::{Biped, Files};
 use crate::streams::{Solves, Stream};
+use crate::torque::{Tasks, TorqueCycle};
+use crate::velocity;
 
-/// Turns of each side; a turn solves the whole stream.
-const TURNS: usize = 20;
+/// Turns of each side, and cycles in a turn; a turn over a stream solves all of it.
+const TURNS: usize = 40;
+const CYCLES: usize = 100;
 
-/// Prints the median time of a solve on all sides. `MOTORIUM_PEER_PYTHON` names the Python that has the packages
-/// (`pip install -r benches/peers/control.txt`), by default `python3`.
-pub(crate) fn compare(streams: &[Stream]) -> Result<(), String> {
-    println!(
-        "us per solve, median of {TURNS} turns over a whole stream, the sides in turn; DAQP times itself\n"
-    );
-    println!("{:<14} {:>12} {:>12} {:>12} {:>12}", "stream", "motorium", "clarabel", "daqp", "ratio");
-    for stream in streams {
-        let Some(file) = &stream.file else { continue };
-        let mut peer = Peer::start(file)?;
-        let (mut ours, mut reference) = (Solves::active_set(stream), Solves::clarabel(stream));
-        let mut times = [Vec::new(), Vec::new(), Vec::new()];
-        for _ in 0..TURNS {
-            for (solves, times) in [&mut ours, &mut reference].into_iter().zip(&mut times) {
-                let start = Instant::now();
-                for _ in 0..stream.problems.len() {
-                    solves.run();
-                }
-                times.push(start.elapsed().as_secs_f64() * 1e6 / stream.problems.len() as f64);
-            }
-            times[2].push(peer.turn()?);
-        }
-        let [ours, clarabel, daqp] = times.map(median);
-        let ratio = ours / daqp;
-        println!("{:<14} {ours:>12.2} {clarabel:>12.2} {daqp:>12.2} {ratio:>12.2}", stream.name);
-    }
-    Ok(())
+/// A side of our own, by name.
+type Side<'a> = (&'a str, Box<dyn FnMut() + 'a>);
+
+/// A line of the comparison: our own work, and who else does the same.
+struct Row<'a> {
+    name: String,
+    ours: Vec<Side<'a>>,
+    /// Calls in a turn.
+    calls: usize,
+    /// The peers by name, and the file that each of them reads.
+    peers: Vec<(&'a str, PathBuf)>,
 }
 
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+/// Prints the times of every stream and cycle on all sides. `MOTORIUM_PEER_PYTHON` and `MOTORIUM_PLACO_PYTHON` name the Pythons
+/// that have the packages, by default those that `benches/peers/fetch control` makes. A peer that does not start is said and left out.
+pub(crate) fn compare(streams: &[Stream]) {
+    let python = python("MOTORIUM_PEER_PYTHON", "control");
+    let placo = python_of_placo();
+    println!(
+        "us per solve or cycle, {TURNS} turns, the sides in turn; ratio of the medians: ours to theirs. DAQP, PIQP and ProxQP\n\
+         time themselves, the others are called from Python (about half a microsecond more); `reference` is our own use of\n\
+         Clarabel, to tighter tolerances\n"
+    );
+    println!("{:<34} {:<10} {:>8} {:>8} {:>8} {:>9} {:>7}", "", "", "p50", "p99", "p99.9", "max", "ratio");
+    for stream in streams {
+        let file = stream.file.iter();
+        let peers = ["daqp", "quadprog", "piqp", "proxqp", "clarabel"];
+        let row = Row {
+            name: stream.name.clone(),
+            ours: vec![
+                solves("motorium", Solves::active_set(stream)),
+                solves("reference", Solves::clarabel(stream)),
+            ],
+            calls: stream.problems.len(),
+            peers: file.flat_map(|file| peers.map(|peer| (peer, file.clone()))).collect(),
+        };
+        row.measure(&python, &placo);
+    }
+    let files = Files::find(&python, Path::new(env!("CARGO_TARGET_TMPDIR")));
+    let talos = files.as_ref().map_err(Clone::clone).and_then(|files| Biped::talos(&files.talos));
+    let at = |file: fn(&Files) -> &PathBuf, peers: &[&'static str]| {
+        let file = files.as_ref().ok().map(file);
+        peers.iter().filter_map(|peer| Some((*peer, file?.clone()))).collect::<Vec<_>>()
+    };
+    let panda = at(|files| &files.panda, &["placo-panda", "pink-panda"]);
+    Row::cycle("Panda, hand and posture in a sum", velocity::panda(false), panda).measure(&python, &placo);
+    Row::cycle("Panda, hand above posture", velocity::panda(true), Vec::new()).measure(&python, &placo);
+    let humanoid = Biped::catalogue();
+    Row::cycle("humanoid, four levels", velocity::in_four_levels(&humanoid), Vec::new())
+        .measure(&python, &placo);
+    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
+    Row::cycle("humanoid, torques, four tasks", move || torque.run(), Vec::new()).measure(&python, &placo);
+    match talos {
+        Err(error) => eprintln!(
+            "no Talos: {error}; run benches/peers/fetch control, or set MOTORIUM_EXAMPLE_ROBOT_DATA"
+        ),
+        Ok(talos) => {
+            let peers = at(|files| &files.talos, &["placo-talos"]);
+            let cycle = velocity::on_held_feet(&talos);
+            Row::cycle("Talos, held feet, com and hand", cycle, peers).measure(&python, &placo);
+            let mut torque = TorqueCycle::new(&talos, Tasks::Two);
+            Row::cycle("Talos, torques, com and posture", move || torque.run(), Vec::new())
+                .measure(&python, &placo);
+        }
+    }
+}
+
+fn solves<'a>(name: &'a str, mut solves: Solves<'a>) -> (&'a str, Box<dyn FnMut() + 'a>) {
+    (name, Box::new(move || solves.run()))
+}
+
+/// The Python that a variable names, or that of the cache of the user.
+fn python(variable: &str, folder: &str) -> PathBuf {
+    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache"));
+    let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(home).unwrap_or_default();
+    let fetched = cache.join("motorium/peers").join(folder).join("bin/python3");
+    std::env::var_os(variable).map_or(fetched, PathBuf::from)
+}
+
+fn python_of_placo() -> PathBuf {
+    python("MOTORIUM_PLACO_PYTHON", "placo")
+}
+
+impl<'a> Row<'a> {
+    fn cycle(name: &str, run: impl FnMut() + 'a, peers: Vec<(&'a str, PathBuf)>) -> Self {
+        Self { name: name.to_owned(), ours: vec![("motorium", Box::new(run))], calls: CYCLES, peers }
+    }
+
+    fn measure(mut self, python: &Path, placo: &Path) {
+        let mut peers = Vec::new();
+        for (name, file) in &self.peers {
+            let python = if name.starts_with("placo") { placo } else { python };
+            match Peer::start(python, name, file) {
+                Ok(peer) => peers.push((name.split('-').next().unwrap_or(name), peer)),
+                Err(error) => eprintln!("no {name}: {error}"),
+            }
+        }
+        // as the peers do: the first turn is not counted
+        for (_, run) in &mut self.ours {
+            (0..self.calls).for_each(|_| run());
+        }
+        let mut ours = vec![Vec::with_capacity(TURNS * self.calls); self.ours.len()];
+        let mut theirs = vec![Vec::new(); peers.len()];
+        for _ in 0..TURNS {
+            for ((_, run), times) in self.ours.iter_mut().zip(&mut ours) {
+                for _ in 0..self.calls {
+                    let start = Instant::now();
+                    run();
+                    times.push(start.elapsed().as_nanos() as f64 * 1e-3);
+                }
+            }
+            for ((name, peer), times) in peers.iter_mut().zip(&mut theirs) {
+                if let Err(error) = peer.turn(times) {
+                    eprintln!("{name}: {error}");
+                }
+            }
+        }
+        let names = self.ours.iter().map(|(name, _)| *name).chain(peers.iter().map(|(name, _)| *name));
+        let mut own = None;
+        let mut label = self.name.as_str();
+        for (name, mut times) in names.zip(ours.into_iter().chain(theirs)) {
+            times.sort_by(f64::total_cmp);
+            let at = |share: f64| {
+                let place = (times.len() as f64 * share).ceil() as usize;
+                times.get(place.clamp(1, times.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+            };
+            let median = at(0.5);
+            let ratio = own.map_or(String::new(), |own: f64| format!("{:.2}", own / median));
+            println!(
+                "{label:<34} {name:<10} {median:>8.2} {:>8.2} {:>8.2} {:>9.2} {ratio:>7}",
+                at(0.99),
+                at(0.999),
+                at(1.0)
+            );
+            own = own.or(Some(median));
+            label = "";
+        }
+    }
 }
 
 struct Peer {
-    child: std::process::Child,
-    ask: std::process::ChildStdin,
-    answer: BufReader<std::process::ChildStdout>,
+    child: Child,
+    ask: ChildStdin,
+    answer: BufReader<ChildStdout>,
 }
 
 impl Peer {
-    fn start(file: &Path) -> Result<Self, String> {
-        let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
+    fn start(python: &Path, name: &str, file: &Path) -> Result<Self, String> {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/control.py");
-        let mut child = Command::new(&python)
+        let mut child = Command::new(python)
             .arg(script)
+            .arg(name)
             .arg(file)
             .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
+            .stderr(Stdio::null())
             .spawn()
-            .map_err(|error| format!("{} does not start: {error}", python.display()))?;
+            .map_err(|error| {
+                format!("{}: {error}; benches/peers/fetch control makes it", python.display())
+            })?;
         let pipes = child.stdin.take().zip(child.stdout.take());
         let (ask, answer) = pipes.ok_or("the peer has no pipes")?;
-        Ok(Self { child, ask, answer: BufReader::new(answer) })
+        let mut peer = Self { child, ask, answer: BufReader::new(answer) };
+        // what it prints before is of its packages
+        while peer.line()? != "ready" {}
+        Ok(peer)
     }
 
-    /// Median of the times of one turn over the stream, us per solve.
-    fn turn(&mut self) -> Result<f64, String> {
-        writeln!(self.ask, "turn").map_err(|error| format!("the peer does not listen: {error}"))?;
+    fn line(&mut self) -> Result<String, String> {
         let mut line = String::new();
         match self.answer.read_line(&mut line) {
-            Ok(0) => {
-                Err("the peer ended; pip install -r benches/peers/control.txt, and set MOTORIUM_PEER_PYTHON"
-                    .into())
-            }
-            Ok(_) => line.trim().parse().map_err(|_| format!("the peer answers `{}`", line.trim())),
-            Err(error) => Err(format!("the peer does not answer: {error}")),
+            Ok(0) => Err("it ended; are its packages (benches/peers/control.txt) there?".into()),
+            Ok(_) => Ok(line.trim().to_owned()),
+            Err(error) => Err(format!("it does not answer: {error}")),
         }
+    }
+
+    /// Appends the times of one turn, us.
+    fn turn(&mut self, times: &mut Vec<f64>) -> Result<(), String> {
+        writeln!(self.ask, "turn").map_err(|error| format!("it does not listen: {error}"))?;
+        for number in self.line()?.split_whitespace() {
+            times.push(number.parse().map_err(|_| format!("it answers `{number}`"))?);
+        }
+        Ok(())
     }
 }
 

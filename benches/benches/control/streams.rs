@@ -8,7 +8,7 @@ use motorium_control::solver::{
     recorded,
 };
 
-use crate::cycles;
+use crate::torque;
 
 /// A stream of problems of one structure.
 pub(crate) struct Stream {
@@ -37,7 +37,7 @@ pub(crate) fn all() -> Vec<Stream> {
             Err(error) => eprintln!("{}: {error}", file.display()),
         }
     }
-    let (structure, problems) = cycles::humanoid_problems();
+    let (structure, problems) = torque::problems();
     streams.push(Stream { name: "humanoid_id".to_owned(), structure, problems, file: None });
     streams
 }

@@ -137,7 +137,7 @@ impl Scene {
             self.simulation.step(1e-3).expect("the scenes do not diverge");
         }
         self.steps += steps;
-        if self.motion == Motion::Fall && self.steps % 1500 == 0 {
+        if self.motion == Motion::Fall && self.steps.is_multiple_of(1500) {
             // It would come near the speed at which a base counts as lost.
             let (q, mut v) = (self.simulation.configuration().to_vec(), self.simulation.velocity().to_vec());
             v[..6].fill(0.0);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use motorium::graph::{self, Machine};
 use motorium::launcher::{Event, Exit, Options, Report};
+use motorium::plan::Plan;
 use motorium::region::Region;
 use motorium::run_folder::RunFolder;
 use motorium::session;
@@ -45,13 +46,34 @@ impl Ran {
 /// # Errors
 /// The graph cannot run here, did not start, or ended before its time.
 pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Result<Ran, MeasureError> {
-    let checked = graph::check(Path::new(name), text, &[], registry, &Machine::detect())
-        .map_err(|error| MeasureError::Graph(error.render(false)))?;
+    run_plan(program, registry, plan(registry, name, text)?)
+}
+
+/// As [`run`], with a trace that keeps this number of events of each component.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_traced(
+    program: &Path,
+    registry: &Registry,
+    name: &str,
+    text: String,
+    trace_events: usize,
+) -> Result<Ran, MeasureError> {
+    run_plan(program, registry, Plan { trace_events, ..plan(registry, name, text)? })
+}
+
+fn plan(registry: &Registry, name: &str, text: String) -> Result<Plan, MeasureError> {
+    let checked = graph::check(Path::new(name), text, &[], registry, &Machine::detect());
+    Ok(checked.map_err(|error| MeasureError::Graph(error.render(false)))?.plan)
+}
+
+fn run_plan(program: &Path, registry: &Registry, plan: Plan) -> Result<Ran, MeasureError> {
     let options = Options::processes(PathBuf::from(program));
     // Mapped while the run lives: the memory stays when its name is gone.
     let mut region: Option<Region> = None;
     let mut trouble = None;
-    let report = session::run(checked.plan, registry, &options, &mut |event| match event {
+    let report = session::run(plan, registry, &options, &mut |event| match event {
         Event::Created { run, .. } => region = RunFolder::find(run).and_then(|folder| folder.region().ok()),
         Event::Failed { component, reason, .. } => trouble = Some(format!("`{component}`: {reason}")),
         _ => {}

@@ -3,5 +3,5 @@
 mod launch;
 mod shapes;
 
-pub use launch::{Ran, run};
+pub use launch::{Ran, run, run_traced};
 pub use shapes::{caterpillar, chain, fan_out, panda, release};

@@ -29,6 +29,7 @@ enum Kind {
     PingPong { transport: Transport, across: bool, bytes: usize, paced: bool },
     Release { rate_hz: u32 },
     Chain { processes: usize },
+    TracedChain { processes: usize },
     RawChain { processes: usize },
     Caterpillar,
     FanOut { readers: usize },
@@ -39,6 +40,9 @@ enum Kind {
 /// Time between two round trips of a paced ping-pong, ns: the receiver sleeps deeply.
 const PACE_NS: u64 = 1_000_000;
 
+/// Events of a step that the trace of a traced chain keeps, as `motorium trace` has it.
+const TRACED: usize = 1 << 14;
+
 /// The two things compared.
 const GROUPS: &[(&str, &[&str])] = &[
     ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
@@ -48,7 +52,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("1 MiB across cores", &["floor.plain-blocking.1048576", "hop.blocking.across.1048576"]),
     ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
-    ("chain of 8", &["floor.chain.8", "chain.8"]),
+    ("chain of 8", &["floor.chain.8", "chain.8", "chain.8.traced"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
     ("Panda loop", &["panda", "panda.loaded"]),
     ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
@@ -131,6 +135,8 @@ pub fn catalogue() -> Vec<Case> {
         let what = format!("chain of {processes} processes on one core, end to end");
         add(format!("chain.{processes}"), what, processes == 4, Kind::Chain { processes });
     }
+    let what = "chain of 8 processes on one core, each step traced, end to end".to_string();
+    add("chain.8.traced".into(), what, false, Kind::TracedChain { processes: 8 });
     let what = "caterpillar of 17 processes on one core, end to end".to_string();
     add("chain.17".into(), what, false, Kind::Caterpillar);
     for readers in [1, 2, 4, 8] {
@@ -215,6 +221,11 @@ impl Case {
             }
             Kind::Chain { processes } => {
                 way(&bench.launch(graphs::chain(*processes, bench.seconds, core))?, "tail")
+            }
+            Kind::TracedChain { processes } => {
+                let text = graphs::chain(*processes, bench.seconds, core);
+                let ran = graphs::run_traced(&bench.program, bench.registry, "bench.toml", text, TRACED)?;
+                way(&ran, "tail")
             }
             Kind::RawChain { processes } => {
                 let chain = RawChain {

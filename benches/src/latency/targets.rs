@@ -113,6 +113,13 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "chain.8",
     ),
     (
+        "chain of 8 processes on one core, each step traced, p50 / without a trace",
+        1.05,
+        "",
+        |seen| seen.ratio("chain.8.traced", "chain.8"),
+        "chain.8.traced",
+    ),
+    (
         "chain of 4 processes on one core, p50 / the bare futex chain of 4",
         1.1,
         "",

@@ -5,6 +5,7 @@
 
 pub mod foxglove;
 mod iceoryx2;
+pub mod parquet;
 pub mod recording;
 
 use motorium::worker::Kind;

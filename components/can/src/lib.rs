@@ -1,7 +1,7 @@
 //! Drives on CAN buses.
 //!
 //! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, a simulated one with
-//! arbitration and error states, and those of the kernel ([`SocketBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
+//! arbitration and error states, those of the kernel ([`SocketBus`]), and those behind serial adapters ([`SlcanBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
 //! them, [`SimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
 //!
 //! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph; they alone know the
@@ -10,6 +10,7 @@
 pub mod adapter;
 pub mod bus;
 mod component;
+mod database;
 pub mod drives;
 mod frame;
 mod scan;
@@ -20,15 +21,18 @@ mod traffic;
 pub use adapter::Adapter;
 pub use bus::bits::{Bits, Rates};
 pub use bus::budget::{Budget, Shape};
+pub use bus::real::RealBus;
 pub use bus::report::{ErrorState, Report};
 pub use bus::simulated::SimulatedBus;
+pub use bus::slcan::SlcanBus;
 pub use bus::socket::{Condition, Interface, OpenError, SocketBus, SocketCounts};
 pub use bus::{Bus, Received};
 pub use component::{
     CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
 };
+pub use database::{Database, DatabaseError, Decoded, SignalValue};
 pub use drives::range::Range;
-pub use drives::{cia402, damiao, mit, odrive};
+pub use drives::{cia402, damiao, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
 pub use simulated_drive::SimulatedDrive;

@@ -209,7 +209,7 @@ mod tests {
                     self.bus.enqueue(1, answer, received.time_ns + 50_000);
                 }
             }
-            if self.now_ns % 100_000_000 == 0 {
+            if self.now_ns.is_multiple_of(100_000_000) {
                 let beat = |id, data: &[u8]| Frame::classic(Id::Standard(id), data);
                 self.bus.enqueue(2, beat(0x061, &[0, 0, 0, 0, 8, 0, 0, 0]), self.now_ns);
                 self.bus.enqueue(2, beat(0x705, &[5]), self.now_ns);

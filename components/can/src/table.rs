@@ -50,7 +50,8 @@ pub struct Table {
 pub struct BusEntry {
     /// Its name.
     pub name: String,
-    /// The network interface of the computer that it is, such as "can0" or "vcan0". Without one it is simulated.
+    /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an slcan adapter, such
+    /// as "/dev/ttyACM0". Without one it is simulated.
     pub interface: Option<String>,
     /// Bits per second of arbitration, and of whole classic frames.
     pub bitrate: u32,
@@ -236,10 +237,14 @@ impl Table {
                 return Err((at, message, "write bits per second, from `bitrate` to 8000000"));
             }
             if let Some(interface) = &bus.interface
-                && (interface.is_empty() || interface.len() > 15)
+                && (interface.is_empty() || (interface.len() > 15 && !interface.starts_with('/')))
             {
                 let message = format!("bus `{}`: an interface named {interface:?}", bus.name);
-                return Err((at, message, "name one as `ip link` does: 1 to 15 letters"));
+                return Err((
+                    at,
+                    message,
+                    "name one as `ip link` does: 1 to 15 letters; or a serial line: `/dev/ttyACM0`",
+                ));
             }
             let before = &self.buses[..index];
             if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {

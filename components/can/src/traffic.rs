@@ -19,7 +19,7 @@ use crate::{Form, Frame, Id, OpenError, Report};
 /// ```
 /// use motorium_can::{Id, Record};
 ///
-/// let line = "(1735270496.916858) can0 11F##1AABB";
+/// let line = "(1735270496.916858) can0 11F##5AABB";
 /// let record: Record = line.parse()?;
 /// assert_eq!((record.interface(), record.time_us()), ("can0", 1_735_270_496_916_858));
 /// assert_eq!(record.frame().map(|frame| frame.id), Some(Id::Standard(0x11f)));

@@ -51,6 +51,14 @@ impl Cost {
         self.desired.len()
     }
 
+    /// `A`.
+    ///
+    /// # Panics
+    /// If the cost is one of the identity.
+    pub(crate) fn matrix(&self) -> &DMatrix<f64> {
+        self.matrix.as_ref().expect("a cost whose matrix is the identity")
+    }
+
     /// `A`, to be written.
     ///
     /// # Panics

@@ -10,7 +10,7 @@ use crate::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
         UpdateError,
     },
-    tasks::Task,
+    tasks::{ContactTask, Task},
 };
 
 /// Settings of [`DifferentialIk`].
@@ -43,8 +43,10 @@ pub enum IkError {
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
-/// subject to lower <= v <= upper,   lower <= G v <= upper
+/// subject to lower <= v <= upper,   lower <= G v <= upper,   A_c v = 0
 /// ```
+///
+/// `A_c` are the rows of the contacts that are [held](Self::hold): frames that rest exactly, whatever the tasks cost.
 ///
 /// With [`levels`](Self::levels) there are several such sums, in strict priority: each level minimises its own over the
 /// velocities that leave `A v` of all tasks of the levels above as it is.
@@ -60,6 +62,8 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     below: Option<Below>,
     /// First row that no limit has taken yet.
     next_row: usize,
+    /// First equality that no contact has taken yet.
+    next_equality: usize,
 }
 
 /// The levels below the first.
@@ -86,6 +90,39 @@ impl DifferentialIk {
         Self::with_solver(solver, IkSettings::default())
     }
 
+    /// For `model`, contacts that have `held` rows together and limits that have `rows`, with default settings and the active-set
+    /// solver.
+    ///
+    /// ```
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CentreOfMassTask, ContactTask, Task}};
+    /// use motorium_robots::{Kinematics, load};
+    /// use nalgebra::{DVector, Vector3};
+    ///
+    /// let humanoid = load("humanoid", std::path::Path::new("."))?;
+    /// let (model, profile) = (&humanoid.model, humanoid.profile.unwrap());
+    /// let q = profile.configuration(model, "standing")?;
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, q.as_slice());
+    /// let mut foot = ContactTask::surface(model, model.frame("left_sole")?);
+    /// let mut balance = CentreOfMassTask::new(model);
+    /// balance.set_target(kinematics.centre_of_mass(model).position - Vector3::new(0.0, 0.0, 0.05));
+    ///
+    /// let mut ik = DifferentialIk::with_contacts(model, foot.rows(), 0);
+    /// let state = RobotState { model, kinematics: &kinematics, q: q.as_slice() };
+    /// ik.begin();
+    /// ik.hold(&state, &mut foot);
+    /// ik.add_task(&state, 0, &mut balance);
+    /// let velocity = DVector::from_column_slice(ik.solve()?);
+    /// assert!((balance.jacobian() * &velocity).z < -0.1, "it squats");
+    /// assert!(foot.cost().residual(velocity.as_slice()) < 1e-9, "on its foot");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn with_contacts(model: &Model, held: usize, rows: usize) -> Self {
+        let structure = Self::structure(model).equalities(held).rows(rows, Sides::Both);
+        let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+        Self::with_solver(solver, IkSettings::default())
+    }
+
     /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base among them.
     pub fn structure(model: &Model) -> Structure {
         Structure::new(model.nv()).bounds(Sides::Both)
@@ -97,7 +134,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
         let velocity = vec![0.0; solver.structure().variables()];
-        Self { settings, problem, solver, velocity, below: None, next_row: 0 }
+        Self { settings, problem, solver, velocity, below: None, next_row: 0, next_equality: 0 }
     }
 
     /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks have
@@ -128,11 +165,15 @@ impl<S: QpSolver> DifferentialIk<S> {
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let (variables, row_count) = (self.velocity.len(), self.problem.row_lower.len());
+        let held = self.problem.equality_value.len();
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
-            first: Rows::new(variables, *first),
+            first: Rows::new(variables, held + first),
             levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
             solvers: below.iter().map(|_| LevelSolver::new(variables, row_count)).collect(),
-            freedom: Freedom::new(variables, rows.iter().copied().max().unwrap_or_default()),
+            freedom: Freedom::new(
+                variables,
+                (held + first).max(below.iter().copied().max().unwrap_or_default()),
+            ),
         });
         self
     }
@@ -164,7 +205,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.row_matrix.fill(0.0);
         self.problem.row_lower.fill(f64::NEG_INFINITY);
         self.problem.row_upper.fill(f64::INFINITY);
-        self.next_row = 0;
+        self.problem.equality_matrix.fill(0.0);
+        (self.next_row, self.next_equality) = (0, 0);
         if let Some(below) = &mut self.below {
             below.first.clear();
             below.levels.iter_mut().for_each(|level| level.begin(self.settings.damping));
@@ -190,6 +232,29 @@ impl<S: QpSolver> DifferentialIk<S> {
             }
             (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),
         }
+    }
+
+    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight does not count.
+    ///
+    /// # Panics
+    /// If the solver was built for fewer rows than the contacts have together.
+    pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
+        contact.update(state);
+        let (first, count) = (self.next_equality, contact.rows());
+        let held = self.problem.equality_value.len();
+        assert!(first + count <= held, "contacts with more rows than the solver was built for");
+        for (to, from) in (self.problem.equality_matrix.as_mut_slice().chunks_exact_mut(held))
+            .zip(contact.cost().matrix().as_slice().chunks_exact(6))
+        {
+            to[first..first + count].copy_from_slice(&from[..count]);
+        }
+        if let Some(below) = &mut self.below {
+            for row in 0..count {
+                let entries = contact.cost().matrix().row(row);
+                below.first.push().iter_mut().zip(entries.iter()).for_each(|(to, from)| *to = *from);
+            }
+        }
+        self.next_equality += count;
     }
 
     /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use super::Tick;
 use crate::declare::ClockKind;
+use crate::region::Command;
 use crate::transport::Context;
 
 /// The clock of a run: the present on the clock of [`Tick::time_ns`], and that of stamps.
@@ -69,5 +70,12 @@ impl RunClock {
     #[inline]
     pub fn stamp_ns(&self, time_ns: u64) -> u64 {
         self.context.clock().start_ns().saturating_add(time_ns)
+    }
+
+    /// True if the run has ended by now, and actuators take their safe state: [`Tick::settling`] tells it as of the
+    /// beginning of the step, which matters where a step waits for what others do.
+    #[inline]
+    pub fn is_settling(&self) -> bool {
+        self.context.region().header().command() != Command::Run
     }
 }

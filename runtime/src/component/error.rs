@@ -18,6 +18,14 @@ pub enum ConfigureError {
 }
 
 impl ConfigureError {
+    /// The message, with the advice if there is any.
+    pub(crate) fn with_advice(&self) -> String {
+        match self {
+            Self::Config(ConfigError { advice: Some(advice), .. }) => format!("{self}; {advice}"),
+            _ => self.to_string(),
+        }
+    }
+
     /// A failure with a message.
     pub fn failed(message: impl core::fmt::Display) -> Self {
         Self::Failed(message.to_string())

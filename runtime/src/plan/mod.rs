@@ -48,6 +48,9 @@ pub struct Plan {
     /// Conditions that the report of the run is to meet.
     #[serde(default)]
     pub expectations: Vec<Expectation>,
+    /// Events that the trace of each component keeps until they are read, at least; 0 for a run that is not traced.
+    #[serde(default)]
+    pub trace_events: usize,
 }
 
 /// The episodes of a run.

@@ -65,6 +65,8 @@ pub struct Header {
     pub(super) topics: AtomicU32,
     pub(super) latencies: AtomicU32,
     pub(super) edges: AtomicU32,
+    /// Events that the trace of each component keeps; 0 if the run is not traced.
+    pub(super) traced: AtomicU32,
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,

@@ -9,11 +9,12 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use memmap2::{MmapOptions, MmapRaw};
 
+use super::trace::{MOST_EVENTS, TraceHead, TraceRing, TraceSlot};
 use super::{ComponentBlock, EdgeBlock, EventLog, Header, LatencyBlock, TopicBlock};
 use crate::plan::Plan;
 
 /// First word of every control block; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_0009;
+const MAGIC: u64 = 0x6d6f_746f_7269_000a;
 
 /// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +44,8 @@ struct Counts {
     topics: usize,
     latencies: usize,
     edges: usize,
+    /// Events of the trace of each component: a power of two, or 0.
+    traced: usize,
 }
 
 impl Counts {
@@ -55,11 +58,16 @@ impl Counts {
             topics: plan.topics.len(),
             latencies: plan.latencies.len(),
             edges: plan.edges().len(),
+            traced: match plan.trace_events {
+                0 => 0,
+                events => events.clamp(2, MOST_EVENTS).next_power_of_two(),
+            },
         }
     }
 
     fn bytes(self) -> usize {
-        self.edges_at() + self.edges * size_of::<EdgeBlock>()
+        let rings = if self.traced == 0 { 0 } else { self.components };
+        self.trace_at() + rings * (size_of::<TraceHead>() + self.traced * size_of::<TraceSlot>())
     }
 
     fn topics_at(self) -> usize {
@@ -72,6 +80,17 @@ impl Counts {
 
     fn edges_at(self) -> usize {
         self.latencies_at() + self.latencies * size_of::<LatencyBlock>()
+    }
+
+    /// The heads of the rings; the slots of one ring after the other follow.
+    fn trace_at(self) -> usize {
+        self.edges_at() + self.edges * size_of::<EdgeBlock>()
+    }
+
+    fn slots_at(self, component: usize) -> usize {
+        self.trace_at()
+            + self.components * size_of::<TraceHead>()
+            + component * self.traced * size_of::<TraceSlot>()
     }
 }
 
@@ -96,6 +115,8 @@ pub(crate) fn layout_digest() -> String {
         size_of::<TopicBlock>(),
         size_of::<EdgeBlock>(),
         size_of::<LatencyBlock>(),
+        size_of::<TraceHead>(),
+        size_of::<TraceSlot>(),
         size_of::<crate::state::Stamp>(),
     ] {
         digest.write_u64(size as u64);
@@ -134,6 +155,7 @@ impl Region {
         header.topics.store(counts.topics as u32, Relaxed);
         header.latencies.store(counts.latencies as u32, Relaxed);
         header.edges.store(counts.edges as u32, Relaxed);
+        header.traced.store(counts.traced as u32, Relaxed);
         region.events().open(crate::os::monotonic_ns());
         header.magic.store(MAGIC, Release);
         Ok(region)
@@ -164,7 +186,11 @@ impl Region {
             topics: load(&header.topics),
             latencies: load(&header.latencies),
             edges: load(&header.edges),
+            traced: load(&header.traced),
         };
+        if counts.traced > MOST_EVENTS || (counts.traced > 0 && !counts.traced.is_power_of_two()) {
+            return Err(wrong(format!("a trace of {} events", counts.traced)));
+        }
         let expected = counts.bytes();
         if size < expected {
             return Err(wrong(format!("{size} bytes where its counts need {expected}")));
@@ -203,6 +229,17 @@ impl Region {
     /// The block of each edge, in the order of [`Plan::edges`].
     pub fn edges(&self) -> &[EdgeBlock] {
         self.blocks(self.counts.edges_at(), self.counts.edges)
+    }
+
+    /// The ring of a component's trace, if the run is traced.
+    #[inline]
+    pub(super) fn trace(&self, component: usize) -> Option<TraceRing<'_>> {
+        if self.counts.traced == 0 || component >= self.counts.components {
+            return None;
+        }
+        let head = &self.blocks(self.counts.trace_at(), self.counts.components)[component];
+        let slots = self.blocks(self.counts.slots_at(component), self.counts.traced);
+        Some(TraceRing { head, slots })
     }
 
     fn blocks<T>(&self, offset: usize, count: usize) -> &[T] {

@@ -9,6 +9,7 @@ mod events;
 mod gate;
 mod header;
 mod mapping;
+mod trace;
 mod turn;
 
 pub(crate) use blocks::add;
@@ -24,4 +25,6 @@ pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refu
 pub use header::{Command, Header, Phase};
 pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};
+pub(crate) use trace::TraceWriter;
+pub use trace::{TraceEvent, TraceReader};
 pub use turn::TurnBlock;

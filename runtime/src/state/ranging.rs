@@ -15,7 +15,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Ranges;
     ///
-    /// let mut ranges = Ranges { least: 0.1, most: 10.0, ..Ranges::default() };
+    /// let mut ranges = Ranges::default();
+    /// (ranges.least, ranges.most) = (0.1, 10.0);
     /// ranges.set_count(2);
     /// ranges.range_mut().copy_from_slice(&[0.5, 11.0]);
     /// let met = ranges.range().iter().filter(|range| f64::from(**range) <= ranges.most);
@@ -44,7 +45,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::HeightScan;
     ///
-    /// let mut scan = HeightScan { rows: 2, columns: 3, spacing: 0.1, ..HeightScan::default() };
+    /// let mut scan = HeightScan::default();
+    /// (scan.rows, scan.columns, scan.spacing) = (2, 3, 0.1);
     /// scan.set_count(6);
     /// scan.height_mut()[5] = -0.3; // ahead on the left
     /// assert_eq!(scan.height().iter().filter(|height| **height < -0.2).count(), 1);

@@ -176,7 +176,7 @@ impl<T: StateBuffer> Input<T> {
                     && let Some(edge) = self.edge
                     && let Some((stamp, _)) = state.current::<T>()
                 {
-                    self.context.note_age(edge, stamp.publish_time);
+                    self.context.note_read(edge, stamp);
                 }
             }
             Source::Stream { .. } => while self.take() {},
@@ -233,7 +233,7 @@ impl<T: StateBuffer> Input<T> {
                 self.context.region().topics()[*topic].dropped.fetch_add(lost, Relaxed);
             }
             if let (Some(edge), Some((stamp, _))) = (self.edge, queue.current()) {
-                self.context.note_age(edge, stamp.publish_time);
+                self.context.note_read(edge, stamp);
             }
             return true;
         }

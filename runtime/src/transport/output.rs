@@ -374,5 +374,6 @@ impl Wired {
                 }
             }
         }
+        context.note_published(self.topic, &stamp);
     }
 }

@@ -128,7 +128,7 @@ impl RawInput {
             return None;
         }
         if let (Some(edge), Some(reading)) = (self.edge, self.current()) {
-            self.context.note_age(edge, reading.stamp.publish_time);
+            self.context.note_read(edge, reading.stamp);
         }
         let reading = self.current()?;
         if self.is_cause {

@@ -41,7 +41,7 @@ pub(crate) trait Hosted {
 /// Configures a component of a run in the calling thread.
 pub(super) fn open<C: Component>(host: &Host<'_>, index: usize) -> Result<Box<dyn Hosted>, Failure> {
     failure::catch_panic_messages();
-    let context = Rc::new(Context::new(host.plan, index, host.region.clone()));
+    let context = Rc::new(Context::new(host.plan, index, host.region.clone()).traced());
     context.block().thread.store(os::thread_id() as u32, Relaxed);
     let Configured { stepper, ports, .. } = configure::<C>(host.folder, host.plan, index, context)?;
     Ok(Box::new(Open { stepper, ports }))

@@ -127,7 +127,7 @@ fn live<C: Component>(
     let component = &plan.components[index];
     let block = &region.components()[index];
     let at_setup = |message: String| Failure { tick: block.steps.load(Relaxed), message };
-    let context = Rc::new(Context::new(plan, index, region.clone()));
+    let context = Rc::new(Context::new(plan, index, region.clone()).traced());
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
         Some(
@@ -225,7 +225,7 @@ fn configure<C: Component>(
         .map_err(|error| at_setup(format!("its configuration: {error}")))?;
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
     let mut setup = setup.map_err(at_setup)?;
-    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.to_string()));
+    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.with_advice()));
     let made = made.map_err(at_setup)?;
     let Prepared { ports, parameters, trigger, descriptor, helpers } = setup.finish();
     let stepper = Stepper::new(made, context, parameters, helpers, component);

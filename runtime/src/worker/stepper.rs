@@ -126,6 +126,7 @@ impl<C: Component> Stepper<C> {
         if steps == self.first {
             block.first_step_ns.store(timing.wake_ns, Relaxed);
         }
+        let begin_ns = context.traced_ns(timing.wake_ns);
         let before = allocations();
         self.parameters.refresh();
         let component = &mut self.component;
@@ -141,6 +142,7 @@ impl<C: Component> Stepper<C> {
             end
         };
         context.deferred().finish();
+        context.note_step(steps, timing.release_ns, begin_ns, context.traced_ns(end));
 
         self.own_steps += 1;
         block.steps.store(steps + 1, Relaxed);

@@ -1,7 +1,10 @@
-//! Charts as SVG: lines with error bars, paths in tiles, and latencies against percentiles.
+//! Charts as SVG and PNG: lines with error bars, paths in tiles, and latencies against percentiles.
 
 mod braille;
+mod font;
 mod latency;
+mod png;
+mod raster;
 
 use std::fmt::Write as _;
 

@@ -26,6 +26,7 @@ mod step;
 mod stop;
 mod top;
 mod topic;
+mod trace;
 mod view;
 
 use std::process::ExitCode;
@@ -53,12 +54,14 @@ enum Command {
     Top(top::Top),
     View(view::View),
     Events(events::Events),
+    Trace(trace::Trace),
     Topic(topic::Topic),
     Param(param::Param),
     Replay(recording::Replay),
     Recover(recording::Recover),
     Plot(recording::Plot),
     Report(recording::Report),
+    Score(recording::Score),
     Export(recording::Export),
     Stop(stop::Stop),
     Resume(stop::Resume),
@@ -89,12 +92,14 @@ impl Cli {
             Some(Command::Top(command)) => command.run(),
             Some(Command::View(command)) => command.run(),
             Some(Command::Events(command)) => command.run(),
+            Some(Command::Trace(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Replay(command)) => command.run(),
             Some(Command::Recover(command)) => command.run(),
             Some(Command::Plot(command)) => command.run(),
             Some(Command::Report(command)) => command.run(),
+            Some(Command::Score(command)) => command.run(),
             Some(Command::Export(command)) => command.run(),
             Some(Command::Stop(command)) => command.run(),
             Some(Command::Resume(command)) => command.run(),

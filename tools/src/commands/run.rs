@@ -20,6 +20,7 @@ use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
 use crate::screen::is_drawable;
+use crate::trace::Tracing;
 use crate::{exit, overheads, registry, report, runs, style};
 
 /// Launch a graph: every component as its own process.
@@ -80,10 +81,23 @@ pub(crate) struct Run {
     /// Serve Prometheus metrics: a port of this machine (`9464`) or an address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR")]
     metrics: Option<Address>,
+    /// The file of a trace of every step, as `motorium trace` writes it.
+    #[arg(skip)]
+    trace: Option<PathBuf>,
+}
+
+/// What `motorium trace` has of a run.
+pub(super) struct Traced {
+    pub(super) graph: GraphArgs,
+    pub(super) duration: Option<String>,
+    pub(super) clock: Option<Clock>,
+    pub(super) force: bool,
+    pub(super) json: bool,
+    pub(super) output: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Clock {
+pub(super) enum Clock {
     /// The machine's clock, absolute deadlines
     Realtime,
     /// Simulated time, deterministic, as fast as the machine allows
@@ -102,6 +116,13 @@ enum HostingChoice {
 }
 
 impl Run {
+    /// A run that writes a trace.
+    pub(super) fn traced(trace: Traced) -> Self {
+        let Traced { graph, duration, clock, force, json, output } = trace;
+        // What is looked at is where its time goes, not what it achieves.
+        Self { graph, duration, clock, force, json, no_expect: true, trace: Some(output), ..Self::default() }
+    }
+
     pub(crate) fn run(mut self) -> anyhow::Result<ExitCode> {
         let mut set = |path: &str, value: String| {
             self.graph.set.push(Override { path: path.to_string(), value });
@@ -168,6 +189,8 @@ impl Run {
         if self.no_expect {
             plan.expectations.clear();
         }
+        let tracing =
+            self.trace.as_deref().map(|file| Tracing::new(file, &mut plan, &admission)).transpose()?;
         let lockstep = plan.clock == ClockKind::Lockstep;
         let terminal = std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let live = !self.json && !lockstep && terminal && is_drawable();
@@ -178,11 +201,17 @@ impl Run {
         };
         let ran = self.drive(plan, &registry, &options, &mut |event| {
             serve(&event);
+            if let (Event::Created { run, .. }, Some(tracing)) = (&event, &tracing) {
+                tracing.follow(run);
+            }
             printer.show(&event);
         });
         // What went wrong comes after the last lines.
         printer.finish();
         let report = ran?;
+        if let Some(tracing) = tracing {
+            tracing.finish(&report)?;
+        }
         if self.json {
             outln!("{}", serde_json::to_string_pretty(&report)?);
         } else {

@@ -105,6 +105,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         topics,
         scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
         expectations: Vec::new(),
+        trace_events: 0,
         safety: SafetyPlan {
             stale_after_ns: 5_000_000,
             source_stale_after_ns: 10_000_000,

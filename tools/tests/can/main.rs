@@ -53,3 +53,40 @@ fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
     assert_eq!(one["results"]["adapter"]["joints"]["panda_joint4"]["missing_replies"], 2);
     assert_eq!(one["results"]["adapter"]["tripped"], false);
 }
+
+#[test]
+fn a_log_is_put_into_the_words_of_a_database() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("ride.log");
+    let heartbeat = "(1735270496.916858) can0 061#4000000008000000";
+    let estimates = "(1735270496.926858) can0 069#0000803F000000BF";
+    std::fs::write(&log, format!("{heartbeat}\n{estimates}\n(1735270496.930000) can0 7FF#00\n"))
+        .expect("a file");
+    let read = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_motorium"))
+            .args(["can", "log", "--read", log.to_str().expect("text"), "--dbc"])
+            .arg("components/can/tests/can/databases/odrive.dbc")
+            .args(arguments)
+            .current_dir(workspace())
+            .output()
+            .expect("the command starts");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let (code, text, errors) = read(&["--dbc-mask", "0x1f"]);
+    assert_eq!(code, Some(0), "{errors}");
+    let expected = [
+        format!("{heartbeat} :: Heartbeat(Axis_Error: 64, Axis_State: CLOSED_LOOP_CONTROL)"),
+        format!("{estimates} :: Get_Encoder_Estimates(Pos_Estimate: 1 rev, Vel_Estimate: -0.5 rev/s)"),
+        "(1735270496.930000) can0 7FF#00".to_string(),
+    ];
+    assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+    // a database of node 0 alone knows none of them
+    assert!(!read(&[]).1.contains("::"));
+    assert_eq!(read(&["--dbc-mask", "0x3f"]).0, Some(0));
+    let (code, _, errors) = read(&["--dbc-mask", "0x1"]);
+    assert!(code == Some(3) && errors.contains("have the same identifier under the mask 0x1"), "{errors}");
+    std::fs::write(&log, "(1735270496.916858) can0 061#4\n").expect("a file");
+    let (code, _, errors) = read(&[]);
+    assert!(code == Some(3) && errors.contains("ride.log, line 1"), "{errors}");
+}

@@ -198,9 +198,10 @@ impl Drawing {
 /// A line of a log in Foxglove's form.
 ///
 /// ```
-/// /// use motorium_bridges::foxglove::log;
+/// use foxglove::schemas::log::Level;
+/// use motorium_bridges::foxglove::log;
 ///
-/// let line = log(1_500_000_000, Severity::Warning, "controller", "goal out of reach");
+/// let line = log(1_500_000_000, Level::Warning, "controller", "goal out of reach");
 /// assert_eq!((line.timestamp.unwrap().sec(), line.name.as_str()), (1, "controller"));
 /// ```
 pub fn log(time_ns: u64, level: Level, name: &str, message: &str) -> Log {

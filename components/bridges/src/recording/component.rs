@@ -210,7 +210,7 @@ fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, 
     match ended {
         Ok(counts) => outcome.counts = counts,
         Err(error) => {
-            println!(
+            eprintln!(
                 "the recording has ended, the run goes on: {error}; `motorium recover` repairs its file"
             );
             outcome.ended = Some(error.to_string());

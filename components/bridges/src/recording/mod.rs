@@ -18,21 +18,29 @@ mod analysis;
 mod component;
 mod csv;
 mod file;
+mod lerobot;
 mod machine;
 mod reader;
 mod recorder;
 mod recover;
 mod replay;
+mod score;
 mod signals;
+mod table;
 mod verify;
 
 pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};
 pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
+pub use lerobot::{Dataset, DatasetCounts, DatasetError, usual_signals, write_lerobot};
 pub use reader::{ReadError, RecordedSample, RecordedTopic, Recording, Samples};
 pub use recover::{Recovered, recover};
 pub use replay::{Replay, ReplayConfig, loggers, replaced, replay_kind};
+pub use score::{
+    GoalScore, JointScore, JointsScore, PoseScore, Score, Tolerance, score, spectral_arc_length,
+};
 pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
+pub use table::write_parquet;
 pub use verify::{Difference, Verification, VerifyError, What, verify};
 
 /// Name of the metadata record with the facts of the run.

@@ -90,7 +90,7 @@ pub enum ReadError {
         /// The file.
         path: PathBuf,
         /// The error of the format.
-        source: McapError,
+        source: Box<McapError>,
     },
     /// A message that cannot be read.
     #[error("{path}: topic `{topic}`: {source}", path = .path.display())]
@@ -100,7 +100,7 @@ pub enum ReadError {
         /// The topic.
         topic: String,
         /// The error.
-        source: DerivedError,
+        source: Box<DerivedError>,
     },
     /// The file is no recording of motorium.
     #[error("{path} is no recording of this version of motorium: {reason}", path = .path.display())]
@@ -140,7 +140,7 @@ impl Recording {
     }
 
     fn format(&self, source: McapError) -> ReadError {
-        ReadError::Format { path: self.path.clone(), source }
+        ReadError::Format { path: self.path.clone(), source: Box::new(source) }
     }
 
     fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {
@@ -278,7 +278,7 @@ impl Iterator for Samples<'_> {
                         }
                         Err(source) => {
                             let (path, topic) = (self.recording.path.clone(), of_topic.name.clone());
-                            Err(ReadError::Message { path, topic, source })
+                            Err(ReadError::Message { path, topic, source: Box::new(source) })
                         }
                     });
                 }

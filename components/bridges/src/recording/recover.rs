@@ -35,7 +35,7 @@ pub struct Recovered {
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let format = |path: &Path| {
         let path = path.to_path_buf();
-        move |source| ReadError::Format { path, source }
+        move |source| ReadError::Format { path, source: Box::new(source) }
     };
     let io = |path: &Path| {
         let path = path.to_path_buf();

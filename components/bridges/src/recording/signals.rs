@@ -112,7 +112,7 @@ pub enum SignalsError {
 }
 
 /// A number as a floating-point number.
-fn as_f64(number: Number) -> f64 {
+pub(super) fn as_f64(number: Number) -> f64 {
     match number {
         Number::Natural(number) => number as f64,
         Number::Integer(number) => number as f64,

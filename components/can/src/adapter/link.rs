@@ -37,7 +37,9 @@ fn ms(watchdog: Option<u64>) -> String {
 /// Counts of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Frames that were not answered before the next one was sent.
+    /// Frames that were not answered before its first answer: it was waited for.
+    pub awaited: u64,
+    /// Frames since then that were not answered before the next one was sent.
     pub missing: u64,
     /// Answers to an earlier frame than the last.
     pub late: u64,
@@ -69,6 +71,14 @@ pub struct Link {
     pub(super) setpoint: Setpoint,
     pub(super) asked: bool,
     pub(super) answered: bool,
+    /// It has answered once.
+    pub(super) is_found: bool,
+    /// Frames that have not been answered yet, although their cycle is over: an answer may still be on its way.
+    pub(super) owed: u32,
+    /// It is left out of this cycle: what it sends nevertheless answers an earlier frame.
+    pub(super) is_probed: bool,
+    /// Its answers come a cycle late, each of them.
+    pub(super) is_behind: bool,
     pub(super) fresh: bool,
     pub(super) sent_ns: u64,
     /// Shortest time from sending to the end of an answer, ns.
@@ -98,6 +108,10 @@ impl Link {
             setpoint: Setpoint::default(),
             asked: false,
             answered: false,
+            is_found: false,
+            owed: 0,
+            is_probed: false,
+            is_behind: false,
             fresh: false,
             sent_ns: 0,
             soonest_ns: soonest(&codec, &table.rates(bus)),
@@ -140,6 +154,11 @@ impl Link {
         self.fault
     }
 
+    /// True once it has answered.
+    pub fn is_found(&self) -> bool {
+        self.is_found
+    }
+
     /// Cycles without an answer.
     pub fn silent(&self) -> u32 {
         self.silent
@@ -159,6 +178,55 @@ impl Link {
     pub(super) fn start(&mut self) {
         self.phase = if self.asks { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
+        (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+    }
+
+    /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is not to be taken.
+    ///
+    /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs to an earlier
+    /// one, and so does the first of two in a cycle after one without.
+    pub(super) fn sort(&mut self, time_ns: u64) -> bool {
+        let is_late = time_ns < self.sent_ns + self.soonest_ns || self.is_behind;
+        if is_late {
+            self.counts.late += 1;
+            self.owed = self.owed.saturating_sub(1);
+        } else if self.answered && self.owed == 0 {
+            self.counts.duplicate += 1;
+            return false;
+        } else if self.answered {
+            self.counts.late += 1;
+            self.owed -= 1;
+        }
+        self.answered |= !is_late;
+        true
+    }
+
+    /// Ends the cycle in which it was left out, if it was: an answer proves that it is a cycle behind; without one the answer
+    /// that it owes is lost. True for the former.
+    pub(super) fn end_probe(&mut self) -> bool {
+        if !core::mem::take(&mut self.is_probed) {
+            return false;
+        }
+        (self.owed, self.is_behind) = (0, self.answered);
+        if self.is_behind {
+            // the answer before was as late, and its cycle without one
+            self.counts.late += 2;
+            self.counts.missing += 1;
+            self.answered = false;
+        }
+        self.is_behind
+    }
+
+    /// Enters that it was lost in this cycle.
+    pub(super) fn lose(&mut self, cycle: u64) {
+        self.counts.lost += 1;
+        self.counts.lost_in = Some(cycle);
+    }
+
+    /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those since are answers
+    /// to the frames before just as well.
+    pub(super) fn probe(&mut self) {
+        self.is_probed = self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
     }
 
     /// The frame of this cycle.

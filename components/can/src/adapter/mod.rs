@@ -4,6 +4,10 @@
 //! and its watchdog), then asked for its state while it is disabled, then enabled together with all others, then commanded. A
 //! drive that stays silent for three cycles, reports a fault or lets go trips the adapter: from then on all drives are damped
 //! or disabled until [`Adapter::resume`].
+//!
+//! Answers carry no number, and one that comes exactly a cycle late looks like one in time. So when a drive has missed a cycle
+//! and answers again, it is left out of one cycle: an answer that comes nevertheless proves it to be a cycle behind, and it
+//! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
 mod link;
 
@@ -128,13 +132,9 @@ impl Adapter {
                     false
                 }),
                 _ => link.codec.reply(frame).map(|feedback| {
-                    let is_late = *time_ns < link.sent_ns + link.soonest_ns;
-                    if !is_late && link.answered {
-                        link.counts.duplicate += 1;
+                    if !link.sort(*time_ns) {
                         return false;
                     }
-                    link.counts.late += u64::from(is_late);
-                    link.answered |= !is_late;
                     link.fresh = true;
                     link.received_ns = Some(*time_ns);
                     link.position = link.gear.to_joint(feedback.position);
@@ -146,6 +146,7 @@ impl Adapter {
             };
             match decoded {
                 Ok(trips) => {
+                    link.is_found = true;
                     self.tripped |= trips;
                     return;
                 }
@@ -165,15 +166,23 @@ impl Adapter {
         self.cycles += 1;
         for link in &mut self.links {
             let is_missing = link.asked && !link.answered && counts;
-            link.counts.missing += u64::from(is_missing);
-            link.silent = if is_missing { link.silent + 1 } else { 0 };
-            // one that was never there is waited for
-            if link.silent == LOST_AFTER && matches!(link.phase, Phase::Enabled | Phase::Enabling) {
-                link.counts.lost += 1;
-                link.counts.lost_in = Some(self.cycles);
+            // one that has never answered, such as before its power is on, is waited for
+            let is_lost = is_missing && link.is_found;
+            link.counts.awaited += u64::from(is_missing && !link.is_found);
+            link.counts.missing += u64::from(is_lost);
+            link.owed = link.owed.saturating_add(u32::from(is_lost));
+            if !link.is_probed {
+                link.silent = if is_missing { link.silent + 1 } else { 0 };
+            }
+            if is_missing
+                && link.silent == LOST_AFTER
+                && matches!(link.phase, Phase::Enabled | Phase::Enabling)
+            {
+                link.lose(self.cycles);
                 self.tripped = true;
             }
-            (link.asked, link.answered) = (false, false);
+            link.answered &= link.is_probed;
+            link.asked = false;
         }
         let ready = |link: &Link| match link.phase {
             Phase::Disabled => link.fresh && link.silent == 0,
@@ -220,15 +229,31 @@ impl Adapter {
     /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by [`sent`](Self::sent) how many
     /// were taken.
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
+        for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+            if link.end_probe() {
+                // without an answer to these three: that before, the one that was believed to be, and the one left out
+                link.silent = LOST_AFTER;
+                link.lose(self.cycles);
+                self.tripped = true;
+            }
+        }
         let trip = self.tripped.then_some(self.on_trip);
-        frames.extend(self.links.iter_mut().filter(|link| link.bus == bus).map(|link| link.frame(trip)));
+        for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+            if trip.is_none() {
+                link.probe();
+            }
+            if !link.is_probed {
+                frames.push(link.frame(trip));
+            }
+        }
     }
 
     /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
-        for link in self.links.iter_mut().filter(|link| link.bus == bus).take(count) {
+        for link in self.links.iter_mut().filter(|link| link.bus == bus && !link.is_probed).take(count) {
             // what has come since the last cycle ended answers an earlier frame
             link.counts.late += u64::from(link.answered);
+            link.owed = link.owed.saturating_sub(u32::from(link.answered));
             (link.asked, link.answered, link.sent_ns) = (true, false, now_ns);
         }
     }

@@ -2,8 +2,10 @@
 
 pub mod bits;
 pub mod budget;
+pub mod real;
 pub mod report;
 pub mod simulated;
+pub mod slcan;
 pub mod socket;
 
 use crate::frame::Frame;

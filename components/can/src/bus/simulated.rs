@@ -25,6 +25,8 @@ pub enum Event {
         sender: usize,
         /// The state of that node from then on.
         state: ErrorState,
+        /// No other node is on the bus: nobody acknowledges.
+        is_unacknowledged: bool,
         /// Time of the error, ns.
         time_ns: u64,
     },
@@ -125,7 +127,7 @@ impl SimulatedBus {
             }
             self.count_error(sender, over_ns, alone);
             let state = self.state(sender);
-            return Some(Event::Disturbed { sender, state, time_ns });
+            return Some(Event::Disturbed { sender, state, is_unacknowledged: alone, time_ns });
         }
         let time_ns = start_ns + lasts_ns - self.bits_ns(PAUSE_BITS);
         if time_ns > until_ns {
@@ -199,6 +201,11 @@ impl SimulatedBus {
     pub fn restart(&mut self, node: usize) {
         let node = &mut self.nodes[node];
         (node.is_off, node.transmit_errors, node.receive_errors, node.suspended_ns) = (false, 0, 0, 0);
+    }
+
+    /// Frames of a node that wait to be sent.
+    pub fn waiting(&self, node: usize) -> usize {
+        self.nodes[node].queue.len()
     }
 
     /// Time for which the bus carried bits, ns.

@@ -25,9 +25,9 @@ pub struct FaultConfig {
     pub lasts: Option<TimeSpan>,
     /// What happens.
     pub kind: FaultKind,
-    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "off".
+    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "twin", "off".
     pub joint: Option<String>,
-    /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off".
+    /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
     pub bus: Option<String>,
     /// Additional delay of a late answer. Default 1 ms.
     pub delay: Option<TimeSpan>,
@@ -47,6 +47,8 @@ pub enum FaultKind {
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
+    /// Another drive has the same number: it answers too, with a position of its own.
+    Twin,
     /// The drive has no power: it hears nothing, answers nothing and is disabled.
     Off,
     /// A node floods the bus with frames that win against all others.
@@ -55,6 +57,17 @@ pub enum FaultKind {
     Disturbed,
     /// The controller of the adapter leaves the bus; it comes back at the end.
     BusOff,
+    /// The cable is unplugged behind the adapter: nobody acknowledges its frames. On simulated buses.
+    Alone,
+    /// The interface of the adapter is down. On simulated buses.
+    Down,
+}
+
+impl FaultKind {
+    /// True for one that befalls a bus, false for one of a drive.
+    fn is_of_bus(self) -> bool {
+        matches!(self, Self::Babbling | Self::Disturbed | Self::BusOff | Self::Alone | Self::Down)
+    }
 }
 
 /// A fault with what it befalls.
@@ -71,8 +84,7 @@ pub(super) struct Fault {
 impl Fault {
     /// Reads one of the script.
     pub(super) fn of(config: &FaultConfig, index: usize, table: &Table) -> Result<Self, ConfigError> {
-        use FaultKind::{Babbling, BusOff, Disturbed};
-        let of_bus = matches!(config.kind, Babbling | Disturbed | BusOff);
+        let of_bus = config.kind.is_of_bus();
         let refuse = |key: &str, message: String| {
             Err(ConfigError::key(format!("faults[{index}].{key}"), message)
                 .advise("faults of drives need `joint`, those of buses `bus`, as the drive table names them"))

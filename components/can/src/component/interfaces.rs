@@ -2,7 +2,7 @@
 
 use motorium::declare::{ClockKind, ConfigError};
 
-use crate::{SocketBus, Table};
+use crate::{RealBus, Table};
 
 /// True if the buses of a table are interfaces of the computer.
 ///
@@ -23,10 +23,10 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 ///
 /// # Errors
 /// One is missing, down, or has other bitrates.
-pub(super) fn open(table: &Table) -> Result<Vec<SocketBus>, ConfigError> {
+pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
-        SocketBus::open_with(interface, &table.rates(index), bus.data_bitrate.is_some()).map_err(|error| {
+        RealBus::open(interface, &table.rates(index), bus.data_bitrate.is_some()).map_err(|error| {
             ConfigError::key("drives", format!("bus `{}`: {error}", bus.name)).advise(error.advice())
         })
     };

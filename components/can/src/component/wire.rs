@@ -2,7 +2,7 @@
 
 use motorium::state::CanFrame;
 
-use crate::{ErrorState, Form, Frame, Id, Report};
+use crate::{Form, Frame, Id, Report};
 
 /// A frame of one bus for a topic; `time_ns` is when it was received, 0 for one to be sent.
 pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
@@ -40,9 +40,9 @@ pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
     Frame::new(id, form, frame.data.get(..frame.length as usize)?)
 }
 
-/// The report of a controller's state.
-pub(super) fn report(state: ErrorState, is_back: bool, bus: usize, time_ns: u64) -> CanFrame {
-    let (classes, bytes) = Report { state: Some(state), is_restart: is_back, ..Report::default() }.encode();
+/// The report of a controller, with the number of frames that it had no room for.
+pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> CanFrame {
+    let (classes, bytes) = report.encode();
     let mut out = CanFrame {
         receive_time: time_ns,
         id: classes,
@@ -52,18 +52,41 @@ pub(super) fn report(state: ErrorState, is_back: bool, bus: usize, time_ns: u64)
         ..CanFrame::default()
     };
     out.data[..8].copy_from_slice(&bytes);
+    out.data[UNSENT] = unsent;
     out
 }
 
-/// The report of a controller that a topic carries.
-pub(super) fn report_of(frame: &CanFrame) -> Option<Report> {
+/// The byte of a report that drivers use as they like.
+const UNSENT: usize = 5;
+
+/// The news that the interface of a simulated bus is down: a report that says nothing.
+pub(super) fn down(bus: usize, time_ns: u64) -> CanFrame {
+    CanFrame { receive_time: time_ns, flags: CanFrame::ERROR, bus: bus as u32, ..CanFrame::default() }
+}
+
+/// What a simulated interface tells of itself.
+#[derive(Debug, PartialEq)]
+pub(super) enum News {
+    /// It is down.
+    Down,
+    /// The report of its controller, with the number of frames that it had no room for.
+    Report(Report, u8),
+}
+
+/// The news of an interface that a topic carries; `None` for what is a frame.
+pub(super) fn news_of(frame: &CanFrame) -> Option<News> {
     let data = frame.data.first_chunk::<8>()?;
-    (frame.flags & CanFrame::ERROR != 0).then(|| Report::decode(frame.id, data))
+    match (frame.flags & CanFrame::ERROR != 0, frame.length) {
+        (false, _) => None,
+        (true, 0) => Some(News::Down),
+        (true, _) => Some(News::Report(Report::decode(frame.id, data), data[UNSENT])),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorState;
 
     #[test]
     fn a_frame_survives_its_topic_in_every_form() {
@@ -88,9 +111,12 @@ mod tests {
     }
 
     #[test]
-    fn the_state_of_a_controller_survives_its_report() {
+    fn the_news_of_an_interface_survive_their_topic() {
         for state in [ErrorState::Active, ErrorState::Passive, ErrorState::Off] {
-            assert_eq!(report_of(&report(state, false, 0, 0)).unwrap().state, Some(state));
+            let sent = Report { state: Some(state), is_overflow: true, ..Report::default() };
+            assert_eq!(news_of(&report(&sent, 7, 0, 0)), Some(News::Report(sent, 7)));
         }
+        assert_eq!(news_of(&down(1, 2)), Some(News::Down));
+        assert_eq!(news_of(&to_topic(&Frame::classic(Id::Standard(1), &[]), 0, 0)), None);
     }
 }

@@ -6,5 +6,7 @@
 pub mod cia402;
 pub mod damiao;
 pub mod mit;
+pub mod moteus;
 pub mod odrive;
 pub mod range;
+pub mod servo;

@@ -104,6 +104,19 @@ fn drives_are_checked_then_asked_for_their_state_then_enabled_together() {
 }
 
 #[test]
+fn a_drive_that_is_switched_on_later_is_waited_for_and_none_of_its_answers_is_missing() {
+    let mut rig = Rig::new(|cycle, answer| if cycle < 30 { vec![] } else { well(0, answer) });
+    rig.run(30);
+    assert!(!rig.adapter.links()[0].is_found() && rig.adapter.links()[1].is_found());
+    assert_eq!(rig.phases()[1], Phase::Disabled, "nothing is enabled without the other");
+    assert_eq!((rig.counts().awaited, rig.counts().missing), (30, 0));
+    rig.run(100);
+    assert_eq!(rig.phases(), [Phase::Enabled; 2]);
+    assert_eq!((rig.counts().awaited, rig.counts().missing, rig.counts().lost), (30, 0, 0));
+    assert!(!rig.adapter.has_tripped());
+}
+
+#[test]
 fn a_command_reaches_the_drive_through_the_gear() {
     let mut rig = Rig::new(well);
     rig.run(10);
@@ -223,4 +236,53 @@ fn the_others_are_damped_while_the_adapter_has_tripped() {
     assert!(still.abs() < 0.01, "no effort at rest: {still} N m");
     // 0.3 N m s/rad at the joint are 0.075 behind a gear of 2
     assert!((moving + 0.3).abs() < 0.02, "{moving} N m");
+}
+
+#[test]
+fn whenever_the_adapter_dies_each_drive_lets_go_within_its_time_out_100_of_100() {
+    let mut in_time = 0;
+    for trial in 0..100 {
+        let mut rig = Rig::new(well);
+        rig.run(20 + trial % 7);
+        // its last frame arrives at some moment of an inner loop of 4 kHz
+        let last_ns = rig.cycle * CYCLE_NS + 7_919 * trial;
+        for drive in &mut rig.drives {
+            let frame =
+                drive.codec().command(&motorium_can::mit::Command { torque: 1.0, ..Default::default() });
+            assert!(drive.receive(&frame, last_ns).is_some());
+        }
+        let step_ns = 250_000;
+        let loops = (1..).map(|k| (last_ns / step_ns + k) * step_ns);
+        for now_ns in loops.take_while(|now_ns| *now_ns < last_ns + 5_000_000) {
+            assert!(
+                rig.drives.iter_mut().all(|drive| drive.step(1.0, 0.0, now_ns) > 0.9),
+                "not before its time"
+            );
+        }
+        let over_ns = (last_ns + 5_000_000).div_ceil(step_ns) * step_ns;
+        let has_let_go =
+            |drive: &mut SimulatedDrive| drive.step(1.0, 0.0, over_ns) == 0.0 && !drive.is_enabled();
+        in_time += u64::from(rig.drives.iter_mut().all(has_let_go));
+    }
+    assert_eq!(in_time, 100);
+}
+
+#[test]
+fn answers_that_are_always_a_cycle_late_are_found_out_and_one_that_is_lost_is_not_mistaken_for_them() {
+    // as late as the frames of the next cycle can be answered
+    let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
+    rig.run(52);
+    assert!(!rig.adapter.has_tripped(), "the answer to the cycle before is believed");
+    rig.run(2);
+    assert!(rig.adapter.has_tripped());
+    assert_eq!((rig.counts().lost_in, rig.counts().late), (Some(53), 2));
+    rig.run(50);
+    assert_eq!(rig.counts().lost, 1);
+    assert!(rig.counts().missing >= 50, "{:?}", rig.counts());
+
+    let mut rig = Rig::new(|cycle, answer| if cycle == 50 { vec![] } else { well(0, answer) });
+    rig.run(100);
+    let counts = rig.counts();
+    assert_eq!((counts.missing, counts.late, counts.lost), (1, 0, 0));
+    assert!(!rig.adapter.has_tripped());
 }

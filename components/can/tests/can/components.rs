@@ -9,7 +9,7 @@ use motorium_can::{CanAdapter, DriveSimulation, JointHealth};
 use motorium_physics::ArticulatedPhysics;
 use serde_json::Value;
 
-const DRIVES: &str = r#"
+pub(super) const DRIVES: &str = r#"
 [[bus]]
 name    = "can0"
 bitrate = 1_000_000
@@ -48,10 +48,10 @@ ranges   = { position = 12.5, velocity = 30.0, torque = 8.0 }
 "#;
 
 /// A folder with the drive table and a graph file's place.
-struct Folder(PathBuf);
+pub(super) struct Folder(pub(super) PathBuf);
 
 impl Folder {
-    fn new(name: &str, drives: &str) -> Self {
+    pub(super) fn new(name: &str, drives: &str) -> Self {
         let folder = std::env::temp_dir().join(format!("motorium-can-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         std::fs::write(folder.join("drives.toml"), drives).unwrap();
@@ -66,10 +66,28 @@ impl Drop for Folder {
 }
 
 /// Where the joints are held, rad.
-const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
+pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
 /// A planar arm held by commands through drives, with this in the table of the simulated drives and of the safety.
-fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
+pub(super) fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
+    let command = Source::new("commands", "arm/command", |_| Some(command()));
+    bare_graph(folder, simulation, safety).kind::<CanAdapter>().with(command)
+}
+
+/// The command that holds the arm at its goal.
+pub(super) fn command() -> JointCommand {
+    let mut command = JointCommand::default();
+    command.set_count(3);
+    command.position_mut().copy_from_slice(&GOAL);
+    command.velocity_mut().fill(0.0);
+    command.effort_mut().fill(0.0);
+    command.kp_mut().copy_from_slice(&[100.0, 60.0, 20.0]);
+    command.kd_mut().copy_from_slice(&[20.0, 8.0, 2.0]);
+    command
+}
+
+/// The same without anybody who commands, and without the kind of the adapter.
+pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     let text = format!(
         r#"
 name  = "can"
@@ -106,22 +124,10 @@ config    = {{ drives = "drives.toml" }}
 {safety}
 "#
     );
-    let command = Source::new("commands", "arm/command", |_| {
-        let mut command = JointCommand::default();
-        command.set_count(3);
-        command.position_mut().copy_from_slice(&GOAL);
-        command.velocity_mut().fill(0.0);
-        command.effort_mut().fill(0.0);
-        command.kp_mut().copy_from_slice(&[100.0, 60.0, 20.0]);
-        command.kd_mut().copy_from_slice(&[20.0, 8.0, 2.0]);
-        Some(command)
-    });
     Graph::from_toml(text)
         .at(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()
         .kind::<DriveSimulation>()
-        .kind::<CanAdapter>()
-        .with(command)
 }
 
 fn run(name: &str, simulation: &str, duration: &str) -> Report {
@@ -129,7 +135,7 @@ fn run(name: &str, simulation: &str, duration: &str) -> Report {
     graph(&folder, simulation, "").run(duration).unwrap()
 }
 
-fn adapter(report: &Report) -> &Value {
+pub(super) fn adapter(report: &Report) -> &Value {
     &report.results["adapter"]
 }
 

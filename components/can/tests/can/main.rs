@@ -6,9 +6,14 @@ mod bus;
 mod cia402;
 mod components;
 mod damiao;
+mod database;
+mod faults;
 mod mit;
+mod moteus;
 mod odrive;
 mod random;
+mod servo;
+mod slcan;
 mod table;
 
 motorium::count_allocations!();

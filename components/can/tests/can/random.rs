@@ -1,6 +1,7 @@
 //! Random frames: none makes a decoder panic, and what it accepts is what it would send.
 
-use motorium_can::{Form, Frame, Id, cia402, damiao, mit, odrive};
+use motorium_can::bus::slcan::{LONGEST, Line, Reader, write};
+use motorium_can::{Database, Form, Frame, Id, cia402, damiao, mit, moteus, odrive};
 
 const FRAMES: u64 = 10_000_000;
 
@@ -108,4 +109,111 @@ fn of_ten_million_random_frames_none_panics_and_each_accepted_one_is_sent_the_sa
     {
         assert!(accepted[place] >= least, "{accepted:?}");
     }
+}
+
+/// Frames of the tests below: a share of them, or as many as `MOTORIUM_CAN_FRAMES` says.
+fn frames() -> u64 {
+    let asked =
+        std::env::var("MOTORIUM_CAN_FRAMES").ok().map(|text| text.parse().expect("a number of frames"));
+    asked.unwrap_or(500_000)
+}
+
+/// A frame of CAN FD from drive 1 or to it, most often of whole subframes of moteus.
+fn fd_frame(numbers: &mut Numbers) -> Frame {
+    let mut bytes = Vec::with_capacity(64);
+    let choice = numbers.next();
+    while bytes.len() < 40 && !numbers.next().is_multiple_of(4) {
+        let kind = numbers.next();
+        // a reply or a write of some registers, from one that there is
+        let action = [0x20, 0x20, 0x00, 0x10, 0x30, 0x70]
+            [kind as usize % if choice.is_multiple_of(8) { 6 } else { 2 }];
+        let resolution = (kind >> 8) as u8 % 4;
+        let first = [0x00, 0x01, 0x0d, 0x20, 0x27][(kind >> 16) as usize % 5];
+        let count = 1 + (kind >> 24) as u8 % 3;
+        bytes.extend([action | resolution << 2 | count, first]);
+        for register in (first..).take(count.into()) {
+            let width = [1, 2, 4, 4][usize::from(resolution)];
+            let number = if register == 0 { (kind >> 32) % 20 } else { numbers.next() };
+            bytes.extend_from_slice(&number.to_le_bytes()[..width]);
+        }
+    }
+    bytes.truncate(64);
+    while Frame::new(Id::Standard(0), Form::FdFast, &bytes).is_none() {
+        bytes.push(if choice % 16 == 1 { 0x20 } else { 0x50 });
+    }
+    let id = [Id::Standard(0x100), Id::Standard(0x100), Id::Extended(0x8001), Id::Extended(0x100)];
+    Frame::new(id[(choice >> 8) as usize % 4], Form::FdFast, &bytes).unwrap()
+}
+
+#[test]
+fn of_random_fd_frames_none_panics_and_no_value_that_is_accepted_is_corrupt() {
+    let (mut numbers, node) = (Numbers(16), moteus::Node::new(1).unwrap());
+    let database = Database::parse(include_str!("databases/kinds.dbc")).unwrap();
+    let mut accepted = [0_u64; 3];
+    for _ in 0..frames() {
+        let frame = fd_frame(&mut numbers);
+        if let Ok(state) = node.reply(&frame) {
+            accepted[0] += 1;
+            let numbers = [state.position, state.velocity, state.torque, state.voltage, state.temperature];
+            assert!(numbers.iter().all(|number| number.is_finite()), "{frame:?}");
+            assert!((state.mode as u8) < 16, "{frame:?}");
+            // a number at the very end of its range may round to an infinite one
+            if numbers.iter().all(|number| number.abs() < 1e37) {
+                let again = node.reply(&node.reply_frame(&state, moteus::Resolution::Float)).unwrap();
+                let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs() + 1e-44;
+                assert!(
+                    near(again.position, state.position) && near(again.torque, state.torque),
+                    "{frame:?}"
+                );
+                assert_eq!((again.mode, again.fault), (state.mode, state.fault), "{frame:?}");
+            }
+        }
+        if let Ok(instruction) = node.instruction(&frame) {
+            accepted[1] += 1;
+            if let moteus::Instruction::Position(command) = instruction {
+                let numbers = [command.velocity, command.torque, command.kp_scale, command.kd_scale];
+                assert!(numbers.iter().all(|number| number.is_finite()), "{frame:?}");
+            }
+        }
+        // a database decodes frames of every length, and never reads beyond their end
+        let named = Frame::new(
+            Id::Standard([0x100, 0x200, 0x300, 0x400][frame.data().len() % 4]),
+            frame.form,
+            frame.data(),
+        );
+        accepted[2] +=
+            u64::from(database.decode(&named.unwrap()).is_some_and(|message| !message.signals.is_empty()));
+    }
+    let share = frames() / 1000;
+    assert!(accepted.iter().all(|count| *count > share / 10), "{accepted:?}");
+}
+
+#[test]
+fn of_random_lines_of_serial_adapters_none_panics_and_each_frame_is_written_the_same() {
+    let (mut numbers, mut reader) = (Numbers(17), Reader::default());
+    let (mut read, mut torn) = (0_u64, 0_u64);
+    for _ in 0..frames() / 4 {
+        let mut line = [0; LONGEST];
+        let sent = if numbers.next() % 2 == 0 { numbers.frame() } else { fd_frame(&mut numbers) };
+        let length = write(&sent, &mut line);
+        // half of the lines lose a byte, or have one that is wrong
+        let choice = numbers.next();
+        let place = (choice >> 8) as usize % length;
+        if choice % 4 == 0 {
+            line[place] = (choice >> 32) as u8;
+        }
+        let bytes = line[..length].iter().enumerate().filter(|(at, _)| choice % 4 != 1 || *at != place);
+        for (_, byte) in bytes {
+            if let Some(Line::Frame(found)) = reader.push(*byte) {
+                read += 1;
+                torn += u64::from(choice % 4 < 2);
+                let mut again = [0; LONGEST];
+                let length = write(&found, &mut again);
+                assert!(length <= LONGEST && (choice % 4 < 2 || found == sent), "{found:?} {sent:?}");
+            }
+        }
+        // whatever was torn ends here
+        reader.push(b'\r');
+    }
+    assert!(read > frames() / 10 && torn > 0, "{read} {torn}");
 }

@@ -4,7 +4,10 @@ use motorium_control::{
     DifferentialIk, RobotState,
     limits::Limit,
     solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure},
-    tasks::{CartesianTask, PostureSettings, PostureTask, Rows, Task},
+    tasks::{
+        CartesianTask, CentreOfMassSettings, CentreOfMassTask, ContactTask, PostureSettings, PostureTask,
+        Rows, Task,
+    },
 };
 use motorium_robots::{Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
@@ -33,6 +36,19 @@ impl Task for Numbers {
         for row in self.a.row_iter() {
             rows.push().iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
         }
+    }
+}
+
+/// Bounds of each joint.
+struct Box {
+    lower: DVector<f64>,
+    upper: DVector<f64>,
+}
+
+impl Limit for Box {
+    fn intersect(&self, _: &RobotState<'_>, _: f64, problem: &mut Problem) {
+        problem.lower.copy_from(&self.lower);
+        problem.upper.copy_from(&self.upper);
     }
 }
 
@@ -180,6 +196,92 @@ fn levels_within_limits_are_those_of_a_solver_that_holds_the_decided_by_equaliti
         }
     }
     assert!(active > 300, "{active} active limits");
+}
+
+/// Levels of random rows, whole numbers or not, that differ in scale by up to 10^6 and may repeat one another, and random
+/// bounds, some of them zero.
+fn random_levels(n: usize, random: &mut Random) -> (Vec<Numbers>, Box) {
+    let below = |count: usize, random: &mut Random| ((random.within(0.5) + 0.5) * count as f64) as usize;
+    let whole = below(3, random) == 0;
+    let entry = |scale: f64, random: &mut Random| {
+        scale * if whole { (random.within(2.5)).round() } else { random.within(1.0) }
+    };
+    let mut tasks = Vec::new();
+    for _ in 0..2 + below(3, random) {
+        let rows = 1 + below(n, random);
+        let scale = [1.0, 1.0, 1e-3, 1e3][below(4, random)];
+        let a = DMatrix::from_fn(rows, n, |_, _| entry(scale, random));
+        let b = DVector::from_fn(rows, |_, _| entry(3.0 * scale, random));
+        tasks.push(Numbers { a, b });
+    }
+    if below(3, random) == 0 {
+        let row = tasks[0].a.row(0).into_owned();
+        tasks[1].a.set_row(0, &row);
+    }
+    let bound = [0.3, 1.0, 100.0][below(3, random)];
+    let side = |random: &mut Random| if below(6, random) == 0 { 0.0 } else { bound };
+    let lower = DVector::from_fn(n, |_, _| -side(random));
+    let upper = DVector::from_fn(n, |_, _| side(random));
+    (tasks, Box { lower, upper })
+}
+
+#[test]
+fn levels_of_any_scale_are_decided_and_keep_what_is_decided_above() {
+    let (model, home) = panda();
+    let n = model.nv();
+    let kinematics = Kinematics::new(&model);
+    let state = RobotState { model: &model, kinematics: &kinematics, q: home.as_slice() };
+    let count = std::env::var("MOTORIUM_QP_PROBLEMS").map_or(3000, |count| count.parse().unwrap());
+    for seed in 0..count {
+        let (mut tasks, limits) = random_levels(n, &mut Random(seed));
+        let rows: Vec<usize> = tasks.iter().map(Task::rows).collect();
+        let mut solve = |levels: usize| {
+            let mut ik = DifferentialIk::new(&model).levels(&rows[..levels]);
+            ik.begin();
+            for (level, task) in tasks.iter_mut().take(levels).enumerate() {
+                ik.add_task(&state, level, task);
+            }
+            ik.add_limit(&state, &limits, 1e-3);
+            let found = ik.solve().unwrap_or_else(|error| panic!("case {seed}, {levels} levels: {error}"));
+            DVector::from_column_slice(found)
+        };
+        let (first, all) = (solve(1), solve(rows.len()));
+        assert!(all.iter().zip(&limits.lower).all(|(v, lower)| v >= lower), "case {seed}");
+        assert!(all.iter().zip(&limits.upper).all(|(v, upper)| v <= upper), "case {seed}");
+        let a = &tasks[0].a;
+        let change = (a * (&all - &first)).amax() / (a.amax() * (1.0 + all.amax()));
+        assert!(change < 1e-6, "case {seed}: the first level changes by {change}");
+    }
+}
+
+#[test]
+fn held_feet_rest_exactly_beside_tasks_in_a_sum_and_above_levels() {
+    let humanoid = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&humanoid.model, humanoid.profile.unwrap());
+    let q = profile.configuration(model, "standing").unwrap();
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, q.as_slice());
+    let state = RobotState { model, kinematics: &kinematics, q: q.as_slice() };
+    let mut feet =
+        ["left_sole", "right_sole"].map(|sole| ContactTask::surface(model, model.frame(sole).unwrap()));
+    let settings = CentreOfMassSettings { damping: 0.0, ..CentreOfMassSettings::default() };
+    let mut balance = CentreOfMassTask::new(model).with(settings);
+    balance.set_target(kinematics.centre_of_mass(model).position + Vector3::new(0.02, 0.03, -0.05));
+    let mut posture = PostureTask::new(model, &vec![0.0; model.joint_count()]);
+    let mut solve = |levels: &[usize], below: usize| {
+        let mut ik = DifferentialIk::with_contacts(model, 12, 0).levels(levels);
+        ik.begin();
+        feet.iter_mut().for_each(|foot| ik.hold(&state, foot));
+        ik.add_task(&state, 0, &mut balance);
+        ik.add_task(&state, below, &mut posture);
+        let velocity = DVector::from_column_slice(ik.solve().unwrap());
+        for foot in &feet {
+            assert!(foot.cost().residual(velocity.as_slice()) < 1e-10);
+        }
+        (balance.jacobian() * &velocity - balance.desired()).amax()
+    };
+    let (sum, hard) = (solve(&[], 0), solve(&[3, model.joint_count()], 1));
+    assert!(hard < 1e-3 && sum < 1e-2, "the centre of mass moves as it should: {sum}, {hard}");
 }
 
 #[test]

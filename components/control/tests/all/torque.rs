@@ -80,7 +80,7 @@ fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
     refused(with(&torques("contacts = [{ frame = \"panda_hnad\" }]")), &["contacts[0].frame", "panda_hand"]);
     refused(with(&torques("contacts = [{}]")), &["contacts[0]", "either a `foot`"]);
     refused(with(&torques("braking = 0.0")), &["inverse_dynamics.braking"]);
-    refused(with(&torques("max_acceleration = 1.0")), &["inverse_dynamics.max_acceleration", "at least 20"]);
+    refused(with(&torques("max_acceleration = 1.0")), &["inverse_dynamics.max_acceleration", "from 20"]);
     refused(with("{ inverse_dynamics = {}, inertia_compensation = true }"), &["inertia_compensation"]);
     refused(
         with("{ inverse_dynamics = {}, tasks = [{ gaze = {} }] }"),

@@ -237,8 +237,10 @@ impl Impulses {
             }
             reduced[k] = if held[k] { [0.0; 4] } else { *column };
         }
-        for part in 0..3 {
-            self.cone.velocity[3 * index + part] = velocity[part] + self.falling[3 * index + part];
+        let rows = 3 * index..3 * index + 3;
+        let falling = &self.falling[rows.clone()];
+        for ((sum, velocity), falling) in self.cone.velocity[rows].iter_mut().zip(velocity).zip(falling) {
+            *sum = velocity + falling;
         }
         self.supported[index] = 0;
         if touches {

@@ -120,19 +120,19 @@ impl ConeSolver {
         let Self { rows, velocity, friction, lambda, newton, .. } = self;
         newton.unknowns.clear();
         newton.modes.clear();
-        for index in 0..*rows / 3 {
+        for (index, friction) in friction.iter().take(*rows / 3).enumerate() {
             let at = 3 * index;
             let normal = lambda[at];
             if normal <= 0.0 {
                 continue;
             }
             newton.unknowns.push(at);
-            if friction[index] == 0.0 {
+            if *friction == 0.0 {
                 newton.modes.push(Mode::Smooth);
                 continue;
             }
             newton.unknowns.extend([at + 1, at + 2]);
-            let bound = friction[index] * normal * (1.0 - 1e-9);
+            let bound = friction * normal * (1.0 - 1e-9);
             let slip = [velocity[at + 1], velocity[at + 2]];
             let speed = (slip[0] * slip[0] + slip[1] * slip[1]).sqrt();
             let edge = lambda[at + 1] * lambda[at + 1] + lambda[at + 2] * lambda[at + 2] >= bound * bound;

@@ -18,7 +18,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// use motorium_sensors::estimation::ComplementaryFilter;
 /// use nalgebra::Vector3;
 ///
-/// let mut filter = ComplementaryFilter::new(1.0, 0.1);
+/// let mut filter = ComplementaryFilter::new(1.0, 0.0);
 /// // At rest, tilted by 0.2 rad about x.
 /// let force = Vector3::new(0.0, 9.81 * 0.2_f64.sin(), 9.81 * 0.2_f64.cos());
 /// for _ in 0..10_000 {

@@ -67,7 +67,8 @@ mod tests {
     fn a_step_is_followed_exponentially_whatever_the_length_of_the_steps() {
         let mut even = LowPass::new(3.0);
         let mut uneven = LowPass::new(3.0);
-        (even.update(0.0, 0.0), uneven.update(0.0, 0.0));
+        even.update(0.0, 0.0);
+        uneven.update(0.0, 0.0);
         (0..40).for_each(|_| {
             even.update(1.0, 1e-3);
         });

@@ -52,6 +52,7 @@ impl Parts<'_, '_> {
             scheduling: self.scheduling.plan,
             safety: self.safety,
             expectations: self.expectations,
+            trace_events: 0,
         })
     }
 

@@ -125,6 +125,11 @@ impl Demand {
         self.late() + self.deferral.unwrap_or(0)
     }
 
+    /// Releases before `until` in the longest window of the task itself, whose waiting counts as work there.
+    fn own_releases(&self, until: i64) -> i64 {
+        ceil_div(until + self.late(), self.period).max(0)
+    }
+
     /// Releases in the window before `until`.
     fn releases(&self, opening: Opening, until: i64) -> i64 {
         let first = match (opening, self.offset) {
@@ -170,8 +175,8 @@ impl<'a> Level<'a> {
     /// Length of the longest busy window.
     pub(in crate::schedule) fn longest(&self) -> Option<i64> {
         let length = settle(1, |until| {
-            let own = self.own().releases(Opening::Worst, until) * self.own().length();
-            own + self.work(|other| other.releases(Opening::Worst, until))
+            self.own().own_releases(until) * self.own().length()
+                + self.work(|other| other.releases(Opening::Worst, until))
         })?;
         let shortest = self.all().map(|task| task.period).min()?;
         (length / shortest < MOST as i64).then_some(length)

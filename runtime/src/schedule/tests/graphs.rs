@@ -181,5 +181,6 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
         scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
         safety: SafetyPlan::for_tests(),
         expectations: Vec::new(),
+        trace_events: 0,
     }
 }

@@ -15,9 +15,10 @@ use iceoryx2::node::Node;
 
 use super::latest::TopicMemory;
 use super::{PortError, Shared};
-use crate::os::current_core;
+use crate::os::{current_core, monotonic_ns};
 use crate::plan::{Activation, OnOverrun, Plan, TopicPlan};
-use crate::region::{Command, ComponentBlock, Region};
+use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter};
+use crate::state::Stamp;
 
 pub(crate) use causality::Causality;
 pub(crate) use clock::Clock;
@@ -41,6 +42,8 @@ pub struct Context {
     causality: Causality,
     deferred: Deferred,
     signals: Arc<Signals>,
+    /// The trace of the component, if the run is traced.
+    trace: Option<TraceWriter>,
     /// Number of the episode.
     episode: Cell<u64>,
     /// The core found by the last look-up, and the number of requests so far.
@@ -62,11 +65,18 @@ impl Context {
             causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),
             signals: Arc::default(),
+            trace: None,
             episode: Cell::new(region.header().episode.load(Relaxed)),
             core: Cell::new((0, 0)),
             topics: RefCell::default(),
             region,
         }
+    }
+
+    /// Has the steps of the component in its trace, if the run is traced. For its worker alone.
+    pub(crate) fn traced(mut self) -> Self {
+        self.trace = TraceWriter::open(&self.region, self.index);
+        self
     }
 
     #[inline]
@@ -163,11 +173,39 @@ impl Context {
         }
     }
 
-    /// Records the age of a sample read for the first time, as of the start of the step; the record is made when the
-    /// step is over. A sample published since then has age 0.
+    /// Notes that a sample was read for the first time: its age as of the start of the step, which is recorded when the step
+    /// is over, and in the trace. A sample published since then has age 0.
     #[inline]
-    pub(crate) fn note_age(&self, edge: usize, publish_ns: u64) {
-        self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(publish_ns));
+    pub(crate) fn note_read(&self, edge: usize, stamp: &Stamp) {
+        self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(stamp.publish_time));
+        if let Some(trace) = &self.trace {
+            let (sequence, publish_ns) = (stamp.sequence, stamp.publish_time);
+            trace.write(TraceEvent::Read { edge, sequence, publish_ns });
+        }
+    }
+
+    /// Notes a publication in the trace.
+    #[inline]
+    pub(crate) fn note_published(&self, topic: usize, stamp: &Stamp) {
+        if let Some(trace) = &self.trace {
+            let (sequence, publish_ns) = (stamp.sequence, stamp.publish_time);
+            let at_ns = if self.clock.is_lockstep() { monotonic_ns() } else { publish_ns };
+            trace.write(TraceEvent::Published { topic, sequence, publish_ns, at_ns });
+        }
+    }
+
+    /// The present on `CLOCK_MONOTONIC`, ns, where the trace of lockstep needs it; else `known_ns`.
+    #[inline]
+    pub(crate) fn traced_ns(&self, known_ns: u64) -> u64 {
+        if self.trace.is_some() && self.clock.is_lockstep() { monotonic_ns() } else { known_ns }
+    }
+
+    /// Notes a step that has ended in the trace.
+    #[inline]
+    pub(crate) fn note_step(&self, number: u64, release_ns: u64, begin_ns: u64, end_ns: u64) {
+        if let Some(trace) = &self.trace {
+            trace.write(TraceEvent::Step { number, release_ns, begin_ns, end_ns });
+        }
     }
 
     /// True if a sample made at `now_ns` is too late to be published under the overrun policy `hold`.

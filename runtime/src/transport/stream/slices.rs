@@ -109,7 +109,7 @@ impl<T: StateBuffer> SliceInput<T> {
                 self.context.region().topics()[self.topic].dropped.fetch_add(lost, Relaxed);
             }
             if let Some(edge) = self.edge {
-                self.context.note_age(edge, stamp.publish_time);
+                self.context.note_read(edge, &stamp);
             }
             if self.is_cause {
                 self.context.causality().propagate(&stamp);

@@ -98,6 +98,7 @@ impl Bench {
             scheduling: SchedulingPlan { shared_cores: vec![0], on_denied: OnDenied::Warn, idle_exit_ns: 0 },
             safety: SafetyPlan::for_tests(),
             expectations: Vec::new(),
+            trace_events: 0,
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();
         let node = folder.domain().unwrap().node().unwrap();

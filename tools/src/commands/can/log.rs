@@ -1,30 +1,36 @@
 //! `motorium can log`: what goes over buses, line by line.
 
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
-use std::path::PathBuf;
+use std::io::{BufRead, BufReader, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
-use motorium_can::Listener;
+use motorium_can::{Listener, Record};
 
+use super::words::{Interpreter, Words};
 use super::{interrupted, refused};
 use crate::exit;
 use crate::out::{errln, outln};
 
 /// Print what goes over CAN buses, in the format of `candump -L`, or keep it in a file.
 ///
-/// Reports of controllers are kept as error frames, as candump does. The exit code is 1 if nothing was received.
+/// Reports of controllers are kept as error frames, as candump does. With `--dbc` each line that is printed ends in the words
+/// of the database, behind `::`. The exit code is 1 if nothing was received, and 3 if a line of the log, or the database, is
+/// none.
 ///
 /// Example: motorium can log can0 can1 --for 10s --output ride.log
 #[derive(Debug, clap::Args)]
 pub(super) struct Log {
     /// The interfaces
-    #[arg(required = true)]
+    #[arg(required_unless_present = "read")]
     interfaces: Vec<String>,
+    /// Print a log that was kept instead; `-` for standard input
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["interfaces", "time", "output"])]
+    read: Option<PathBuf>,
     /// Duration; until Ctrl-C if not given
     #[arg(long = "for", value_name = "TIME")]
     time: Option<TimeSpan>,
@@ -34,10 +40,19 @@ pub(super) struct Log {
     /// File to write to; standard output if not given
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    words: Words,
 }
 
 impl Log {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let interpreter = match self.words.interpreter() {
+            Ok(interpreter) => interpreter,
+            Err(code) => return Ok(code),
+        };
+        if let Some(path) = &self.read {
+            return self.print_log(path, &interpreter);
+        }
         let listener = Listener::open(self.interfaces.iter().map(String::as_str)).map_err(refused)?;
         let interrupted = interrupted()?;
         let mut file = match &self.output {
@@ -57,7 +72,7 @@ impl Log {
             count += 1;
             match &mut file {
                 Some(file) => writeln!(file, "{record}").context("writing the log")?,
-                None => outln!("{record}"),
+                None => print(&record, &interpreter),
             }
         }
         if let Some(mut file) = file {
@@ -65,5 +80,43 @@ impl Log {
             errln!("{count} frames");
         }
         Ok(if count == 0 { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+
+    /// Prints a log that was kept.
+    fn print_log(&self, path: &Path, interpreter: &Interpreter) -> anyhow::Result<ExitCode> {
+        let reading = || format!("reading {}", path.display());
+        let lines: Box<dyn BufRead> = if path == Path::new("-") {
+            Box::new(std::io::stdin().lock())
+        } else {
+            Box::new(BufReader::new(File::open(path).with_context(reading)?))
+        };
+        let mut count = 0;
+        for (index, line) in lines.lines().enumerate() {
+            let line = line.with_context(reading)?;
+            if line.trim().is_empty() {
+                continue;
+            }
+            if self.count.is_some_and(|most| count >= most) {
+                break;
+            }
+            match line.parse::<Record>() {
+                Ok(record) => print(&record, interpreter),
+                Err(error) => {
+                    let place = format!("{}, line {}", path.display(), index + 1);
+                    errln!("{} {place}: {error}", crate::style::error("error:"));
+                    return Ok(exit::invalid());
+                }
+            }
+            count += 1;
+        }
+        Ok(if count == 0 { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+}
+
+/// Prints a record, with what it says where the database knows it.
+fn print(record: &Record, interpreter: &Interpreter) {
+    match interpreter.decode(record) {
+        Some(words) => outln!("{record} :: {words}"),
+        None => outln!("{record}"),
     }
 }

@@ -6,6 +6,7 @@ mod monitor;
 mod scan;
 mod send;
 mod traffic;
+mod words;
 
 use std::process::ExitCode;
 use std::sync::Arc;

@@ -9,6 +9,7 @@ use motorium::units::TimeSpan;
 use motorium_can::{Interface, Listener, Rates};
 
 use super::traffic::{BusRow, Traffic};
+use super::words::Words;
 use super::{interrupted, refused};
 use crate::out::{out, outln};
 use crate::report::table;
@@ -16,7 +17,8 @@ use crate::screen::is_drawable;
 
 /// Show what goes over CAN buses: frames, rates, ages and errors, by identifier.
 ///
-/// On a terminal the table is redrawn in place; elsewhere it is printed once each interval.
+/// On a terminal the table is redrawn in place; elsewhere it is printed once each interval. With `--dbc` the newest frame of
+/// each identifier is put into the words of the database.
 ///
 /// Example: motorium can monitor can0 --bitrate 1000000
 #[derive(Debug, clap::Args)]
@@ -38,10 +40,16 @@ pub(super) struct Monitor {
     /// Print each table as a line of JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    words: Words,
 }
 
 impl Monitor {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let interpreter = match self.words.interpreter() {
+            Ok(interpreter) => interpreter,
+            Err(code) => return Ok(code),
+        };
         let all = Interface::all()?;
         let mut names = self.interfaces.clone();
         if names.is_empty() {
@@ -85,7 +93,7 @@ impl Monitor {
             }
             let left = interval.saturating_sub(drawn.elapsed()).min(Duration::from_millis(50));
             if let Some(record) = listener.next(left)? {
-                traffic.take(&record);
+                traffic.take(&record, interpreter.decode(&record).as_ref());
             }
         }
     }
@@ -108,15 +116,25 @@ fn describe(buses: &[BusRow]) -> String {
             bus.errors,
             bus.error.as_ref().map_or_else(String::new, |error| format!(" ({error})"))
         );
-        let mut rows = table(["  id", "frames", "Hz", "age ms", "data"]);
+        // the words of a database have a column of their own
+        let has_words = bus.ids.iter().any(|row| row.message.is_some());
+        let mut rows = if has_words {
+            table(["  id", "frames", "Hz", "age ms", "data", "says"])
+        } else {
+            table(["  id", "frames", "Hz", "age ms", "data"])
+        };
         for row in &bus.ids {
-            rows.add_row([
+            let mut cells = vec![
                 format!("  {}", row.id),
                 row.frames.to_string(),
                 format!("{:.1}", row.rate_hz),
                 format!("{:.1}", row.age_ms),
                 row.data.clone(),
-            ]);
+            ];
+            if has_words {
+                cells.push(row.text.clone());
+            }
+            rows.add_row(cells);
         }
         text += &format!("{}\n", rows.trim_fmt());
     }
@@ -130,8 +148,16 @@ mod tests {
 
     #[test]
     fn the_table_names_load_error_counters_and_the_newest_report() {
-        let ids =
-            vec![IdRow { id: "0x123".into(), frames: 7, rate_hz: 3.5, age_ms: 12.0, data: "01 02".into() }];
+        let ids = vec![IdRow {
+            id: "0x123".into(),
+            frames: 7,
+            rate_hz: 3.5,
+            age_ms: 12.0,
+            data: "01 02".into(),
+            message: Some("Supply".into()),
+            text: "Supply(Voltage: 24 V)".into(),
+            ..IdRow::default()
+        }];
         let bus = BusRow {
             interface: "can0".into(),
             frames: 7,
@@ -143,7 +169,16 @@ mod tests {
             ids,
         };
         let text = describe(&[bus]);
-        for part in ["load 45.2 %", "2 errors", "tx 255 rx 0 (bus off)", "0x123", "12.0", "01 02"] {
+        for part in [
+            "load 45.2 %",
+            "2 errors",
+            "tx 255 rx 0 (bus off)",
+            "0x123",
+            "12.0",
+            "01 02",
+            "says",
+            "Voltage: 24 V",
+        ] {
             assert!(text.contains(part), "{part}: {text}");
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use motorium_can::{Bits, Rates, Record, Report};
+use motorium_can::{Bits, Decoded, Rates, Record, Report};
 use serde::Serialize;
 
 /// Traffic on some buses, as it is counted.
@@ -29,6 +29,9 @@ struct Line {
     new: u64,
     seen_us: u64,
     data: String,
+    message: Option<String>,
+    signals: Vec<SignalRow>,
+    text: String,
 }
 
 /// One bus in a table.
@@ -49,7 +52,7 @@ pub(super) struct BusRow {
 }
 
 /// One identifier in a table.
-#[derive(Debug, PartialEq, Serialize)]
+#[derive(Debug, Default, PartialEq, Serialize)]
 pub(super) struct IdRow {
     pub(super) id: String,
     pub(super) frames: u64,
@@ -58,6 +61,38 @@ pub(super) struct IdRow {
     pub(super) age_ms: f64,
     /// Its data, in hexadecimal digits.
     pub(super) data: String,
+    /// Name of the message in the database, if it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) message: Option<String>,
+    /// The signals of the message.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) signals: Vec<SignalRow>,
+    /// All that in words.
+    #[serde(skip)]
+    pub(super) text: String,
+}
+
+/// One signal of a message.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct SignalRow {
+    pub(super) name: String,
+    /// `null` in JSON if it is not finite.
+    pub(super) value: f64,
+    pub(super) unit: String,
+    /// The name of the value, if the database has one.
+    pub(super) label: Option<String>,
+}
+
+impl SignalRow {
+    fn of(decoded: &Decoded<'_>) -> Vec<Self> {
+        let row = |signal: &motorium_can::SignalValue<'_>| Self {
+            name: signal.name.to_string(),
+            value: signal.value,
+            unit: signal.unit.to_string(),
+            label: signal.label.map(str::to_string),
+        };
+        decoded.signals.iter().map(row).collect()
+    }
 }
 
 impl Traffic {
@@ -66,7 +101,8 @@ impl Traffic {
         self.buses.entry(interface.to_string()).or_default().rates = rates;
     }
 
-    pub(super) fn take(&mut self, record: &Record) {
+    /// Counts a record, which says this in the words of a database.
+    pub(super) fn take(&mut self, record: &Record, words: Option<&Decoded<'_>>) {
         let bus = self.buses.entry(record.interface().to_string()).or_default();
         if let Some(report) = record.report() {
             bus.errors += 1;
@@ -87,6 +123,9 @@ impl Traffic {
         line.new += 1;
         line.seen_us = record.time_us();
         line.data = frame.data().iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ");
+        line.message = words.map(|words| words.name.to_string());
+        line.signals = words.map_or_else(Vec::new, SignalRow::of);
+        line.text = words.map_or_else(String::new, Decoded::to_string);
     }
 
     /// The table at `now_us`, `seconds` after the last one, whose counts begin anew.
@@ -100,6 +139,9 @@ impl Traffic {
                 rate_hz: core::mem::take(&mut line.new) as f64 / seconds,
                 age_ms: now_us.saturating_sub(line.seen_us) as f64 * 1e-3,
                 data: line.data.clone(),
+                message: line.message.clone(),
+                signals: line.signals.clone(),
+                text: line.text.clone(),
             });
             BusRow {
                 interface: name.clone(),
@@ -121,7 +163,7 @@ mod tests {
     use super::*;
 
     fn take(traffic: &mut Traffic, line: &str) {
-        traffic.take(&line.parse().unwrap());
+        traffic.take(&line.parse().unwrap(), None);
     }
 
     #[test]

@@ -56,8 +56,8 @@ pub(super) struct Shape {
     /// Damping D of the spring; its stiffness is D^2 / 4
     #[arg(long, default_value_t = DAMPING)]
     damping: f64,
-    /// The curve between the samples of a recording; stored in the library, for `recognise` and `update`
-    #[arg(long, value_enum, default_value = "spline")]
+    /// The curve between samples, a natural cubic `spline` or `linear`; stored in the library
+    #[arg(long, value_enum, default_value = "spline", hide_possible_values = true)]
     interpolation: InterpolationName,
 }
 

@@ -1,17 +1,24 @@
-//! `motorium export`: a recording as tables.
+//! `motorium export`: a recording as tables, or as a dataset for learning.
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::declare::Taps;
-use motorium_bridges::recording::{Recording, write_csv};
+use motorium::plan::Plan;
+use motorium_bridges::recording::{
+    Dataset, Recording, Signal, usual_signals, write_csv, write_lerobot, write_parquet,
+};
 
 use crate::out::outln;
+use crate::robots;
 
-/// Write a recording as tables of comma-separated values, one for each topic.
+/// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
+///
+/// `--format lerobot` writes a LeRobotDataset of version 3.0 without pictures: a frame of the state and the action at a fixed
+/// rate, an episode of it for each of the recording.
 ///
 /// Example: motorium export out/a.mcap --topic panda/joint_state --output out/a
 #[derive(Debug, clap::Args)]
@@ -19,18 +26,65 @@ pub(crate) struct Export {
     /// The recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
+    /// `csv`, `parquet`, or `lerobot`
+    #[arg(long, value_enum, default_value_t, hide_possible_values = true)]
+    format: Format,
     /// A topic, in whose name `*` stands for any characters; may be repeated. All if not given
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
     /// The folder of the tables; FILE without `.mcap` if not given
     #[arg(long, short, value_name = "FOLDER")]
     output: Option<PathBuf>,
+    /// LeRobot: frames a second; 50 if not given
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    fps: Option<u32>,
+    /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated. The positions that the writer
+    /// of the joint commands reads if not given
+    #[arg(long, value_name = "SIGNAL")]
+    state: Vec<Signal>,
+    /// LeRobot: numbers of the action; may be repeated. The commanded positions, or efforts, if not given
+    #[arg(long, value_name = "SIGNAL")]
+    action: Vec<Signal>,
+    /// LeRobot: the task in words; the name of the graph if not given
+    #[arg(long, value_name = "TEXT")]
+    task: Option<String>,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// Comma-separated values
+    #[default]
+    Csv,
+    /// Parquet
+    Parquet,
+    /// A dataset of LeRobot, version 3.0
+    Lerobot,
 }
 
 impl Export {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let recording = Recording::open(&self.file)?;
-        let folder = self.output.unwrap_or_else(|| self.file.with_extension(""));
+        let folder = self.output.clone().unwrap_or_else(|| self.file.with_extension(""));
+        if self.format == Format::Lerobot {
+            anyhow::ensure!(
+                self.topic.is_empty(),
+                "a dataset is made of `--state` and `--action`, not of `--topic`"
+            );
+            return self.dataset(&recording, &folder);
+        }
+        let of_datasets = [
+            ("--fps", self.fps.is_some()),
+            ("--state", !self.state.is_empty()),
+            ("--action", !self.action.is_empty()),
+            ("--task", self.task.is_some()),
+        ];
+        if let Some((option, _)) = of_datasets.iter().find(|(_, given)| *given) {
+            anyhow::bail!("`{option}` is an option of `--format lerobot`");
+        }
+        self.tables(&recording, &folder)
+    }
+
+    fn tables(&self, recording: &Recording, folder: &Path) -> anyhow::Result<ExitCode> {
         let chosen = match self.topic.as_slice() {
             [] => Taps::new(["*"], core::time::Duration::ZERO),
             names => Taps::new(names.iter().map(String::as_str), core::time::Duration::ZERO),
@@ -39,15 +93,66 @@ impl Export {
         if let Some(unknown) = chosen.unmatched(&names) {
             anyhow::bail!("the recording has no topic `{unknown}`; its topics are {}", names.join(", "));
         }
-        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        let extension = if self.format == Format::Parquet { "parquet" } else { "csv" };
         for (index, name) in names.iter().enumerate().filter(|(_, name)| chosen.includes(name)) {
-            let path = folder.join(format!("{}.csv", name.replace('/', "-")));
+            let path = folder.join(format!("{}.{extension}", name.replace('/', "-")));
             let mut file =
                 BufWriter::new(File::create(&path).with_context(|| format!("making {}", path.display()))?);
-            let rows = write_csv(&recording, index, &mut file)?;
+            let rows = match self.format {
+                Format::Parquet => write_parquet(recording, index, &mut file)?,
+                Format::Csv | Format::Lerobot => write_csv(recording, index, &mut file)?,
+            };
             file.flush().with_context(|| format!("writing {}", path.display()))?;
             outln!("{}: {rows} rows", path.display());
         }
         Ok(ExitCode::SUCCESS)
     }
+
+    fn dataset(self, recording: &Recording, folder: &Path) -> anyhow::Result<ExitCode> {
+        let plan = recording.plan()?;
+        let (mut state, mut action) = (self.state, self.action);
+        if state.is_empty() || action.is_empty() {
+            let usual = usual_signals(recording, &plan);
+            let (usual_state, usual_action) = usual.context(
+                "the recording does not have the joint commands of one controller and the joint states that it reads: \
+                 name the numbers by `--state` and `--action`",
+            )?;
+            if state.is_empty() {
+                state.push(usual_state);
+            }
+            if action.is_empty() {
+                action.push(usual_action);
+            }
+        }
+        let names = [names(recording, &plan, &state), names(recording, &plan, &action)];
+        let robot = plan.components.iter().find_map(|component| component.robot.as_ref());
+        let dataset = Dataset {
+            state,
+            action,
+            fps: self.fps.unwrap_or(50),
+            task: self.task.unwrap_or_else(|| plan.name.clone()),
+            robot: robot.map(|robot| robot.name.clone()),
+            names,
+        };
+        let counts = write_lerobot(recording, &dataset, folder)?;
+        outln!("{}: {} frames in {} episodes", folder.display(), counts.frames, counts.episodes);
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The names of the numbers of signals: those of joints, where all signals are one field of a topic of joints each.
+fn names(recording: &Recording, plan: &Plan, signals: &[Signal]) -> Vec<String> {
+    let of_joints = |signal: &Signal| {
+        let topic = &recording.topics()[recording.topic(&signal.topic)?];
+        let index = plan.topics.iter().position(|known| known.name == signal.topic)?;
+        let field = signal.field.as_ref()?;
+        let joints = topic.layout.type_name.starts_with("motorium.Joint");
+        let joints = joints.then(|| robots::joints_of_topic(plan, index)).flatten()?;
+        let entries = signal.entries.clone().unwrap_or(0..joints.len());
+        let chosen = joints.get(entries.start..entries.end.min(joints.len()))?;
+        Some(chosen.iter().map(|joint| format!("{joint}.{field}")).collect::<Vec<_>>())
+    };
+    let all: Option<Vec<Vec<String>>> = signals.iter().map(of_joints).collect();
+    all.unwrap_or_default().concat()
 }

@@ -5,6 +5,7 @@ mod page;
 mod plot;
 mod recover;
 mod replay;
+mod score;
 
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,7 @@ pub(super) use page::Report;
 pub(super) use plot::Plot;
 pub(super) use recover::Recover;
 pub(super) use replay::Replay;
+pub(super) use score::Score;
 
 use crate::overheads;
 

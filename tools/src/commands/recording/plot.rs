@@ -27,7 +27,7 @@ pub(crate) struct Plot {
     /// The numbers to draw, such as `panda/joint_state.position[0..7]`
     #[arg(value_name = "SIGNAL", required = true)]
     signals: Vec<Signal>,
-    /// Write a picture (.svg), or the numbers (.csv)
+    /// Write a picture (.svg or .png), or the numbers (.csv)
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Beginning of the time that is drawn, s since the recording began
@@ -65,18 +65,19 @@ impl Plot {
             out!("{}", braille(&chart, size(), std::io::stdout().is_terminal()));
             return Ok(ExitCode::SUCCESS);
         };
-        let text = match output.extension().and_then(|extension| extension.to_str()) {
-            Some("svg") => chart.svg(),
-            Some("csv") => chart.csv(),
+        let content = match output.extension().and_then(|extension| extension.to_str()) {
+            Some("svg") => chart.svg().into_bytes(),
+            Some("png") => chart.png(),
+            Some("csv") => chart.csv().into_bytes(),
             _ => anyhow::bail!(
-                "{}: the name of a picture ends in .svg, that of a table in .csv",
+                "{}: the name of a picture ends in .svg or .png, that of a table in .csv",
                 output.display()
             ),
         };
         if let Some(folder) = output.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
-        std::fs::write(output, text).with_context(|| format!("writing {}", output.display()))?;
+        std::fs::write(output, content).with_context(|| format!("writing {}", output.display()))?;
         errln!("{}: {} curves", output.display(), curves.len());
         Ok(ExitCode::SUCCESS)
     }

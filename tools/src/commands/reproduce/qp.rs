@@ -31,6 +31,29 @@ pub(super) struct Qp {
     json: bool,
 }
 
+/// A figure: an error of all stacks over time.
+struct Figure {
+    file: &'static str,
+    title: &'static str,
+    unit: &'static str,
+    value: fn(&StackSample) -> f64,
+}
+
+const FIGURES: [Figure; 2] = [
+    Figure {
+        file: "qp-hand",
+        title: "Distance of the hand from its target",
+        unit: "m",
+        value: |sample| sample.position,
+    },
+    Figure {
+        file: "qp-posture",
+        title: "Difference of the joints from the posture",
+        unit: "rad",
+        value: |sample| sample.posture,
+    },
+];
+
 impl Qp {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         anyhow::ensure!((0.1..=600.0).contains(&self.seconds), "--seconds: expected 0.1 to 600");
@@ -46,11 +69,7 @@ impl Qp {
             runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);
             writer.bar.inc(1);
         }
-        let figures: [(&str, &str, &str, fn(&StackSample) -> f64); 2] = [
-            ("qp-hand", "Distance of the hand from its target", "m", |sample| sample.position),
-            ("qp-posture", "Difference of the joints from the posture", "rad", |sample| sample.posture),
-        ];
-        for (file, title, unit, value) in figures {
+        for Figure { file, title, unit, value } in FIGURES {
             let series = TaskStack::ALL.iter().zip(&runs).map(|(stack, samples)| Series {
                 name: stack.name().to_owned(),
                 // every 20 ms

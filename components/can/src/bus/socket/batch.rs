@@ -123,7 +123,7 @@ impl Batch {
             let mut part = libc::CMSG_FIRSTHDR(header);
             while let Some(found) = part.as_ref() {
                 let data = libc::CMSG_DATA(part);
-                let holds = |bytes: usize| found.cmsg_len as usize >= libc::CMSG_LEN(bytes as u32) as usize;
+                let holds = |bytes: usize| found.cmsg_len >= libc::CMSG_LEN(bytes as u32) as usize;
                 match (found.cmsg_level, found.cmsg_type) {
                     (libc::SOL_SOCKET, libc::SO_TIMESTAMPING) if holds(size_of::<[timespec; 3]>()) => {
                         let [kernel, _, hardware] = data.cast::<[timespec; 3]>().read_unaligned();

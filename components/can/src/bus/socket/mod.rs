@@ -8,6 +8,7 @@ mod batch;
 mod hardware;
 mod interface;
 mod raw;
+mod time;
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -21,8 +22,8 @@ use batch::Batch;
 pub(crate) use batch::Waiting;
 pub use hardware::HardwareClock;
 pub use interface::Interface;
-use motorium::os::{monotonic_ns, realtime_ns};
 use raw::Delivered;
+use time::{monotonic_ns, realtime_ns};
 
 /// The condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -123,8 +124,19 @@ pub enum OpenError {
         /// That of the bus.
         expected: u32,
     },
-    /// The kernel refused.
-    #[error("the CAN interface `{0}` cannot be opened: {1}")]
+    /// There is no such serial line.
+    #[error("there is no serial line `{0}`")]
+    NoLine(String),
+    /// An adapter on a serial line knows no such bitrate.
+    #[error("the adapter on `{name}` knows no {rate} bit/s")]
+    NoBitrate {
+        /// The serial line.
+        name: String,
+        /// The bitrate asked for.
+        rate: u32,
+    },
+    /// The kernel, or the adapter on a serial line, refused.
+    #[error("`{0}` cannot be opened: {1}")]
     Refused(String, io::Error),
 }
 
@@ -159,6 +171,15 @@ impl OpenError {
             Self::Bitrate { name, expected, .. } => format!(
                 "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
             ),
+            Self::NoLine(_) => {
+                "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
+            }
+            Self::NoBitrate { .. } => {
+                "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
+            }
+            Self::Refused(name, _) if name.starts_with('/') => {
+                "join the group of serial lines (`sudo usermod -aG dialout $USER`), and see that no other program has it".into()
+            }
             Self::Refused(..) => {
                 "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
             }
@@ -174,7 +195,8 @@ impl OpenError {
 /// let mut bus = SocketBus::open("can0")?;
 /// assert_eq!(bus.send(&[Frame::classic(Id::Standard(1), &[0xff; 8])]), 1);
 /// let mut answers = [Received::default(); 8];
-/// for answer in &answers[..bus.receive(&mut answers)] {
+/// let count = bus.receive(&mut answers);
+/// for answer in &answers[..count] {
 ///     println!("{:?}", answer.frame);
 /// }
 /// println!("{}", bus.condition().name());
@@ -368,7 +390,8 @@ impl SocketBus {
 /// The interface of a name, if it is up.
 pub(crate) fn look_up(name: &str) -> Result<Interface, OpenError> {
     let all = Interface::all().map_err(|error| OpenError::Refused(name.into(), error))?;
-    let found = all.iter().map(Interface::to_string).collect();
+    let mut found: Vec<String> = all.iter().map(Interface::to_string).collect();
+    found.sort_unstable();
     let Some(interface) = all.into_iter().find(|interface| interface.name == name) else {
         return Err(OpenError::Missing { name: name.into(), found });
     };

@@ -3,8 +3,8 @@
 use motorium::prelude::*;
 use motorium::state::BusHealth;
 
-use crate::bus::report::Report;
-use crate::{Bits, Condition, ErrorState, Frame, Rates, SocketBus, SocketCounts};
+use crate::component::wire::News;
+use crate::{Bits, Condition, ErrorState, Frame, Rates, RealBus, SocketCounts};
 
 /// Time over which the load of a real bus is measured, ns: steps of the adapter do not follow one another that evenly.
 const WINDOW_NS: u64 = 100_000_000;
@@ -21,19 +21,30 @@ pub(super) struct BusAccount {
     opened_ns: u64,
     /// The largest load of a cycle; of a real bus, of a tenth of a second.
     pub(super) peak: f64,
-    /// Condition and counts of a real bus.
-    pub(super) socket: Option<(Condition, SocketCounts)>,
+    /// It is an interface of the computer.
+    is_real: bool,
+    pub(super) condition: Condition,
+    /// What has happened on it.
+    pub(super) events: SocketCounts,
 }
 
 impl BusAccount {
     pub(super) fn new(index: usize, name: &str, rates: Rates, health: Output<BusHealth>) -> Self {
         let counts = BusHealth { bus: index as u32, state: BusHealth::ACTIVE, ..BusHealth::default() };
         let name = name.to_string();
-        Self { name, rates, health, counts, busy_ns: 0, total_ns: 0, opened_ns: 0, peak: 0.0, socket: None }
-    }
-
-    pub(super) fn is_off(&self) -> bool {
-        self.counts.state == BusHealth::BUS_OFF
+        Self {
+            name,
+            rates,
+            health,
+            counts,
+            busy_ns: 0,
+            total_ns: 0,
+            opened_ns: 0,
+            peak: 0.0,
+            is_real: false,
+            condition: Condition::Active,
+            events: SocketCounts::default(),
+        }
     }
 
     pub(super) fn received(&mut self, frame: &Frame) {
@@ -48,22 +59,38 @@ impl BusAccount {
         self.busy_ns += frames[..count].iter().map(|frame| Bits::of(frame).ns(&self.rates)).sum::<u64>();
     }
 
-    /// Enters the report of a simulated controller.
-    pub(super) fn report(&mut self, report: &Report) {
-        let state = match report.state.unwrap_or_default() {
-            ErrorState::Active => BusHealth::ACTIVE,
-            ErrorState::Warning => BusHealth::WARNING,
-            ErrorState::Passive => BusHealth::PASSIVE,
-            ErrorState::Off => BusHealth::BUS_OFF,
-        };
-        self.counts.errors += u64::from(state != BusHealth::ACTIVE);
-        self.counts.bus_off += u64::from(state == BusHealth::BUS_OFF && self.counts.state != state);
-        self.counts.state = state;
+    /// Enters the news of a simulated interface.
+    pub(super) fn hear(&mut self, news: &News) {
+        let Self { events, condition, .. } = self;
+        match news {
+            News::Down => {
+                events.down += u64::from(*condition != Condition::Down);
+                *condition = Condition::Down;
+            }
+            News::Report(report, unsent) => {
+                events.reports += u64::from(report.state != Some(ErrorState::Active));
+                events.unacknowledged += u64::from(report.is_unacknowledged);
+                events.queue_full += u64::from(*unsent > 0);
+                if let Some(state) = report.state {
+                    events.bus_off += u64::from(state == ErrorState::Off && *condition != Condition::Off);
+                    *condition = state.into();
+                }
+                self.counts.sent = self.counts.sent.saturating_sub((*unsent).into());
+                self.counts.unsent += u64::from(*unsent);
+            }
+        }
+        self.tell();
     }
 
     /// Enters the condition of a real bus.
-    pub(super) fn follow(&mut self, bus: &SocketBus) {
-        let (condition, counts) = (bus.condition(), *bus.counts());
+    pub(super) fn follow(&mut self, bus: &RealBus) {
+        (self.is_real, self.condition, self.events) = (true, bus.condition(), *bus.counts());
+        self.tell();
+    }
+
+    /// Puts condition and events into the state that is published.
+    fn tell(&mut self) {
+        let (counts, condition) = (&self.events, self.condition);
         self.counts.state = match condition {
             Condition::Active => BusHealth::ACTIVE,
             Condition::Warning => BusHealth::WARNING,
@@ -73,26 +100,25 @@ impl BusAccount {
         };
         self.counts.errors = counts.reports + counts.queue_full + counts.down;
         (self.counts.bus_off, self.counts.dropped) = (counts.bus_off, counts.overflows + counts.other);
-        self.socket = Some((condition, counts));
     }
 
     /// Closes a cycle that ends at `now_ns` since the run began, the `cycles`-th of this period.
     pub(super) fn close(&mut self, now_ns: u64, cycles: u64, period_ns: u64) {
         self.counts.load = ((self.total_ns + self.busy_ns) as f64 / (cycles * period_ns) as f64).min(1.0);
         let window_ns = now_ns.saturating_sub(self.opened_ns);
-        let length_ns = match self.socket {
-            None => period_ns,
-            Some(_) if window_ns >= WINDOW_NS => window_ns,
-            Some(_) => return,
+        let length_ns = match self.is_real {
+            false => period_ns,
+            true if window_ns >= WINDOW_NS => window_ns,
+            true => return,
         };
         self.peak = self.peak.max(self.busy_ns as f64 / length_ns as f64);
         self.total_ns += core::mem::take(&mut self.busy_ns);
         self.opened_ns = now_ns;
     }
 
-    /// The likely cause of what has gone wrong on a real bus, and the next step; `None` if nothing has.
+    /// The likely cause of what has gone wrong on it, and the next step; `None` if nothing has.
     pub(super) fn diagnosis(&self) -> Option<String> {
-        let (condition, counts) = self.socket?;
+        let (condition, counts) = (self.condition, &self.events);
         let name = &self.name;
         let unheard = counts.unacknowledged > 0 || counts.queue_full > 0;
         Some(match condition {

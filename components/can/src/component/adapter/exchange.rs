@@ -11,12 +11,12 @@ use crate::adapter::Adapter;
 use crate::bus::socket::Waiting;
 use crate::bus::{Bus, Received};
 use crate::component::{interfaces, wire};
-use crate::{ErrorState, Frame, SocketBus, Table};
+use crate::{Frame, RealBus, Table};
 
 /// The way in which frames are exchanged.
 pub(super) enum Exchange {
     /// The buses are simulated: frames go through topics, and answers come in a later step.
-    Topics(Topics),
+    Topics(Box<Topics>),
     /// The buses are real: answers are waited for within the step.
     Sockets(Sockets),
 }
@@ -38,9 +38,10 @@ impl Topics {
         while let Some((_, frames)) = self.received.next_unread() {
             for frame in frames {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
-                if let Some(report) = wire::report_of(frame) {
-                    bus.report(&report);
-                    if report.state == Some(ErrorState::Off) {
+                if let Some(news) = wire::news_of(frame) {
+                    bus.hear(&news);
+                    // who cannot send cannot command: the drives let go by their watchdogs
+                    if !bus.condition.can_send() {
                         adapter.trip();
                     }
                 } else if let Some(data) = wire::from_topic(frame) {
@@ -66,7 +67,7 @@ impl Topics {
         for (index, bus) in buses.iter_mut().enumerate() {
             frames.clear();
             adapter.write(index, frames);
-            let room = if bus.is_off() { 0 } else { BATCH - self.batch.len() };
+            let room = if bus.condition.can_send() { BATCH - self.batch.len() } else { 0 };
             let count = frames.len().min(room);
             bus.sent(frames, count);
             self.batch.extend(frames[..count].iter().map(|frame| wire::to_topic(frame, index, 0)));
@@ -80,7 +81,7 @@ impl Topics {
 
 /// The sockets of real buses.
 pub(super) struct Sockets {
-    buses: Vec<SocketBus>,
+    buses: Vec<RealBus>,
     inbox: Vec<Received>,
     waiting: Waiting,
     clock: RunClock,

@@ -125,7 +125,8 @@ impl Component for CanAdapter {
             Exchange::Sockets(sockets)
         } else {
             let received = setup.slice_input("frames_received")?;
-            Exchange::Topics(Topics::new(received, setup.slice_output("frames_sent")?))
+            let topics = Topics::new(received, setup.slice_output("frames_sent")?);
+            Exchange::Topics(Box::new(topics))
         };
         Ok(Self {
             command: setup.input("joint_command")?,
@@ -185,7 +186,8 @@ impl Component for CanAdapter {
 impl CanAdapter {
     /// Ends the cycle of commands and answers, and publishes the state of the joints.
     fn end_cycle(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.adapter.end_cycle(!tick.settling);
+        // drives that are simulated end with the run, in the middle of a cycle too
+        self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
         if let Some((joint, wrong)) = self.adapter.wrong_setting() {
             let name = &self.names[joint];
             return Err(StepError::failed(format!("the drive of `{name}` is not enabled: {wrong}")));

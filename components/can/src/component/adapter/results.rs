@@ -10,7 +10,8 @@ impl CanAdapter {
         for (name, link) in self.names.iter().zip(self.adapter.links()) {
             let counts = link.counts();
             let value = serde_json::json!({
-                "phase": phase(link.phase()),
+                "phase": if link.is_found() { phase(link.phase()) } else { "absent" },
+                "awaited_replies": counts.awaited,
                 "missing_replies": counts.missing,
                 "late_replies": counts.late,
                 "duplicate_replies": counts.duplicate,
@@ -27,7 +28,7 @@ impl CanAdapter {
         let mut buses = serde_json::Map::new();
         let cycles = self.adapter.cycles();
         for bus in &self.buses {
-            let mut value = serde_json::json!({
+            let value = serde_json::json!({
                 "load": bus.counts.load,
                 "highest_load": bus.peak,
                 "sent": bus.counts.sent,
@@ -35,15 +36,13 @@ impl CanAdapter {
                 "unsent": bus.counts.unsent,
                 "errors": bus.counts.errors,
                 "bus_off": bus.counts.bus_off,
+                "condition": bus.condition.name(),
+                "unacknowledged": bus.events.unacknowledged,
+                "queue_full": bus.events.queue_full,
+                "down": bus.events.down,
+                "lost": bus.events.overflows,
+                "diagnosis": bus.diagnosis(),
             });
-            if let (Some((condition, counts)), Some(table)) = (bus.socket, value.as_object_mut()) {
-                table.insert("condition".into(), condition.name().into());
-                table.insert("unacknowledged".into(), counts.unacknowledged.into());
-                table.insert("queue_full".into(), counts.queue_full.into());
-                table.insert("down".into(), counts.down.into());
-                table.insert("lost".into(), counts.overflows.into());
-                table.insert("diagnosis".into(), bus.diagnosis().into());
-            }
             buses.insert(bus.name.clone(), value);
         }
         let sum = |count: fn(&crate::adapter::Counts) -> u64| -> u64 {

@@ -41,7 +41,7 @@ pub struct DriveSimulation {
 
 /// The lines between adapter and drives.
 enum Lines {
-    Simulated(Simulated),
+    Simulated(Box<Simulated>),
     Sockets(Sockets),
 }
 
@@ -57,6 +57,15 @@ struct Axis {
     entry: usize,
     /// It had no power in the step before.
     was_off: bool,
+    /// Its controller has left the bus, or its cable is unplugged.
+    is_cut_off: bool,
+}
+
+impl Axis {
+    /// True if it hears what goes over the bus.
+    fn is_on_bus(&self) -> bool {
+        !self.was_off && !self.is_cut_off
+    }
 }
 
 impl Component for DriveSimulation {
@@ -108,7 +117,7 @@ impl Component for DriveSimulation {
         } else {
             let (sent, received) =
                 (setup.slice_input("frames_sent")?, setup.slice_output("frames_received")?);
-            Lines::Simulated(Simulated::new(sent, received, wires(table, &mut axes)))
+            Lines::Simulated(Box::new(Simulated::new(sent, received, wires(table, &mut axes))))
         };
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -186,10 +195,10 @@ impl Drives<'_> {
         index: usize,
         frame: &Frame,
         time_ns: u64,
-        answer_with: &mut dyn FnMut(usize, Frame, u64),
+        answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
         let (faults, config) = (self.faults, self.config);
-        for axis in self.axes.iter_mut().filter(|axis| axis.bus == index && !axis.was_off) {
+        for axis in self.axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
             let Some(answer) = axis.drive.receive(frame, time_ns) else { continue };
             let has = |kind| faults.iter().find(|fault| fault.befalls(kind, axis.entry, time_ns));
             let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
@@ -210,9 +219,12 @@ impl Drives<'_> {
             } else {
                 answer
             };
-            answer_with(axis.node, answer, ready_ns);
+            answer_with(Sender::Drive(axis.node), answer, ready_ns);
             if has(FaultKind::Duplicate).is_some() {
-                answer_with(axis.node, answer, ready_ns);
+                answer_with(Sender::Drive(axis.node), answer, ready_ns);
+            }
+            if has(FaultKind::Twin).is_some() {
+                answer_with(Sender::Twin, elsewhere(answer), ready_ns);
             }
         }
     }
@@ -240,6 +252,23 @@ impl DriveSimulation {
         }
         command.publish()
     }
+}
+
+/// The node that sends an answer.
+#[derive(Clone, Copy, Debug)]
+enum Sender {
+    /// That of a drive.
+    Drive(usize),
+    /// Another drive with the same number.
+    Twin,
+}
+
+/// The answer of another drive with the same number, whose shaft stands elsewhere.
+fn elsewhere(mut answer: Frame) -> Frame {
+    if let Some(position) = answer.data_mut().get_mut(1) {
+        *position ^= 0x20;
+    }
+    answer
 }
 
 /// An answer with a device or a state that there is not.
@@ -287,6 +316,7 @@ fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>
             node: 0,
             entry,
             was_off: false,
+            is_cut_off: false,
         }
     };
     Ok(names.iter().zip(order).map(axis).collect())

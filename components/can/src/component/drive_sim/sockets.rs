@@ -8,7 +8,7 @@ use crate::bus::{Bus, Received};
 use crate::component::adapter::BATCH;
 use crate::component::faults::{Fault, FaultKind};
 use crate::component::interfaces;
-use crate::{Condition, ErrorState, Frame, Id, Report, SocketBus, Table};
+use crate::{Condition, ErrorState, Frame, Id, RealBus, Report, Table};
 
 /// The interfaces that the drives are on.
 pub(super) struct Sockets {
@@ -20,7 +20,7 @@ pub(super) struct Sockets {
 }
 
 struct Line {
-    bus: SocketBus,
+    bus: RealBus,
     babbled_ns: u64,
     /// The state that the fault script gives the controllers of the bus.
     state: ErrorState,
@@ -44,7 +44,17 @@ impl Sockets {
             let needs_simulation = |fault: &Fault| {
                 fault.target == index && matches!(fault.kind, FaultKind::BusOff | FaultKind::Disturbed)
             };
-            if !bus.is_virtual() && faults.iter().any(needs_simulation) {
+            let alone = |fault: &Fault| {
+                fault.target == index && matches!(fault.kind, FaultKind::Alone | FaultKind::Down)
+            };
+            if faults.iter().any(alone) {
+                let message = format!("`{}` is an interface of the computer", bus.name());
+                return Err(ConfigError::key("faults", message).advise(
+                    "script \"alone\" and \"down\" on simulated buses; here unplug it, or use `ip link set`",
+                ));
+            }
+            let injects = bus.is_virtual() && matches!(bus, RealBus::Socket(_));
+            if !injects && faults.iter().any(needs_simulation) {
                 let message = format!("`{}` has a real controller, whose errors are its own", bus.name());
                 return Err(ConfigError::key("faults", message)
                     .advise("script \"bus_off\" and \"disturbed\" on simulated and virtual buses"));

@@ -279,9 +279,10 @@ impl TorqueController {
         let solution = self.control.solution();
         let (measured, leak) = (self.model.joints_of_v(&self.v), dt / LEAK.max(dt));
         let accelerations = self.model.joints_of_v(solution.acceleration.as_slice());
-        for ((reference, measured), a) in self.reference_velocity.iter_mut().zip(measured).zip(accelerations)
-        {
-            *reference += a * dt + leak * (measured - *reference);
+        let limits = self.model.velocity_limit();
+        let references = self.reference_velocity.iter_mut().zip(limits);
+        for (((reference, limit), measured), a) in references.zip(measured).zip(accelerations) {
+            *reference = (*reference + a * dt + leak * (measured - *reference)).clamp(-limit, *limit);
         }
         self.reference.integrate(&self.reference_velocity, dt);
         self.reference.limit_tracking_error(self.model.joints_of_q(&self.q), self.max_lead);

@@ -13,6 +13,8 @@ pub(super) struct Violated {
     pub(super) constraint: usize,
     pub(super) sign: f64,
     pub(super) value: f64,
+    /// Distance of `x` beyond the value.
+    pub(super) excess: f64,
 }
 
 impl Run<'_> {
@@ -145,7 +147,7 @@ impl Run<'_> {
                 value.abs()
             };
             if excess > tolerance * (1.0 + side.abs()) + ROUNDING * terms {
-                found = Some(Violated { constraint, sign, value: side });
+                found = Some(Violated { constraint, sign, value: side, excess });
                 worst = excess;
             }
         };
@@ -188,6 +190,6 @@ impl Run<'_> {
             }
         }
         solution.iterations = self.work.iterations;
-        solution.accuracy = Accuracy::Full;
+        solution.accuracy = if self.work.tied { Accuracy::Reduced } else { Accuracy::Full };
     }
 }

@@ -7,12 +7,16 @@ use super::kernels::{Arithmetic, Fused, Separate, add_scaled, largest};
 use super::rounds::Next;
 use super::working_set::{Member, NO_RATE};
 use super::{ActiveSetSettings, Work};
-use crate::solver::{Problem, Solution, SolveError};
+use crate::solver::{Accuracy, Problem, Solution, SolveError};
 
 /// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
 const SINGULAR: f64 = 1e-12;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
+/// Violation, as a share of one and of the value, that the minimum is refined for before it counts.
+const UNSURE: f64 = 1e-6;
+/// Violation, as a share of one and of the value, that may be rounding where the multipliers say so.
+const TIE: f64 = 1e-8;
 /// Largest number of refinements of a candidate.
 const REFINEMENTS: usize = 4;
 /// Share of the solution up to which a correction is the last.
@@ -41,6 +45,7 @@ impl Run<'_> {
     #[inline(always)]
     fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         self.work.iterations = 0;
+        (self.work.tied, self.work.joined) = (false, None);
         self.work.shift = 0.0;
         self.work.centre.fill(0.0);
         let mut factorize = true;
@@ -63,8 +68,11 @@ impl Run<'_> {
                 return Ok(());
             }
             match self.next_round(outcome, round)? {
-                Next::Done => {
+                Next::Done(accuracy) => {
                     self.write();
+                    if accuracy == Accuracy::Reduced {
+                        self.solution.accuracy = accuracy;
+                    }
                     return Ok(());
                 }
                 Next::Solve { factorize: again } => factorize = again,
@@ -182,7 +190,8 @@ impl Run<'_> {
             let at_limit = iterations >= limit;
             let by_number = self.work.iterations >= careful;
             self.work.working.solve::<F>();
-            if self.drop_wrong::<F>(by_number) {
+            // Once ties are broken by number, nothing is decided on numbers that are not refined.
+            if !by_number && self.drop_wrong::<F>(by_number) {
                 if at_limit {
                     return Err(SolveError::MaxIterations { iterations });
                 }
@@ -190,11 +199,18 @@ impl Run<'_> {
                 continue;
             }
             let work = &mut *self.work;
-            work.working.keep_multipliers();
             work.working.scaled_minimum::<F>(&work.g, &mut work.x);
             work.hessian.solve_transposed::<F>(&mut work.x);
-            let mut violated = self.violated::<F>(by_number);
-            if violated.is_none() {
+            let mut violated = None;
+            if !by_number {
+                self.work.working.keep_multipliers();
+                violated = self.violated::<F>(by_number);
+            }
+            // A small violation may be the error of an x that is not refined: it would join, and leave again, for ever.
+            if violated
+                .as_ref()
+                .is_none_or(|violated| violated.excess <= UNSURE * (1.0 + violated.value.abs()))
+            {
                 self.refine::<F>();
                 if self.drop_wrong::<F>(by_number) {
                     if at_limit {
@@ -203,10 +219,10 @@ impl Run<'_> {
                     self.work.iterations += 1;
                     continue;
                 }
+                self.work.working.keep_multipliers();
                 violated = self.violated::<F>(by_number);
             }
             let Some(violated) = violated else {
-                self.work.working.keep_multipliers();
                 return if self.is_feasible() { Ok(()) } else { Err(SolveError::Numerical { iterations }) };
             };
             if at_limit {
@@ -245,7 +261,16 @@ impl Run<'_> {
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
-        self.remove::<F>(which);
+        // What joins and leaves at once, without a step, is violated by rounding alone: it counts as implied, as before.
+        let constraint = working.members[which].constraint;
+        if step == 0.0 && self.work.joined == Some(constraint) {
+            working.remove::<F>(which);
+            self.work.implied.push(constraint);
+            self.work.tied = true;
+        } else {
+            self.remove::<F>(which);
+        }
+        self.work.joined = None;
         true
     }
 
@@ -257,9 +282,10 @@ impl Run<'_> {
         loop {
             let work = &mut *self.work;
             if work.working.examine::<F>(&work.hessian) {
-                let Violated { constraint, sign, value } = *violated;
+                let Violated { constraint, sign, value, .. } = *violated;
                 work.working.push::<F>(Member { constraint, sign, value, multiplier }, &work.g);
                 work.is_member[constraint] = true;
+                work.joined = (violated.excess <= TIE * (1.0 + value.abs())).then_some(constraint);
                 return Ok(());
             }
             // a = N r: what the members say of it decides, not the x computed from them.

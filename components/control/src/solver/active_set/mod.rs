@@ -103,6 +103,10 @@ struct Work {
     is_member: Vec<bool>,
     /// Constraints that the members imply.
     implied: Vec<usize>,
+    /// The constraint that joined last, if it is violated so little that it may be rounding.
+    joined: Option<usize>,
+    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
+    tied: bool,
     /// The members of the solve before.
     previous: Vec<Member>,
     iterations: u32,
@@ -127,6 +131,8 @@ impl ActiveSetSolver {
             rows: vec![0.0; structure.row_sides().len()],
             is_member: vec![false; all],
             implied: Vec::with_capacity(all),
+            joined: None,
+            tied: false,
             previous: Vec::with_capacity(n),
             iterations: 0,
         };

@@ -2,7 +2,7 @@
 
 use super::iterate::Run;
 use super::kernels::largest;
-use crate::solver::{Problem, SolveError};
+use crate::solver::{Accuracy, Problem, SolveError};
 
 /// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not believed.
 const POOR: f64 = 1e-3;
@@ -14,6 +14,10 @@ const LOWER_SHIFT: f64 = 0.1;
 const ROUNDS: usize = 60;
 /// Relative change of the solution from one round to the next at which the rounds end.
 const CLOSE: f64 = 1e-10;
+/// Force of the proximal term, as a share of the numbers of the cost's slope, that is rounding.
+const NO_FORCE: f64 = 1e-12;
+/// The share up to which the last round is a solution of reduced accuracy.
+const LITTLE_FORCE: f64 = 1e-10;
 /// Relative tolerance below which a rate of change along a direction counts as zero.
 const RECESSION: f64 = 1e-9;
 /// Violation, as a share of one and of the value, that only a breakdown of the arithmetic leaves.
@@ -22,7 +26,7 @@ const GROSS: f64 = 1e-6;
 /// Next action after a round of the proximal point method.
 pub(super) enum Next {
     /// It was the last.
-    Done,
+    Done(Accuracy),
     /// Another one.
     Solve {
         /// With another shift.
@@ -56,11 +60,18 @@ impl Run<'_> {
             self.work.residual[i] = self.work.x[i] - self.work.centre[i];
         }
         self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
-        if largest(&self.work.residual[..n]) <= CLOSE * (1.0 + largest(&self.work.centre[..n])) {
-            return Ok(Next::Done);
+        let (step, size) = (largest(&self.work.residual[..n]), largest(&self.work.centre[..n]));
+        // Where the cost is as good as flat, x may go on in small steps for ever: the conditions of the optimum decide, too.
+        let force = self.work.shift * step;
+        let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
+        if step <= CLOSE * (1.0 + size) || force <= NO_FORCE * slope {
+            return Ok(Next::Done(Accuracy::Full));
         }
         if let Some(variable) = self.recession() {
             return Err(SolveError::Unbounded { variable });
+        }
+        if round >= ROUNDS && force <= LITTLE_FORCE * slope {
+            return Ok(Next::Done(Accuracy::Reduced));
         }
         if round >= ROUNDS {
             return Err(SolveError::MaxIterations { iterations: self.work.iterations });

@@ -80,7 +80,7 @@ impl Default for FilterState {
 /// let mut filter = InvariantFilter::new(1, FilterNoise::default(), Vector3::new(0.0, 0.0, -9.81));
 /// filter.start(&FilterState::default(), &StartDeviations::default());
 /// let foot = ContactKinematics { position: Vector3::new(0.1, 0.0, -0.3), covariance: Matrix3::identity() * 1e-8 };
-/// for _ in 0..1000 {
+/// for _ in 0..20_000 {
 ///     // At rest, with an accelerometer that is off by 0.02 m/s2.
 ///     filter.propagate(&Vector3::zeros(), &Vector3::new(0.0, 0.0, 9.83), 1e-3);
 ///     filter.correct(0, &foot)?;

@@ -1,0 +1,271 @@
+//! Parquet files: tables by columns, which pandas, polars, DuckDB and LeRobot read.
+//!
+//! A writer of the part of the format that recordings need: columns without missing values, lists of them, no compression,
+//! one page for each column of a row group. <https://parquet.apache.org/docs/file-format/>
+
+mod thrift;
+
+use std::io::{self, Write};
+use std::ops::Range;
+
+use thrift::Struct;
+
+/// Mark at the beginning and the end of a file.
+const MAGIC: &[u8; 4] = b"PAR1";
+
+// Numbers of the format.
+const INT64: i64 = 2;
+const FLOAT: i64 = 4;
+const DOUBLE: i64 = 5;
+const BYTE_ARRAY: i64 = 6;
+const REQUIRED: i64 = 0;
+const REPEATED: i64 = 2;
+const CONVERTED_UTF8: i64 = 0;
+const CONVERTED_LIST: i64 = 3;
+const CONVERTED_UINT_64: i64 = 14;
+const PLAIN: i64 = 0;
+const RLE: i64 = 3;
+const UNCOMPRESSED: i64 = 0;
+const DATA_PAGE: i64 = 0;
+
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// Its values.
+    pub values: Values,
+}
+
+/// The values of a column, one for each row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// Integers.
+    Int64(Vec<i64>),
+    /// Natural numbers.
+    UInt64(Vec<u64>),
+    /// Numbers of single precision.
+    Float(Vec<f32>),
+    /// Numbers of double precision.
+    Double(Vec<f64>),
+    /// Texts.
+    Text(Vec<String>),
+    /// Lists.
+    List {
+        /// Number of entries of the list of each row.
+        lengths: Vec<usize>,
+        /// The entries of all lists, one after the other; no lists themselves.
+        entries: Box<Values>,
+    },
+}
+
+impl Values {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Int64(values) => values.len(),
+            Self::UInt64(values) => values.len(),
+            Self::Float(values) => values.len(),
+            Self::Double(values) => values.len(),
+            Self::Text(values) => values.len(),
+            Self::List { lengths, .. } => lengths.len(),
+        }
+    }
+
+    /// True if there is no row.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of the physical type, and of the converted one.
+    fn kind(&self) -> (i64, Option<i64>) {
+        match self {
+            Self::Int64(_) => (INT64, None),
+            Self::UInt64(_) => (INT64, Some(CONVERTED_UINT_64)),
+            Self::Float(_) => (FLOAT, None),
+            Self::Double(_) => (DOUBLE, None),
+            Self::Text(_) => (BYTE_ARRAY, Some(CONVERTED_UTF8)),
+            Self::List { entries, .. } => entries.kind(),
+        }
+    }
+
+    /// The values of some rows in the encoding PLAIN.
+    fn plain(&self, rows: Range<usize>, out: &mut Vec<u8>) {
+        match self {
+            Self::Int64(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
+            Self::UInt64(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
+            Self::Float(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
+            Self::Double(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
+            Self::Text(values) => values[rows].iter().for_each(|text| {
+                out.extend((text.len() as u32).to_le_bytes());
+                out.extend(text.as_bytes());
+            }),
+            Self::List { lengths, entries } => {
+                let before: usize = lengths[..rows.start].iter().sum();
+                let within: usize = lengths[rows].iter().sum();
+                entries.plain(before..before + within, out);
+            }
+        }
+    }
+}
+
+/// Writes a table. `groups` are the numbers of rows of its row groups, together all of them; `facts` stand in its footer.
+///
+/// ```
+/// use motorium_bridges::parquet::{Column, Values, write};
+///
+/// let columns = [
+///     Column { name: "time_ns".into(), values: Values::Int64(vec![0, 1_000_000]) },
+///     Column { name: "position".into(), values: Values::Double(vec![0.1, 0.2]) },
+/// ];
+/// let mut file = Vec::new();
+/// write(&mut file, &columns, &[2], &[("made by", "motorium".to_string())])?;
+/// assert!(file.starts_with(b"PAR1") && file.ends_with(b"PAR1"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
+/// # Errors
+/// The file cannot be written, or the columns and the groups do not have as many rows.
+pub fn write(
+    file: &mut dyn Write,
+    columns: &[Column],
+    groups: &[usize],
+    facts: &[(&str, String)],
+) -> io::Result<()> {
+    let rows: usize = groups.iter().sum();
+    if let Some(column) = columns.iter().find(|column| column.values.len() != rows) {
+        let reason = format!("column `{}` has {} rows, the table {rows}", column.name, column.values.len());
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+    }
+    file.write_all(MAGIC)?;
+    let mut offset = MAGIC.len() as i64;
+    let mut first = 0;
+    let mut row_groups = Vec::new();
+    for length in groups.iter().copied().filter(|length| *length > 0) {
+        let (mut chunks, mut bytes) = (Vec::new(), 0);
+        for column in columns {
+            let (page, entries) = page(&column.values, first..first + length);
+            file.write_all(&page)?;
+            chunks.push(chunk(column, offset, page.len() as i64, entries as i64));
+            offset += page.len() as i64;
+            bytes += page.len() as i64;
+        }
+        row_groups.push(Struct::new().structs(1, &chunks).i64(2, bytes).i64(3, length as i64));
+        first += length;
+    }
+    let fact = |(key, value): &(&str, String)| Struct::new().text(1, key).text(2, value);
+    let footer = Struct::new()
+        .i32(1, 1)
+        .structs(2, &schema(columns))
+        .i64(3, rows as i64)
+        .structs(4, &row_groups)
+        .structs(5, &facts.iter().map(fact).collect::<Vec<_>>())
+        .text(6, concat!("motorium version ", env!("CARGO_PKG_VERSION")))
+        .finish();
+    file.write_all(&footer)?;
+    file.write_all(&(footer.len() as u32).to_le_bytes())?;
+    file.write_all(MAGIC)
+}
+
+/// The tree of columns, flattened: the root, then each column; a list is three levels.
+fn schema(columns: &[Column]) -> Vec<Struct> {
+    let mut schema = vec![Struct::new().text(4, "schema").i32(5, columns.len() as i64)];
+    for Column { name, values } in columns {
+        let (kind, converted) = values.kind();
+        let leaf = |name: &str| {
+            let leaf = Struct::new().i32(1, kind).i32(3, REQUIRED).text(4, name);
+            converted.into_iter().fold(leaf, |leaf, converted| leaf.i32(6, converted))
+        };
+        if matches!(values, Values::List { .. }) {
+            schema.push(Struct::new().i32(3, REQUIRED).text(4, name).i32(5, 1).i32(6, CONVERTED_LIST));
+            schema.push(Struct::new().i32(3, REPEATED).text(4, "list").i32(5, 1));
+            schema.push(leaf("element"));
+        } else {
+            schema.push(leaf(name));
+        }
+    }
+    schema
+}
+
+/// A page with its head, and the number of its entries.
+fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
+    let mut body = Vec::new();
+    let mut entries = rows.len();
+    if let Values::List { lengths, .. } = values {
+        let lengths = &lengths[rows.clone()];
+        // An empty list is an entry, too: one that says that there is none.
+        entries = lengths.iter().map(|length| (*length).max(1)).sum();
+        let starts = lengths.iter().flat_map(|length| [(false, 1), (true, length.saturating_sub(1))]);
+        levels(starts, &mut body);
+        levels(lengths.iter().map(|length| (*length > 0, (*length).max(1))), &mut body);
+    }
+    values.plain(rows, &mut body);
+    let data = Struct::new().i32(1, entries as i64).i32(2, PLAIN).i32(3, RLE).i32(4, RLE);
+    let head = Struct::new()
+        .i32(1, DATA_PAGE)
+        .i32(2, body.len() as i64)
+        .i32(3, body.len() as i64)
+        .structure(5, &data)
+        .finish();
+    ([head, body].concat(), entries)
+}
+
+/// Levels of one bit in runs, behind their length in bytes.
+fn levels(runs: impl Iterator<Item = (bool, usize)>, out: &mut Vec<u8>) {
+    let mut encoded = Vec::new();
+    let mut last: Option<(bool, usize)> = None;
+    let mut end = |run: Option<(bool, usize)>| {
+        if let Some((level, count)) = run {
+            thrift::varint((count as u64) << 1, &mut encoded);
+            encoded.push(u8::from(level));
+        }
+    };
+    for (level, count) in runs.filter(|(_, count)| *count > 0) {
+        match &mut last {
+            Some((same, sum)) if *same == level => *sum += count,
+            _ => end(last.replace((level, count))),
+        }
+    }
+    end(last);
+    out.extend((encoded.len() as u32).to_le_bytes());
+    out.extend(encoded);
+}
+
+/// What the footer says of the page of a column.
+fn chunk(column: &Column, offset: i64, bytes: i64, entries: i64) -> Struct {
+    let path = match column.values {
+        Values::List { .. } => vec![column.name.as_str(), "list", "element"],
+        _ => vec![column.name.as_str()],
+    };
+    let meta = Struct::new()
+        .i32(1, column.values.kind().0)
+        .i32s(2, &[PLAIN, RLE])
+        .texts(3, &path)
+        .i32(4, UNCOMPRESSED)
+        .i64(5, entries)
+        .i64(6, bytes)
+        .i64(7, bytes)
+        .i64(9, offset);
+    Struct::new().i64(2, offset).structure(3, &meta)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_of_equal_levels_are_one_run() {
+        let mut out = Vec::new();
+        levels([(false, 1), (true, 2), (true, 0), (false, 1), (false, 99)].into_iter(), &mut out);
+        // Lengths are doubled: 1, 2 and 100; the last takes two bytes.
+        assert_eq!(out, [7, 0, 0, 0, 2, 0, 4, 1, 200, 1, 0]);
+    }
+
+    #[test]
+    fn a_table_whose_columns_differ_in_length_is_refused() {
+        let column =
+            |name: &str, rows: usize| Column { name: name.to_string(), values: Values::Int64(vec![7; rows]) };
+        let error = write(&mut Vec::new(), &[column("a", 3), column("b", 2)], &[3], &[]).unwrap_err();
+        assert_eq!(error.to_string(), "column `b` has 2 rows, the table 3");
+    }
+}

@@ -1,0 +1,34 @@
+//! The signals of a dataset where nobody names them.
+
+use motorium::plan::Plan;
+use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
+
+use super::super::{Recording, Signal};
+
+/// The state and the action of a recording with one robot under command: the measured positions that the writer of its joint
+/// commands reads, and what it commands: positions, or efforts where no position is controlled. `None` if the recording has
+/// no joint commands, those of several writers, or no joint states.
+pub fn usual_signals(recording: &Recording, plan: &Plan) -> Option<(Signal, Signal)> {
+    let of_type = |name: &'static str| {
+        plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)
+    };
+    let mut commands =
+        of_type(JointCommand::NAME).filter(|(_, topic)| recording.topic(&topic.name).is_some());
+    let (Some((_, command)), None) = (commands.next(), commands.next()) else { return None };
+    let state = of_type(JointState::NAME).find(|(index, topic)| {
+        let reads = plan.components[command.writer].inputs.iter().any(|input| input.topic == Some(*index));
+        reads && recording.topic(&topic.name).is_some()
+    });
+    let (_, state) = state?;
+    let index = recording.topic(&command.name);
+    let first = recording.samples().filter_map(Result::ok).find(|sample| Some(sample.topic) == index)?;
+    let first = from_bytes::<JointCommand>(&first.bytes)?;
+    let positions = first.kp().iter().any(|kp| *kp > 0.0);
+    let signal = |topic: &str, field: &str| Signal {
+        topic: topic.to_string(),
+        field: Some(field.to_string()),
+        entries: None,
+    };
+    let field = if positions { "position" } else { "effort" };
+    Some((signal(&state.name, "position"), signal(&command.name, field)))
+}

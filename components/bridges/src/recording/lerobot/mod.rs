@@ -1,0 +1,230 @@
+//! Recordings as datasets of LeRobot, in the format of version 3.0: episodes of frames at a fixed rate, in Parquet.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `data/chunk-000/file-000.parquet` | the frames: `observation.state`, `action`, `timestamp`, `frame_index`, `episode_index`, `index`, `task_index`; a row group for each episode |
+//! | `meta/info.json` | version, rate, counts, features with the names of their numbers |
+//! | `meta/stats.json` | least, greatest, mean, standard deviation, quantiles and count of each feature |
+//! | `meta/tasks.parquet` | the task in words |
+//! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end and length of each episode |
+//!
+//! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>
+
+mod choice;
+mod frames;
+mod stats;
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::{Recording, Signal, SignalsError};
+use crate::parquet::{Column, Values, write};
+pub use choice::usual_signals;
+use frames::Frames;
+use stats::Stats;
+
+/// Version of the format.
+const VERSION: &str = "v3.0";
+const DATA: &str = "data/chunk-000/file-000.parquet";
+const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
+const TASKS: &str = "meta/tasks.parquet";
+
+/// The contents of a dataset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dataset {
+    /// The numbers that the policy sees: `observation.state`, one signal after the other.
+    pub state: Vec<Signal>,
+    /// The numbers that it gives: `action`.
+    pub action: Vec<Signal>,
+    /// Frames a second.
+    pub fps: u32,
+    /// The task, in words.
+    pub task: String,
+    /// The type of the robot.
+    pub robot: Option<String>,
+    /// Names of the numbers of the state and of the action; those of their signals where there are too few.
+    pub names: [Vec<String>; 2],
+}
+
+/// Numbers of what was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DatasetCounts {
+    /// Episodes.
+    pub episodes: usize,
+    /// Frames of all episodes.
+    pub frames: usize,
+}
+
+/// The error of writing a dataset.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The recording cannot be read, or has no such signal.
+    #[error(transparent)]
+    Signals(#[from] SignalsError),
+    /// A file cannot be written.
+    #[error("{path}: {source}", path = .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A sample has another number of entries than those before.
+    #[error(
+        "the {what} has {found} numbers at {time_s:.3} s and had {expected} before: a dataset has frames of one width; \
+         choose entries, such as TOPIC.FIELD[0..{least}]"
+    )]
+    Width {
+        /// `state` or `action`.
+        what: &'static str,
+        /// Numbers found.
+        found: usize,
+        /// Numbers expected.
+        expected: usize,
+        /// The lesser of both.
+        least: usize,
+        /// Time since the beginning of the recording, s.
+        time_s: f64,
+    },
+    /// There is no time at which all signals have a value.
+    #[error("there is no frame: at no time have all signals of the state and the action been published")]
+    Empty,
+}
+
+/// Writes a recording as a dataset into a folder. At each frame the newest samples count. A frame is there from the time on at
+/// which all signals of its episode have a sample.
+///
+/// # Errors
+/// The recording cannot be read, has no such signals, or the files cannot be written.
+pub fn write_lerobot(
+    recording: &Recording,
+    dataset: &Dataset,
+    folder: &Path,
+) -> Result<DatasetCounts, DatasetError> {
+    let frames = Frames::read(recording, dataset)?;
+    let total = frames.timestamp.len();
+    if total == 0 {
+        return Err(DatasetError::Empty);
+    }
+    let lengths = &frames.lengths;
+    let columns = frames.columns();
+    table(folder, DATA, &columns, lengths, &[])?;
+    table(folder, EPISODES, &episodes(lengths, &dataset.task), &[lengths.len()], &[])?;
+    let tasks = [
+        Column { name: "task_index".to_string(), values: Values::Int64(vec![0]) },
+        Column { name: "task".to_string(), values: Values::Text(vec![dataset.task.clone()]) },
+    ];
+    table(folder, TASKS, &tasks, &[1], &[("pandas", index_of_tasks().to_string())])?;
+    let stats = columns.iter().map(|column| (column.name.clone(), Stats::of(&column.values).json()));
+    let stats: serde_json::Map<String, Value> = stats.collect();
+    text(folder, "meta/stats.json", &Value::Object(stats))?;
+    text(folder, "meta/info.json", &info(dataset, &frames))?;
+    Ok(DatasetCounts { episodes: lengths.len(), frames: total })
+}
+
+fn info(dataset: &Dataset, frames: &Frames) -> Value {
+    let scalar = |dtype: &str| json!({ "dtype": dtype, "shape": [1], "names": null });
+    let vector = |width: usize, names: &[String]| {
+        let names = if names.len() == width { json!(names) } else { Value::Null };
+        json!({ "dtype": "float32", "shape": [width], "names": names })
+    };
+    let [state, action] = frames.names(dataset);
+    let (episodes, total) = (frames.lengths.len(), frames.timestamp.len());
+    json!({
+        "codebase_version": VERSION,
+        "robot_type": dataset.robot,
+        "total_episodes": episodes,
+        "total_frames": total,
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": dataset.fps,
+        "splits": { "train": format!("0:{episodes}") },
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": null,
+        "features": {
+            "observation.state": vector(frames.widths[0], &state),
+            "action": vector(frames.widths[1], &action),
+            "timestamp": scalar("float32"),
+            "frame_index": scalar("int64"),
+            "episode_index": scalar("int64"),
+            "index": scalar("int64"),
+            "task_index": scalar("int64"),
+        },
+    })
+}
+
+/// Where each episode stands in the data.
+fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
+    let ends = lengths.iter().scan(0, |end, length| {
+        *end += length;
+        Some(*end as i64)
+    });
+    let ends: Vec<i64> = ends.collect();
+    let lengths: Vec<i64> = lengths.iter().map(|length| *length as i64).collect();
+    let starts = ends.iter().zip(&lengths).map(|(end, length)| end - length).collect();
+    let column = |name: &str, values| Column { name: name.to_string(), values };
+    let zeros = || Values::Int64(vec![0; lengths.len()]);
+    let tasks = Values::List {
+        lengths: vec![1; lengths.len()],
+        entries: Box::new(Values::Text(vec![task.to_string(); lengths.len()])),
+    };
+    vec![
+        column("episode_index", Values::Int64((0..lengths.len() as i64).collect())),
+        column("tasks", tasks),
+        column("length", Values::Int64(lengths.clone())),
+        column("dataset_from_index", Values::Int64(starts)),
+        column("dataset_to_index", Values::Int64(ends)),
+        column("data/chunk_index", zeros()),
+        column("data/file_index", zeros()),
+        column("meta/episodes/chunk_index", zeros()),
+        column("meta/episodes/file_index", zeros()),
+    ]
+}
+
+/// What makes the words of a task the index of the table for pandas, in which LeRobot looks them up.
+fn index_of_tasks() -> Value {
+    let column = |name: &str, kind: &str, numpy: &str| json!({ "name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null });
+    json!({
+        "index_columns": ["task"],
+        "column_indexes": [{
+            "name": null, "field_name": null, "pandas_type": "unicode", "numpy_type": "object",
+            "metadata": { "encoding": "UTF-8" },
+        }],
+        "columns": [column("task_index", "int64", "int64"), column("task", "unicode", "object")],
+        "pandas_version": "2.2.0",
+    })
+}
+
+fn table(
+    folder: &Path,
+    name: &str,
+    columns: &[Column],
+    groups: &[usize],
+    facts: &[(&str, String)],
+) -> Result<(), DatasetError> {
+    let path = folder.join(name);
+    let written = make(&path).and_then(|mut file| {
+        write(&mut file, columns, groups, facts)?;
+        file.flush()
+    });
+    written.map_err(|source| DatasetError::Write { path, source })
+}
+
+fn text(folder: &Path, name: &str, value: &Value) -> Result<(), DatasetError> {
+    let path = folder.join(name);
+    let written = make(&path).and_then(|mut file| {
+        serde_json::to_writer_pretty(&mut file, value)?;
+        file.flush()
+    });
+    written.map_err(|source| DatasetError::Write { path, source })
+}
+
+fn make(path: &Path) -> io::Result<BufWriter<File>> {
+    path.parent().map_or(Ok(()), fs::create_dir_all)?;
+    Ok(BufWriter::new(File::create(path)?))
+}

@@ -1,0 +1,103 @@
+//! The statistics of a column, by which policies normalise what they see and give.
+
+use serde_json::{Value, json};
+
+use crate::parquet::Values;
+
+/// Names and parts of the quantiles.
+const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
+
+/// Statistics of each number of a column.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Stats {
+    rows: usize,
+    /// Values of each number, rising.
+    rising: Vec<Vec<f64>>,
+}
+
+impl Stats {
+    pub(super) fn of(values: &Values) -> Self {
+        let rows = values.len();
+        let flat = numbers(values);
+        let width = flat.len().checked_div(rows).unwrap_or(0);
+        let mut rising: Vec<Vec<f64>> =
+            (0..width).map(|entry| flat.iter().skip(entry).step_by(width).copied().collect()).collect();
+        rising.iter_mut().for_each(|values| values.sort_by(f64::total_cmp));
+        Self { rows, rising }
+    }
+
+    pub(super) fn json(&self) -> Value {
+        let each =
+            |of: &dyn Fn(&[f64]) -> f64| self.rising.iter().map(|values| of(values)).collect::<Vec<f64>>();
+        let mut stats = serde_json::Map::new();
+        let mut add = |name: &str, values: Vec<f64>| stats.insert(name.to_string(), json!(values));
+        add("min", each(&|values| values.first().copied().unwrap_or(0.0)));
+        add("max", each(&|values| values.last().copied().unwrap_or(0.0)));
+        add("mean", each(&mean));
+        add("std", each(&deviation));
+        for (name, part) in QUANTILES {
+            add(name, each(&|values| quantile(values, part)));
+        }
+        stats.insert("count".to_string(), json!([self.rows]));
+        Value::Object(stats)
+    }
+}
+
+fn numbers(values: &Values) -> Vec<f64> {
+    match values {
+        Values::Int64(values) => values.iter().map(|value| *value as f64).collect(),
+        Values::UInt64(values) => values.iter().map(|value| *value as f64).collect(),
+        Values::Float(values) => values.iter().map(|value| f64::from(*value)).collect(),
+        Values::Double(values) => values.clone(),
+        Values::Text(_) => Vec::new(),
+        Values::List { entries, .. } => numbers(entries),
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Of all values, not of a sample: `ddof = 0`.
+fn deviation(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Between the two values on both sides, in proportion.
+fn quantile(rising: &[f64], part: f64) -> f64 {
+    let place = part * rising.len().saturating_sub(1) as f64;
+    let below = place.floor() as usize;
+    let (Some(low), Some(high)) =
+        (rising.get(below), rising.get((below + 1).min(rising.len().saturating_sub(1))))
+    else {
+        return 0.0;
+    };
+    low + (place - below as f64) * (high - low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The expected figures are those of numpy: `numpy.quantile`, `numpy.std`.
+    #[test]
+    fn statistics_are_those_of_numpy() {
+        let values = [3.0, 1.0, 2.0, 10.0];
+        let entries = values.iter().flat_map(|value| [*value, 1.0]).collect();
+        let column = Values::List { lengths: vec![2; 4], entries: Box::new(Values::Float(entries)) };
+        let stats = Stats::of(&column).json();
+        assert_eq!(stats["min"], json!([1.0, 1.0]));
+        assert_eq!(stats["max"], json!([10.0, 1.0]));
+        assert_eq!(stats["mean"], json!([4.0, 1.0]));
+        assert_eq!(stats["q50"], json!([2.5, 1.0]));
+        assert_eq!(stats["count"], json!([4]));
+        let near = |name: &str, expected: f64| {
+            let found = stats[name][0].as_f64().expect("a number");
+            assert!((found - expected).abs() < 1e-12, "{name}: {found}");
+        };
+        near("std", 3.535_533_905_932_737_8);
+        near("q90", 7.9);
+        near("q01", 1.03);
+    }
+}

@@ -1,0 +1,324 @@
+//! The goals of a recording, and the way of a frame from one to the next.
+
+use motorium::plan::{ComponentPlan, Plan};
+use motorium::state::{BaseState, JointState, PoseTarget, StateBuffer, from_bytes};
+use motorium_robots::{FrameId, Kinematics, Loaded};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
+
+use super::super::{RecordedSample, Recording};
+use super::{Tolerance, spectral_arc_length};
+
+/// Distance from a goal within which it counts as reached, where the graph does not say, m.
+const POSITION: f64 = 5e-3;
+/// The same for the orientation, rad.
+const ORIENTATION: f64 = 0.02;
+/// Time for which the target must have rested at the last goal of a run, or of an episode, for it to count, s.
+const SETTLE_S: f64 = 0.2;
+
+/// A frame that follows the pose targets of one topic.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PoseScore {
+    /// The topic of the targets.
+    pub target: String,
+    /// The component that reads them.
+    pub reader: String,
+    /// The topic of the joint states, or of the state of the base, that it reads.
+    pub state: String,
+    /// The frame.
+    pub frame: String,
+    /// Goals at which the target rested, and at which the frame was within the tolerances when it left them.
+    pub goals_reached: u64,
+    /// Goals at which it was not.
+    pub goals_missed: u64,
+    /// Greatest distance at any of these goals, m.
+    pub position_error_m: Option<f64>,
+    /// Greatest angle at any of these goals, rad.
+    pub orientation_error_rad: Option<f64>,
+    /// Distance of the frame from the target over the whole time, root mean square, m.
+    pub path_position_rms_m: f64,
+    /// The same, its greatest value, m.
+    pub path_position_max_m: f64,
+    /// Angle between the frame and the target over the whole time, root mean square, rad.
+    pub path_orientation_rms_rad: f64,
+    /// The same, its greatest value, rad.
+    pub path_orientation_max_rad: f64,
+    /// Mean smoothness of the movements to the goals, as [`GoalScore::smoothness`].
+    pub smoothness: Option<f64>,
+    /// Each goal, in the order of time.
+    pub goals: Vec<GoalScore>,
+}
+
+/// A goal at which the target has rested.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GoalScore {
+    /// Number of the episode.
+    pub episode: u64,
+    /// Number of the goal in the targets.
+    pub goal: u64,
+    /// Time at which the target came to rest, s since the first sample of the recording.
+    pub at_rest_s: f64,
+    /// Distance of the frame when the target left, m.
+    pub position_error_m: f64,
+    /// Angle of the frame when the target left, rad.
+    pub orientation_error_rad: f64,
+    /// True if both were within the tolerances.
+    pub reached: bool,
+    /// Spectral arc length of the speed of the frame on the way there; about -1.4 for a movement that speeds up once and
+    /// slows down once, less for one that hesitates.
+    pub smoothness: Option<f64>,
+}
+
+/// A frame that is followed through the recording.
+pub(super) struct Follower {
+    target: usize,
+    joints: Option<usize>,
+    base: Option<usize>,
+    loaded: Loaded,
+    kinematics: Kinematics,
+    q: Vec<f64>,
+    /// True once the joints, and the base, have been seen.
+    seen: (bool, bool),
+    /// `None` for the base itself.
+    frame: Option<FrameId>,
+    tolerance: [f64; 2],
+    begin_ns: Option<u64>,
+    last_ns: u64,
+    movement: Option<Movement>,
+    squares: [f64; 2],
+    samples: f64,
+    score: PoseScore,
+}
+
+/// The way to one goal.
+struct Movement {
+    episode: u64,
+    goal: u64,
+    /// Time and place of the frame until the target rests.
+    way: Vec<(u64, Vector3<f64>)>,
+    /// Time at which the target came to rest, ns, for how long it rested, s, and the newest error meanwhile.
+    rest: Option<(u64, f64, [f64; 2])>,
+}
+
+impl Follower {
+    /// `None` if the reader has no robot with such a frame, or what it reads was not recorded.
+    pub(super) fn new(
+        recording: &Recording,
+        plan: &Plan,
+        topic: usize,
+        reader: usize,
+        tolerance: Tolerance,
+    ) -> Option<Self> {
+        let component = &plan.components[reader];
+        let loaded = super::load(component.robot.as_ref()?)?;
+        let recorded = |topic: usize| recording.topic(&plan.topics[topic].name);
+        let input = |type_name: &str| {
+            let found = component.inputs.iter().find(|input| input.layout.type_name == type_name);
+            found.and_then(|input| input.topic)
+        };
+        let (joints, base) = (input(JointState::NAME), input(BaseState::NAME));
+        let port = component.inputs.iter().find(|input| input.topic == Some(topic))?;
+        let task = task_of(component, &port.port);
+        let named = task.and_then(|task| task.get("frame")).and_then(serde_json::Value::as_str);
+        let frame = match joints {
+            Some(_) => Some(loaded.model.end_effector(loaded.profile.as_ref(), named).ok()?),
+            None => None,
+        };
+        if frame.is_none() && base.is_none() {
+            return None;
+        }
+        let of_task = |key: &str, weight: &str, usual: f64| {
+            let number = |key: &str| task?.get(key)?.as_f64();
+            // What a task leaves free is not missed.
+            let free = number(weight) == Some(0.0);
+            if free { f64::INFINITY } else { number(key).unwrap_or(usual) }
+        };
+        let name = frame.map_or("base", |frame| loaded.model.frames()[frame.index()].name.as_str());
+        let score = PoseScore {
+            target: plan.topics[topic].name.clone(),
+            reader: component.name.clone(),
+            state: plan.topics[joints.or(base)?].name.clone(),
+            frame: name.to_string(),
+            goals_reached: 0,
+            goals_missed: 0,
+            position_error_m: None,
+            orientation_error_rad: None,
+            path_position_rms_m: 0.0,
+            path_position_max_m: 0.0,
+            path_orientation_rms_rad: 0.0,
+            path_orientation_max_rad: 0.0,
+            smoothness: None,
+            goals: Vec::new(),
+        };
+        Some(Self {
+            target: recorded(topic)?,
+            joints: joints.and_then(recorded),
+            base: base.and_then(recorded),
+            kinematics: Kinematics::new(&loaded.model),
+            q: loaded.model.neutral(),
+            seen: (joints.is_none(), base.is_none()),
+            loaded,
+            frame,
+            tolerance: [
+                tolerance
+                    .position
+                    .unwrap_or_else(|| of_task("position_tolerance", "position_weight", POSITION)),
+                tolerance
+                    .orientation
+                    .unwrap_or_else(|| of_task("orientation_tolerance", "orientation_weight", ORIENTATION)),
+            ],
+            begin_ns: None,
+            last_ns: 0,
+            movement: None,
+            squares: [0.0; 2],
+            samples: 0.0,
+            score,
+        })
+    }
+
+    /// True if this topic of the recording is that of its targets.
+    pub(super) fn reads_target(&self, topic: usize) -> bool {
+        topic == self.target
+    }
+
+    pub(super) fn take(&mut self, sample: &RecordedSample) {
+        let begin_ns = *self.begin_ns.get_or_insert(sample.time_ns);
+        if Some(sample.topic) == self.joints {
+            let Some(state) = from_bytes::<JointState>(&sample.bytes) else { return };
+            let joints = self.loaded.model.joint_count();
+            let first = self.q.len() - joints;
+            if let Some(position) = state.position().get(..joints) {
+                self.q[first..].copy_from_slice(position);
+                self.seen.0 = true;
+            }
+        } else if Some(sample.topic) == self.base {
+            let Some(state) = from_bytes::<BaseState>(&sample.bytes) else { return };
+            if self.loaded.model.base().floating {
+                self.q[..3].copy_from_slice(&state.position);
+                self.q[3..7].copy_from_slice(&state.orientation);
+            }
+            self.seen.1 = true;
+        } else if sample.topic == self.target
+            && self.seen == (true, true)
+            && let Some(target) = from_bytes::<PoseTarget>(&sample.bytes)
+            && let Some(wanted) = pose(target.position, target.orientation)
+        {
+            self.compare(sample, &target, &wanted, begin_ns);
+        }
+    }
+
+    fn compare(
+        &mut self,
+        sample: &RecordedSample,
+        target: &PoseTarget,
+        wanted: &Isometry3<f64>,
+        begin_ns: u64,
+    ) {
+        let model = &self.loaded.model;
+        let frame = match self.frame {
+            Some(frame) => {
+                self.kinematics.update(model, &self.q);
+                self.kinematics.pose(model, frame)
+            }
+            None => {
+                let at = |range: core::ops::Range<usize>| self.q.get(range).unwrap_or(&[]);
+                let (Ok(position), Ok(orientation)) = (at(0..3).try_into(), at(3..7).try_into()) else {
+                    return;
+                };
+                let Some(frame) = pose(position, orientation) else { return };
+                frame
+            }
+        };
+        let error = [
+            (wanted.translation.vector - frame.translation.vector).norm(),
+            frame.rotation.angle_to(&wanted.rotation),
+        ];
+        self.samples += 1.0;
+        self.squares.iter_mut().zip(error).for_each(|(sum, error)| *sum += error * error);
+        self.score.path_position_max_m = self.score.path_position_max_m.max(error[0]);
+        self.score.path_orientation_max_rad = self.score.path_orientation_max_rad.max(error[1]);
+
+        let (episode, goal) = (sample.stamp.episode, target.goal);
+        let dt = sample.time_ns.saturating_sub(self.last_ns) as f64 * 1e-9;
+        self.last_ns = sample.time_ns;
+        let is_new = |movement: &Movement| (movement.episode, movement.goal) != (episode, goal);
+        if self.movement.as_ref().is_none_or(is_new) {
+            if let Some(left) = self.movement.take() {
+                self.finish(&left, left.episode == episode, begin_ns);
+            }
+            self.movement = Some(Movement { episode, goal, way: Vec::new(), rest: None });
+        }
+        let Some(movement) = &mut self.movement else { return };
+        if target.at_goal != 0 {
+            let (since_ns, rested, _) = movement.rest.unwrap_or((sample.time_ns, 0.0, error));
+            movement.rest = Some((since_ns, rested + dt, error));
+        } else if movement.rest.is_none() {
+            movement.way.push((sample.time_ns, frame.translation.vector));
+        }
+    }
+
+    /// Enters a goal; `left` is true if the target went on from it, false at the end of a run or an episode.
+    fn finish(&mut self, movement: &Movement, left: bool, begin_ns: u64) {
+        let Some((since_ns, rested, error)) = movement.rest else { return };
+        if !left && rested + 1e-9 < SETTLE_S {
+            return;
+        }
+        let reached = error.iter().zip(&self.tolerance).all(|(error, tolerance)| error <= tolerance);
+        let worst = |known: Option<f64>, error: f64| Some(known.unwrap_or(0.0).max(error));
+        let score = &mut self.score;
+        score.goals_reached += u64::from(reached);
+        score.goals_missed += u64::from(!reached);
+        score.position_error_m = worst(score.position_error_m, error[0]);
+        score.orientation_error_rad = worst(score.orientation_error_rad, error[1]);
+        score.goals.push(GoalScore {
+            episode: movement.episode,
+            goal: movement.goal,
+            at_rest_s: since_ns.saturating_sub(begin_ns) as f64 * 1e-9,
+            position_error_m: error[0],
+            orientation_error_rad: error[1],
+            reached,
+            smoothness: smoothness(&movement.way),
+        });
+    }
+
+    /// `None` without a target and a state to compare it with.
+    pub(super) fn result(mut self) -> Option<PoseScore> {
+        if let (Some(last), Some(begin_ns)) = (self.movement.take(), self.begin_ns) {
+            self.finish(&last, false, begin_ns);
+        }
+        if self.samples == 0.0 {
+            return None;
+        }
+        let [position, orientation] = self.squares.map(|sum| (sum / self.samples).sqrt());
+        (self.score.path_position_rms_m, self.score.path_orientation_rms_rad) = (position, orientation);
+        let smooth: Vec<f64> = self.score.goals.iter().filter_map(|goal| goal.smoothness).collect();
+        self.score.smoothness =
+            (!smooth.is_empty()).then(|| smooth.iter().sum::<f64>() / smooth.len() as f64);
+        Some(self.score)
+    }
+}
+
+/// The table of the Cartesian task of a controller whose target is read at this port.
+fn task_of<'c>(component: &'c ComponentPlan, port: &str) -> Option<&'c serde_json::Value> {
+    let tasks = component.config.get("tasks")?.as_array()?;
+    let cartesian = tasks.iter().filter_map(|task| task.get("cartesian"));
+    let target = |task: &serde_json::Value| {
+        task.get("target").and_then(serde_json::Value::as_str).unwrap_or("target") == port
+    };
+    cartesian.into_iter().find(|task| target(task))
+}
+
+/// `None` if the orientation is no unit quaternion.
+fn pose(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Isometry3<f64>> {
+    let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5)?;
+    Some(Isometry3::from_parts(Translation3::from(position), rotation))
+}
+
+/// The smoothness of a way.
+fn smoothness(way: &[(u64, Vector3<f64>)]) -> Option<f64> {
+    let (first, last) = (way.first()?.0, way.last()?.0);
+    let seconds = last.saturating_sub(first) as f64 * 1e-9;
+    let rate_hz = (way.len() - 1) as f64 / seconds;
+    let speeds: Vec<f64> = way.windows(2).map(|pair| (pair[1].1 - pair[0].1).norm() * rate_hz).collect();
+    spectral_arc_length(&speeds, rate_hz)
+}

@@ -1,0 +1,119 @@
+//! The joints of a recording: how they follow their commands, and how near they come to their limits.
+
+use motorium::plan::Plan;
+use motorium::state::{JointState, from_bytes};
+use motorium_robots::Loaded;
+use serde::Serialize;
+
+use super::super::{RecordedSample, Recording, Tracking};
+use crate::foxglove::robot_of_topic;
+
+/// The joints of one topic of joint states.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JointsScore {
+    /// The topic.
+    pub state: String,
+    /// The topic of the commands that they follow, where they are what an actuator makes of it.
+    pub command: Option<String>,
+    /// Each joint, in the order of the robot's model.
+    pub joints: Vec<JointScore>,
+}
+
+/// One joint: angles in rad, or lengths in m.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct JointScore {
+    /// Its name.
+    pub name: String,
+    /// Root mean square of its distance from the commanded position; `null` without commands of positions.
+    pub tracking_rms: Option<f64>,
+    /// Greatest distance from the commanded position.
+    pub tracking_max: Option<f64>,
+    /// Lowest position.
+    pub position_min: f64,
+    /// Highest position.
+    pub position_max: f64,
+    /// Least distance from a limit of the position, negative beyond it; `null` without a limit.
+    pub position_margin: Option<f64>,
+    /// Greatest speed, rad/s or m/s.
+    pub velocity_max: f64,
+    /// The same as a part of its limit; `null` without one.
+    pub velocity_share: Option<f64>,
+    /// Greatest effort, Nm or N.
+    pub effort_max: f64,
+    /// The same as a part of its limit; `null` without one.
+    pub effort_share: Option<f64>,
+    /// Samples beyond a limit of the position or the speed.
+    pub beyond_limits: u64,
+}
+
+/// Largest rounding error of a position at its limit, rad or m.
+const ROUNDING: f64 = 1e-9;
+
+/// The extremes of one topic.
+pub(super) struct Limits {
+    /// Index in the recording.
+    topic: usize,
+    name: String,
+    loaded: Loaded,
+    joints: Vec<JointScore>,
+    samples: u64,
+}
+
+impl Limits {
+    /// `None` if the topic was not recorded, or its robot cannot be loaded.
+    pub(super) fn new(recording: &Recording, plan: &Plan, index: usize) -> Option<Self> {
+        let name = plan.topics[index].name.clone();
+        let topic = recording.topic(&name)?;
+        let loaded = super::load(robot_of_topic(plan, index)?)?;
+        let of = |name: &String| JointScore {
+            name: name.clone(),
+            position_min: f64::INFINITY,
+            position_max: f64::NEG_INFINITY,
+            ..JointScore::default()
+        };
+        let joints = loaded.model.joint_names().iter().map(of).collect();
+        Some(Self { topic, name, loaded, joints, samples: 0 })
+    }
+
+    pub(super) fn take(&mut self, sample: &RecordedSample) {
+        if sample.topic != self.topic {
+            return;
+        }
+        let Some(state) = from_bytes::<JointState>(&sample.bytes) else { return };
+        self.samples += 1;
+        let model = &self.loaded.model;
+        for (index, joint) in self.joints.iter_mut().enumerate().take(state.count()) {
+            let (q, v, tau) = (state.position()[index], state.velocity()[index], state.effort()[index]);
+            joint.position_min = joint.position_min.min(q);
+            joint.position_max = joint.position_max.max(q);
+            joint.velocity_max = joint.velocity_max.max(v.abs());
+            joint.effort_max = joint.effort_max.max(tau.abs());
+            let margin = (q - model.lower()[index]).min(model.upper()[index] - q);
+            if margin.is_finite() {
+                joint.position_margin = Some(joint.position_margin.unwrap_or(f64::INFINITY).min(margin));
+            }
+            let beyond = margin < -ROUNDING || v.abs() > model.velocity_limit()[index];
+            joint.beyond_limits += u64::from(beyond);
+        }
+    }
+
+    /// `None` without a sample.
+    pub(super) fn result(mut self, tracking: &[Tracking]) -> Option<JointsScore> {
+        if self.samples == 0 {
+            return None;
+        }
+        let tracking = tracking.iter().find(|tracking| tracking.state == self.name);
+        let model = &self.loaded.model;
+        let share = |value: f64, limit: f64| (limit.is_finite() && limit > 0.0).then(|| value / limit);
+        for (index, joint) in self.joints.iter_mut().enumerate() {
+            joint.velocity_share = share(joint.velocity_max, model.velocity_limit()[index]);
+            joint.effort_share = share(joint.effort_max, model.effort_limit()[index]);
+            // Where no position is commanded, none is compared.
+            let errors = tracking.and_then(|tracking| tracking.joints.get(index)).filter(|both| both.1 > 0.0);
+            (joint.tracking_rms, joint.tracking_max) = (errors.map(|both| both.0), errors.map(|both| both.1));
+        }
+        self.joints.retain(|joint| joint.position_min <= joint.position_max);
+        let command = tracking.map(|tracking| tracking.command.clone());
+        Some(JointsScore { state: self.name, command, joints: self.joints })
+    }
+}

@@ -1,0 +1,107 @@
+//! The score of a run, computed from its recording: goals, paths, tracking, limits.
+//!
+//! Nothing of it is what a component says of itself: positions of frames are computed from recorded joint states by our
+//! kinematics, in the way of the component that read the targets, and compared with the recorded targets.
+
+mod goals;
+mod joints;
+mod smoothness;
+
+use motorium::declare::RobotReference;
+use motorium::plan::Plan;
+use motorium::state::{JointState, PoseTarget, StateBuffer as _};
+use motorium_robots::{BasePose, Loaded, RobotSource};
+use serde::Serialize;
+
+pub use goals::{GoalScore, PoseScore};
+pub use joints::{JointScore, JointsScore};
+pub use smoothness::spectral_arc_length;
+
+use super::{ReadError, Recording, analyse};
+use goals::Follower;
+use joints::Limits;
+
+/// The score of a run.
+///
+/// ```no_run
+/// use motorium_bridges::recording::{Recording, Tolerance, score};
+///
+/// let recording = Recording::open("out/run.mcap".as_ref())?;
+/// for pose in score(&recording, &recording.plan()?, Tolerance::default())?.poses {
+///     println!("{}: {} reached, {} missed", pose.target, pose.goals_reached, pose.goals_missed);
+/// }
+/// # Ok::<(), motorium_bridges::recording::ReadError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Score {
+    /// Name of the graph.
+    pub graph: String,
+    /// Time from the first sample to the last, s.
+    pub duration_s: f64,
+    /// Each component that reads a topic of pose targets.
+    pub poses: Vec<PoseScore>,
+    /// Each topic of joint states of a robot.
+    pub joints: Vec<JointsScore>,
+}
+
+impl Score {
+    /// Goals that were reached, and goals that were missed.
+    pub fn goals(&self) -> (u64, u64) {
+        let sum = |of: fn(&PoseScore) -> u64| self.poses.iter().map(of).sum();
+        (sum(|pose| pose.goals_reached), sum(|pose| pose.goals_missed))
+    }
+}
+
+/// The distances from a goal within which it counts as reached, where they are not those that the graph gives its reader.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Tolerance {
+    /// Distance, m.
+    pub position: Option<f64>,
+    /// Angle, rad.
+    pub orientation: Option<f64>,
+}
+
+/// Computes the score of a recording.
+///
+/// # Errors
+/// A message is damaged.
+pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result<Score, ReadError> {
+    let analysis = analyse(recording, plan)?;
+    let of_type = |name: &'static str| {
+        plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)
+    };
+    let readers = of_type(PoseTarget::NAME)
+        .flat_map(|(index, topic)| topic.readers.iter().map(move |reader| (index, *reader)));
+    let mut followers: Vec<Follower> = readers
+        .filter_map(|(topic, reader)| Follower::new(recording, plan, topic, reader, tolerance))
+        .collect();
+    let mut limits: Vec<Limits> =
+        of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
+    let mut samples = recording.sorted()?;
+    // What was published at one time, as all of a tick of lockstep is: states before the targets that were made of them.
+    let is_target = |topic: usize| followers.iter().any(|follower| follower.reads_target(topic));
+    samples.sort_by_key(|sample| (sample.time_ns, is_target(sample.topic)));
+    for sample in &samples {
+        followers.iter_mut().for_each(|follower| follower.take(sample));
+        limits.iter_mut().for_each(|limits| limits.take(sample));
+    }
+    Ok(Score {
+        graph: plan.name.clone(),
+        duration_s: analysis.duration_s,
+        poses: followers.into_iter().filter_map(Follower::result).collect(),
+        joints: limits.into_iter().filter_map(|limits| limits.result(&analysis.tracking)).collect(),
+    })
+}
+
+/// Loads a robot where it stands in the world.
+fn load(robot: &RobotReference) -> Option<Loaded> {
+    let source = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
+    };
+    source.load().ok()
+}

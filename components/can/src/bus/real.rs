@@ -1,0 +1,124 @@
+//! Buses of the computer: interfaces of the kernel, and adapters on serial lines.
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+
+use super::bits::Rates;
+use super::report::Report;
+use super::slcan::SlcanBus;
+use super::socket::{Condition, OpenError, SocketBus, SocketCounts};
+use super::{Bus, Received};
+use crate::frame::{Frame, Id};
+
+/// A bus of the computer.
+///
+/// ```no_run
+/// use motorium_can::{Rates, RealBus};
+///
+/// let rates = Rates { nominal: 500_000, fast: 500_000 };
+/// let kernel = RealBus::open("can0", &rates, false)?;
+/// let serial = RealBus::open("/dev/ttyACM0", &rates, false)?;
+/// # Ok::<(), motorium_can::OpenError>(())
+/// ```
+pub enum RealBus {
+    /// An interface of the kernel, such as `can0`.
+    Socket(Box<SocketBus>),
+    /// An adapter on a serial line, such as `/dev/ttyACM0`.
+    Serial(Box<SlcanBus>),
+}
+
+impl RealBus {
+    /// Opens a bus: a serial line if its name is a path, or else an interface of the kernel.
+    ///
+    /// # Errors
+    /// It cannot be opened, or has other rates.
+    pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
+        if name.starts_with('/') {
+            SlcanBus::open(name, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)))
+        } else {
+            SocketBus::open_with(name, rates, is_fd).map(|bus| Self::Socket(Box::new(bus)))
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Socket(bus) => bus.name(),
+            Self::Serial(bus) => bus.name(),
+        }
+    }
+
+    /// Its condition.
+    pub fn condition(&self) -> Condition {
+        match self {
+            Self::Socket(bus) => bus.condition(),
+            Self::Serial(bus) => bus.condition(),
+        }
+    }
+
+    /// Its counts.
+    pub fn counts(&self) -> &SocketCounts {
+        match self {
+            Self::Socket(bus) => bus.counts(),
+            Self::Serial(bus) => bus.counts(),
+        }
+    }
+
+    /// True for one without a wire, on which frames take no time.
+    pub fn is_virtual(&self) -> bool {
+        match self {
+            Self::Socket(bus) => bus.is_virtual(),
+            Self::Serial(bus) => bus.is_virtual(),
+        }
+    }
+
+    /// Receives frames with these identifiers only.
+    ///
+    /// # Errors
+    /// The kernel refused.
+    pub fn receive_only(&mut self, ids: &[Id]) -> io::Result<()> {
+        match self {
+            Self::Socket(bus) => bus.receive_only(ids),
+            Self::Serial(bus) => {
+                bus.receive_only(ids);
+                Ok(())
+            }
+        }
+    }
+
+    /// Lets the participants of a virtual bus of the kernel receive a report.
+    ///
+    /// # Errors
+    /// The kernel refused, or it is none of the kernel.
+    pub fn inject(&self, report: &Report) -> io::Result<()> {
+        match self {
+            Self::Socket(bus) => bus.inject(report),
+            Self::Serial(_) => Err(io::ErrorKind::Unsupported.into()),
+        }
+    }
+}
+
+impl AsFd for RealBus {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Socket(bus) => bus.as_fd(),
+            Self::Serial(bus) => bus.as_fd(),
+        }
+    }
+}
+
+impl Bus for RealBus {
+    fn send(&mut self, frames: &[Frame]) -> usize {
+        match self {
+            Self::Socket(bus) => bus.send(frames),
+            Self::Serial(bus) => bus.send(frames),
+        }
+    }
+
+    fn receive(&mut self, frames: &mut [Received]) -> usize {
+        match self {
+            Self::Socket(bus) => bus.receive(frames),
+            Self::Serial(bus) => bus.receive(frames),
+        }
+    }
+}

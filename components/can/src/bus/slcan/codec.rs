@@ -1,0 +1,197 @@
+//! Frames as text on a serial line: the protocol of Lawicel's adapters, with the additions of CANable's for CAN FD and of
+//! Linux for error states.
+
+use crate::bus::report::{ErrorState, Report};
+use crate::frame::{Form, Frame, Id};
+
+/// Bytes of the longest line: a CAN FD frame with 29 bits of identifier, 64 bytes and a time.
+pub const LONGEST: usize = 1 + 8 + 1 + 2 * 64 + 4 + 1;
+
+/// A line from an adapter.
+///
+/// ```
+/// use motorium_can::{Frame, Id};
+/// use motorium_can::bus::slcan::{Line, Reader};
+///
+/// let mut reader = Reader::default();
+/// let lines: Vec<Line> = b"t1412A0FF\r\x07".iter().filter_map(|byte| reader.push(*byte)).collect();
+/// let frame = Frame::classic(Id::Standard(0x141), &[0xa0, 0xff]);
+/// assert_eq!(lines, [Line::Frame(frame), Line::Refused]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Line {
+    /// A data frame was received.
+    Frame(Frame),
+    /// The controller reports about itself.
+    Report(Report),
+    /// A command was taken, or a frame sent.
+    Done,
+    /// A command was refused.
+    Refused,
+    /// A remote request, an answer to a question that is not asked here, or no line of the protocol.
+    Other,
+}
+
+/// A frame as a line; how many bytes of `line` it has.
+pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
+    let (digits, id) = match frame.id {
+        Id::Standard(id) => (3, u32::from(id)),
+        Id::Extended(id) => (8, id),
+    };
+    let kind = match (frame.form, digits) {
+        (Form::Classic, 3) => b't',
+        (Form::Classic, _) => b'T',
+        (Form::Fd, 3) => b'd',
+        (Form::Fd, _) => b'D',
+        (Form::FdFast, 3) => b'b',
+        (Form::FdFast, _) => b'B',
+    };
+    let data = frame.data();
+    let mut length = 0;
+    let mut put = |byte: u8| {
+        line[length] = byte;
+        length += 1;
+    };
+    put(kind);
+    (0..digits).rev().for_each(|digit| put(hex(id >> (4 * digit))));
+    put(hex(code_of(data.len())));
+    for byte in data {
+        put(hex(u32::from(*byte) >> 4));
+        put(hex((*byte).into()));
+    }
+    put(b'\r');
+    length
+}
+
+/// The lengths that the four bits of a length stand for.
+const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+
+fn code_of(length: usize) -> u32 {
+    LENGTHS.iter().position(|known| *known == length).unwrap_or(0) as u32
+}
+
+fn hex(number: u32) -> u8 {
+    b"0123456789ABCDEF"[(number & 0xf) as usize]
+}
+
+/// A number in hexadecimal digits of either case.
+fn number(digits: &[u8]) -> Option<u32> {
+    digits.iter().try_fold(0_u32, |number, digit| Some(number << 4 | char::from(*digit).to_digit(16)?))
+}
+
+/// A reader of lines, byte by byte.
+#[derive(Clone, Debug)]
+pub struct Reader {
+    line: [u8; LONGEST],
+    length: usize,
+    /// The line is longer than any can be: it is dropped to its end.
+    is_too_long: bool,
+}
+
+impl Default for Reader {
+    fn default() -> Self {
+        Self { line: [0; LONGEST], length: 0, is_too_long: false }
+    }
+}
+
+impl Reader {
+    /// Takes a byte; the line that it ends, if it ends one.
+    pub fn push(&mut self, byte: u8) -> Option<Line> {
+        match byte {
+            // a bell ends whatever came before it
+            0x07 => {
+                (self.length, self.is_too_long) = (0, false);
+                Some(Line::Refused)
+            }
+            b'\r' => {
+                let line = if self.is_too_long { Line::Other } else { read(&self.line[..self.length]) };
+                (self.length, self.is_too_long) = (0, false);
+                Some(line)
+            }
+            b'\n' if self.length == 0 => None,
+            _ if self.length == LONGEST => {
+                self.is_too_long = true;
+                None
+            }
+            _ => {
+                self.line[self.length] = byte;
+                self.length += 1;
+                None
+            }
+        }
+    }
+}
+
+/// The meaning of a line without its end.
+fn read(line: &[u8]) -> Line {
+    match line {
+        [] | [b'z' | b'Z'] => Line::Done,
+        [b't' | b'T' | b'd' | b'D' | b'b' | b'B', ..] => frame(line).map_or(Line::Other, Line::Frame),
+        [b's', state, counters @ ..] => state_report(*state, counters).map_or(Line::Other, Line::Report),
+        [b'e', causes @ ..] => error_report(causes).map_or(Line::Other, Line::Report),
+        _ => Line::Other,
+    }
+}
+
+fn frame(line: &[u8]) -> Option<Frame> {
+    let (kind, rest) = line.split_first()?;
+    let form = match kind {
+        b't' | b'T' => Form::Classic,
+        b'd' | b'D' => Form::Fd,
+        _ => Form::FdFast,
+    };
+    let digits = if kind.is_ascii_lowercase() { 3 } else { 8 };
+    let (id, rest) = rest.split_at_checked(digits)?;
+    let id = number(id)?;
+    let id = if digits == 3 { Id::standard(id.try_into().ok()?)? } else { Id::extended(id)? };
+    let (code, rest) = rest.split_first()?;
+    let length = LENGTHS[number(&[*code])? as usize];
+    let (bytes, time) = rest.split_at_checked(2 * length)?;
+    // an adapter that stamps its frames adds milliseconds of a minute
+    if !(time.is_empty() || time.len() == 4 && number(time).is_some()) {
+        return None;
+    }
+    let mut data = [0; 64];
+    for (place, digits) in data.iter_mut().zip(bytes.chunks_exact(2)) {
+        *place = number(digits)? as u8;
+    }
+    Frame::new(id, form, &data[..length])
+}
+
+/// `saRRRTTT`: the state, and the errors counted as receiver and as sender, in decimal digits.
+fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
+    let state = match state {
+        b'a' => ErrorState::Active,
+        b'w' => ErrorState::Warning,
+        b'p' => ErrorState::Passive,
+        b'b' => ErrorState::Off,
+        _ => return None,
+    };
+    let decimal = |digits: &[u8]| {
+        digits.iter().try_fold(0_u32, |number, digit| {
+            digit.is_ascii_digit().then(|| number * 10 + u32::from(digit - b'0'))
+        })
+    };
+    let (receiver, sender) = counters.split_at_checked(3).filter(|(_, sender)| sender.len() == 3)?;
+    let counters = [sender, receiver].map(|digits| decimal(digits).map(|number| number.min(255) as u8));
+    Some(Report { state: Some(state), counters: Some([counters[0]?, counters[1]?]), ..Report::default() })
+}
+
+/// `e1a`: so many causes, a letter each.
+fn error_report(causes: &[u8]) -> Option<Report> {
+    let (count, causes) = causes.split_first()?;
+    if usize::from(count.checked_sub(b'0')?) != causes.len() || causes.is_empty() {
+        return None;
+    }
+    let mut report = Report::default();
+    for cause in causes {
+        match cause {
+            b'a' => report.is_unacknowledged = true,
+            b'o' | b'O' => report.is_overflow = true,
+            // a bit, a checksum, a form or a stuffing that was wrong
+            b'b' | b'B' | b'c' | b'f' | b's' => report.is_disturbed = true,
+            _ => return None,
+        }
+    }
+    Some(report)
+}

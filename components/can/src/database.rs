@@ -1,0 +1,336 @@
+//! Databases of messages (DBC files): names, units and values of what frames carry.
+
+use core::ops::RangeInclusive;
+use std::collections::BTreeMap;
+
+use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValueType, ValueType};
+
+use crate::{Frame, Id};
+
+/// A database of the messages on a bus, read from a DBC file.
+///
+/// ```
+/// use motorium_can::{Database, Frame, Id};
+///
+/// let text = r#"VERSION ""
+/// NS_ :
+/// BS_:
+/// BU_:
+/// BO_ 23 Supply: 8 Vector__XXX
+///  SG_ Voltage : 0|16@1+ (0.01,0) [0|100] "V" Vector__XXX
+/// "#;
+/// let database = Database::parse(text)?;
+/// let frame = Frame::classic(Id::Standard(23), &[0x60, 0x09, 0, 0, 0, 0, 0, 0]);
+/// let message = database.decode(&frame).ok_or("no such message")?;
+/// assert_eq!(message.to_string(), "Supply(Voltage: 24 V)");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Database {
+    messages: BTreeMap<(bool, u32), Message>,
+    /// Bits of the identifiers that count.
+    mask: u32,
+}
+
+/// A database that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DatabaseError {
+    /// It is no DBC file.
+    #[error("it is no DBC file: {0}")]
+    Syntax(String),
+    /// A signal that cannot be.
+    #[error("the signal `{signal}` of the message `{message}`: {cause}")]
+    Signal {
+        /// Name of the message.
+        message: String,
+        /// Name of the signal.
+        signal: String,
+        /// The reason.
+        cause: String,
+    },
+    /// Two messages with one identifier.
+    #[error("the messages `{first}` and `{second}` have the same identifier{}", under(*.mask))]
+    Twice {
+        /// Name of the one.
+        first: String,
+        /// Name of the other.
+        second: String,
+        /// The bits of the identifiers that count.
+        mask: u32,
+    },
+}
+
+fn under(mask: u32) -> String {
+    if mask == ALL { String::new() } else { format!(" under the mask 0x{mask:X}") }
+}
+
+const ALL: u32 = 0x1fff_ffff;
+
+/// A message as the database describes it.
+#[derive(Clone, Debug)]
+struct Message {
+    name: String,
+    signals: Vec<Signal>,
+}
+
+/// A signal as the database describes it.
+#[derive(Clone, Debug)]
+struct Signal {
+    name: String,
+    unit: String,
+    start: usize,
+    bits: usize,
+    order: ByteOrder,
+    form: Form,
+    factor: f64,
+    offset: f64,
+    labels: Vec<(i64, String)>,
+    /// It is there while this signal has one of these values.
+    switch: Option<(usize, Vec<RangeInclusive<u64>>)>,
+}
+
+/// The meaning of a signal's bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    Unsigned,
+    Signed,
+    Single,
+    Double,
+}
+
+/// A frame in the words of a database.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded<'a> {
+    /// Name of the message.
+    pub name: &'a str,
+    /// Its signals, in the order of the database; those that the frame is too short for, or that are not there now, left out.
+    pub signals: Vec<SignalValue<'a>>,
+}
+
+/// The value of a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SignalValue<'a> {
+    /// Name of the signal.
+    pub name: &'a str,
+    /// Its value, scaled.
+    pub value: f64,
+    /// Its unit; empty if the database has none.
+    pub unit: &'a str,
+    /// The name of the value, if the database has one.
+    pub label: Option<&'a str>,
+}
+
+impl core::fmt::Display for SignalValue<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}: ", self.name)?;
+        match self.label {
+            Some(label) => write!(f, "{label}"),
+            // no more digits than a number of 32 bits tells apart
+            None => write!(f, "{}", format!("{:.7e}", self.value).parse().unwrap_or(self.value)),
+        }?;
+        if self.unit.is_empty() || self.label.is_some() { Ok(()) } else { write!(f, " {}", self.unit) }
+    }
+}
+
+impl core::fmt::Display for Decoded<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}(", self.name)?;
+        for (index, value) in self.signals.iter().enumerate() {
+            write!(f, "{}{value}", if index == 0 { "" } else { ", " })?;
+        }
+        write!(f, ")")
+    }
+}
+
+impl Database {
+    /// Reads a DBC file.
+    ///
+    /// # Errors
+    /// It is none, a signal does not fit into its message, or two messages have the same identifier.
+    pub fn parse(text: &str) -> Result<Self, DatabaseError> {
+        let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
+        let mut read = Self { messages: BTreeMap::new(), mask: ALL };
+        for message in &file.messages {
+            // a place where tools keep signals that belong to no message
+            if message.name == "VECTOR__INDEPENDENT_SIG_MSG" {
+                continue;
+            }
+            let signals = signals(&file, message).map_err(|(signal, cause)| DatabaseError::Signal {
+                message: message.name.clone(),
+                signal,
+                cause,
+            })?;
+            read.add(key(message.id), Message { name: message.name.clone(), signals })?;
+        }
+        Ok(read)
+    }
+
+    fn add(&mut self, key: (bool, u32), message: Message) -> Result<(), DatabaseError> {
+        let second = message.name.clone();
+        match self.messages.insert(key, message) {
+            Some(first) => Err(DatabaseError::Twice { first: first.name, second, mask: self.mask }),
+            None => Ok(()),
+        }
+    }
+
+    /// The same messages, of which only these bits of the identifiers count: a database of node 0 describes all nodes then.
+    ///
+    /// # Errors
+    /// Two messages differ in the other bits only.
+    pub fn with_mask(self, mask: u32) -> Result<Self, DatabaseError> {
+        let mut masked = Self { messages: BTreeMap::new(), mask };
+        for ((extended, id), message) in self.messages {
+            masked.add((extended, id & mask), message)?;
+        }
+        Ok(masked)
+    }
+
+    /// Number of its messages.
+    pub fn len(&self) -> usize {
+        self.messages.len()
+    }
+
+    /// True if it has no message.
+    pub fn is_empty(&self) -> bool {
+        self.messages.is_empty()
+    }
+
+    /// A frame in its words; `None` for one that it does not know.
+    pub fn decode(&self, frame: &Frame) -> Option<Decoded<'_>> {
+        let (extended, id) = match frame.id {
+            Id::Standard(id) => (false, u32::from(id)),
+            Id::Extended(id) => (true, id),
+        };
+        let message = self.messages.get(&(extended, id & self.mask))?;
+        let data = frame.data();
+        let is_there = |signal: &&Signal| {
+            let has = |at: usize, values: &[RangeInclusive<u64>]| {
+                let raw = message.signals[at].raw(data);
+                raw.is_some_and(|raw| values.iter().any(|range| range.contains(&raw)))
+            };
+            signal.switch.as_ref().is_none_or(|(at, values)| has(*at, values))
+        };
+        let signals = message.signals.iter().filter(is_there).filter_map(|signal| signal.value(data));
+        Some(Decoded { name: &message.name, signals: signals.collect() })
+    }
+}
+
+fn key(id: MessageId) -> (bool, u32) {
+    match id {
+        MessageId::Standard(id) => (false, id.into()),
+        MessageId::Extended(id) => (true, id & ALL),
+    }
+}
+
+/// The signals of a message, or the one that cannot be and why.
+fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (String, String)> {
+    let place = |name: &str| message.signals.iter().position(|signal| signal.name == name);
+    let is_switch = |signal: &can_dbc::Signal| {
+        use MultiplexIndicator::{Multiplexor, MultiplexorAndMultiplexedSignal};
+        matches!(signal.multiplexer_indicator, Multiplexor | MultiplexorAndMultiplexedSignal(_))
+    };
+    let main = message.signals.iter().position(is_switch);
+    let read = |found: &can_dbc::Signal| {
+        let refuse = |cause: String| Err((found.name.clone(), cause));
+        let form = match file.extended_value_type_for_signal(message.id, &found.name) {
+            Some(SignalExtendedValueType::IEEEfloat32Bit) => Form::Single,
+            Some(SignalExtendedValueType::IEEEdouble64bit) => Form::Double,
+            _ if found.value_type == ValueType::Signed => Form::Signed,
+            _ => Form::Unsigned,
+        };
+        let bits = usize::try_from(found.size).unwrap_or(usize::MAX);
+        let most = match form {
+            Form::Single => 32..=32,
+            Form::Double => 64..=64,
+            Form::Unsigned | Form::Signed => 1..=64,
+        };
+        if !most.contains(&bits) {
+            return refuse(format!("{bits} bits, expected {} to {}", most.start(), most.end()));
+        }
+        let extended = file
+            .extended_multiplex
+            .iter()
+            .filter(|entry| entry.message_id == message.id && entry.signal_name == found.name);
+        let mut switch = None;
+        for entry in extended {
+            let Some(at) = place(&entry.multiplexor_signal_name) else {
+                return refuse(format!("no signal `{}` switches it", entry.multiplexor_signal_name));
+            };
+            let ranges = entry.mappings.iter().map(|values| values.min_value..=values.max_value);
+            switch = Some((at, ranges.collect()));
+        }
+        if let (
+            None,
+            MultiplexIndicator::MultiplexedSignal(value)
+            | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value),
+        ) = (&switch, found.multiplexer_indicator)
+        {
+            let Some(at) = main else { return refuse("no signal switches it".into()) };
+            switch = Some((at, vec![value..=value]));
+        }
+        let labels = file.value_descriptions_for_signal(message.id, &found.name).unwrap_or_default();
+        let signal = Signal {
+            name: found.name.clone(),
+            unit: found.unit.clone(),
+            start: usize::try_from(found.start_bit).unwrap_or(usize::MAX / 2),
+            bits,
+            order: found.byte_order,
+            form,
+            factor: found.factor,
+            offset: found.offset,
+            labels: labels.iter().map(|label| (label.id, label.description.clone())).collect(),
+            switch,
+        };
+        let bytes = usize::try_from(message.size).unwrap_or(usize::MAX).min(64);
+        if signal.end() > 8 * bytes {
+            return refuse(format!("{bits} bits from bit {}, beyond {bytes} bytes", signal.start));
+        }
+        Ok(signal)
+    };
+    message.signals.iter().map(read).collect()
+}
+
+impl Signal {
+    /// Bits from the first one of the data to its last one, in the order in which they are sent.
+    fn end(&self) -> usize {
+        match self.order {
+            ByteOrder::LittleEndian => self.start.saturating_add(self.bits),
+            // it begins with its most significant bit, and goes down in each byte
+            ByteOrder::BigEndian => (self.start / 8 * 8 + 7 - self.start % 8).saturating_add(self.bits),
+        }
+    }
+
+    /// Its bits; `None` if the data is too short for them.
+    fn raw(&self, data: &[u8]) -> Option<u64> {
+        if self.end() > 8 * data.len() {
+            return None;
+        }
+        let bit = |at: usize| u64::from(data[at / 8] >> (at % 8) & 1);
+        Some(match self.order {
+            ByteOrder::LittleEndian => (0..self.bits).fold(0, |raw, i| raw | bit(self.start + i) << i),
+            ByteOrder::BigEndian => {
+                let first = self.end() - self.bits;
+                (first..self.end()).fold(0, |raw, i| raw << 1 | bit(i / 8 * 8 + 7 - i % 8))
+            }
+        })
+    }
+
+    fn value(&self, data: &[u8]) -> Option<SignalValue<'_>> {
+        let raw = self.raw(data)?;
+        let spare = 64 - self.bits;
+        let signed = (raw << spare) as i64 >> spare;
+        let (number, whole) = match self.form {
+            Form::Unsigned => (raw as f64, i64::try_from(raw).ok()),
+            Form::Signed => (signed as f64, Some(signed)),
+            Form::Single => (f32::from_bits(raw as u32).into(), None),
+            Form::Double => (f64::from_bits(raw), None),
+        };
+        let label = self.labels.iter().find(|(value, _)| Some(*value) == whole);
+        Some(SignalValue {
+            name: &self.name,
+            value: number * self.factor + self.offset,
+            unit: &self.unit,
+            label: label.map(|(_, label)| label.as_str()),
+        })
+    }
+}

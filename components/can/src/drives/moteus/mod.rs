@@ -1,0 +1,295 @@
+//! moteus: registers over CAN FD.
+//!
+//! A frame holds subframes: so many registers from this one on are written, or asked for, in one of four resolutions. Positions
+//! are in turns of the output. The drive lets go, and stays so, when it is not commanded for the time that the command itself
+//! names.
+
+mod registers;
+
+use core::f64::consts::TAU;
+
+use crate::frame::{DecodeError, Frame, Id};
+pub use registers::Resolution;
+use registers::{
+    COMMAND, COMMANDED, FAULT, MODE, POSITION, READ, REPLY, TEMPERATURE, TORQUE, VELOCITY, VOLTAGE, WATCHDOG,
+    WRITE, Writer, registers,
+};
+
+/// The state of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    /// It lets go.
+    Stopped = 0,
+    /// It let go by a fault.
+    Fault = 1,
+    /// It is about to follow commands.
+    Enabling = 2,
+    /// It calibrates itself.
+    Calibrating = 3,
+    /// It has calibrated itself.
+    CalibrationComplete = 4,
+    /// It applies duty cycles.
+    Pwm = 5,
+    /// It applies voltages.
+    Voltage = 6,
+    /// It applies a voltage at a phase.
+    VoltageFoc = 7,
+    /// It applies voltages in the frame of the rotor.
+    VoltageDq = 8,
+    /// It controls currents.
+    Current = 9,
+    /// It follows positions.
+    Position = 10,
+    /// It was not commanded in time, and follows nothing until it is stopped.
+    Timeout = 11,
+    /// It holds the velocity at zero.
+    ZeroVelocity = 12,
+    /// It stays within bounds.
+    StayWithin = 13,
+    /// It measures its inductance.
+    MeasureInductance = 14,
+    /// Its phases are shorted.
+    Brake = 15,
+}
+
+impl Mode {
+    const ALL: [Self; 16] = [
+        Self::Stopped,
+        Self::Fault,
+        Self::Enabling,
+        Self::Calibrating,
+        Self::CalibrationComplete,
+        Self::Pwm,
+        Self::Voltage,
+        Self::VoltageFoc,
+        Self::VoltageDq,
+        Self::Current,
+        Self::Position,
+        Self::Timeout,
+        Self::ZeroVelocity,
+        Self::StayWithin,
+        Self::MeasureInductance,
+        Self::Brake,
+    ];
+}
+
+/// A command of the position mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// Position of the output, rad; NaN for wherever it is.
+    pub position: f64,
+    /// Velocity, rad/s.
+    pub velocity: f64,
+    /// Feed-forward torque, N m.
+    pub torque: f64,
+    /// Share of the position gain that stands in the drive, 0 to 1.
+    pub kp_scale: f64,
+    /// Share of its velocity gain, 0 to 1.
+    pub kd_scale: f64,
+    /// Largest torque, N m; NaN for that of the drive.
+    pub max_torque: f64,
+    /// Time without a command after which it lets go, s; NaN for that of the drive.
+    pub watchdog: f64,
+}
+
+impl Default for Command {
+    /// To hold wherever it is, with the gains and limits of the drive.
+    fn default() -> Self {
+        Self {
+            position: f64::NAN,
+            velocity: 0.0,
+            torque: 0.0,
+            kp_scale: 1.0,
+            kd_scale: 1.0,
+            max_torque: f64::NAN,
+            watchdog: f64::NAN,
+        }
+    }
+}
+
+/// A message to a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction {
+    /// To let go, which also ends a fault or a time-out.
+    Stop,
+    /// To short its phases.
+    Brake,
+    /// To follow a position.
+    Position(Command),
+    /// To tell its state, and go on.
+    Query,
+}
+
+/// A drive's answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Its mode.
+    pub mode: Mode,
+    /// Position of the output, rad.
+    pub position: f64,
+    /// Velocity, rad/s.
+    pub velocity: f64,
+    /// Torque, N m.
+    pub torque: f64,
+    /// Supply voltage, V.
+    pub voltage: f64,
+    /// Temperature, degrees Celsius.
+    pub temperature: f64,
+    /// Code of its fault, up to 127; 0 for none.
+    pub fault: u8,
+}
+
+/// A drive by its number, 1 to 126.
+///
+/// ```
+/// use motorium_can::moteus::{Instruction, Node, Resolution};
+///
+/// let node = Node::new(1).ok_or("1 to 126")?;
+/// let stop = node.frame(&Instruction::Stop, Resolution::Int16);
+/// assert_eq!(format!("{stop:?}"), "0x00008001#01000011001701130D505050");
+/// # Ok::<(), &str>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node(u8);
+
+impl Node {
+    /// The drive with this number; `None` for 0, which is the host, and beyond 126.
+    pub fn new(node: u8) -> Option<Self> {
+        (1..127).contains(&node).then_some(Self(node))
+    }
+
+    /// The identifier of messages to it, which ask for an answer.
+    pub fn id(self) -> Id {
+        Id::Extended(0x8000 | u32::from(self.0))
+    }
+
+    /// The identifier of its answers: of 11 bits if the number fits.
+    pub fn reply_id(self) -> Id {
+        let id = u16::from(self.0) << 8;
+        Id::standard(id).unwrap_or(Id::Extended(id.into()))
+    }
+
+    /// The frame of a message, which asks for the state in the same resolution; voltage, temperature and fault in 8 bits.
+    pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
+        let mut out = Writer::default();
+        let mode = match instruction {
+            Instruction::Stop => Some(Mode::Stopped),
+            Instruction::Brake => Some(Mode::Brake),
+            Instruction::Position(_) => Some(Mode::Position),
+            Instruction::Query => None,
+        };
+        if let Some(mode) = mode {
+            out.head(WRITE, Resolution::Int8, MODE, 1);
+            out.put(&[mode as u8]);
+        }
+        if let Instruction::Position(c) = instruction {
+            let turns = [c.position / TAU, c.velocity / TAU, c.torque, c.kp_scale, c.kd_scale, c.max_torque];
+            out.head(WRITE, resolution, COMMAND, COMMANDED as usize);
+            for (value, register) in turns.into_iter().chain([f64::NAN, c.watchdog]).zip(COMMAND..) {
+                out.value(value, register, resolution);
+            }
+        }
+        out.head(READ, Resolution::Int8, MODE, 1);
+        out.head(READ, resolution, POSITION, 3);
+        out.head(READ, Resolution::Int8, VOLTAGE, 3);
+        out.frame(self.id())
+    }
+
+    /// The drive's side: the message in a frame.
+    ///
+    /// # Errors
+    /// The frame is for another drive, is cut off, or names a mode, a register or a subframe that is not known here.
+    pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
+        if frame.id != self.id() {
+            return Err(DecodeError::Id { found: frame.id, expected: self.id() });
+        }
+        let (mut mode, mut command) = (None, Command::default());
+        registers(frame.data(), |(action, register, value)| {
+            match (action, register) {
+                (READ, _) => {}
+                (WRITE, MODE) => mode = Some(value as i32 as u32),
+                (WRITE, 0x20) => command.position = value * TAU,
+                (WRITE, 0x21) => command.velocity = value * TAU,
+                (WRITE, 0x22) => command.torque = value,
+                (WRITE, 0x23) => command.kp_scale = value,
+                (WRITE, 0x24) => command.kd_scale = value,
+                (WRITE, 0x25) => command.max_torque = value,
+                (WRITE, 0x26) if value.is_nan() => {}
+                (WRITE, WATCHDOG) => command.watchdog = value,
+                (_, register) => return Err(DecodeError::Field { field: "the register", found: register }),
+            }
+            Ok(())
+        })?;
+        let finite = [command.velocity, command.torque, command.kp_scale, command.kd_scale];
+        match mode {
+            _ if !finite.iter().all(|number| number.is_finite()) || command.position.is_infinite() => {
+                Err(DecodeError::NotFinite { field: "the command" })
+            }
+            None => Ok(Instruction::Query),
+            Some(0) => Ok(Instruction::Stop),
+            Some(10) => Ok(Instruction::Position(command)),
+            Some(15) => Ok(Instruction::Brake),
+            Some(found) => Err(DecodeError::Field { field: "the mode", found }),
+        }
+    }
+
+    /// The drive's side: the frame of an answer.
+    pub fn reply_frame(self, state: &State, resolution: Resolution) -> Frame {
+        let mut out = Writer::default();
+        out.head(REPLY, Resolution::Int8, MODE, 1);
+        out.put(&[state.mode as u8]);
+        out.head(REPLY, resolution, POSITION, 3);
+        let values = [state.position / TAU, state.velocity / TAU, state.torque];
+        values
+            .into_iter()
+            .zip(POSITION..)
+            .for_each(|(value, register)| out.value(value, register, resolution));
+        out.head(REPLY, Resolution::Int8, VOLTAGE, 3);
+        out.value(state.voltage, VOLTAGE, Resolution::Int8);
+        out.value(state.temperature, TEMPERATURE, Resolution::Int8);
+        out.put(&[state.fault]);
+        out.frame(self.reply_id())
+    }
+
+    /// The values of an answer, whatever their resolutions; registers that were not asked for are passed over.
+    ///
+    /// # Errors
+    /// The frame comes from another drive, is cut off, is a refusal, lacks a value, or has one that there is not.
+    pub fn reply(self, frame: &Frame) -> Result<State, DecodeError> {
+        if frame.id != self.reply_id() {
+            return Err(DecodeError::Id { found: frame.id, expected: self.reply_id() });
+        }
+        let mut values = [None; 0x10];
+        registers(frame.data(), |(action, register, value)| {
+            if action != REPLY {
+                return Err(DecodeError::Field { field: "the subframe", found: action.into() });
+            }
+            if let Some(place) = values.get_mut(register as usize) {
+                *place = Some(value);
+            }
+            Ok(())
+        })?;
+        let get = |register: u32, field| match values[register as usize] {
+            Some(value) if f64::is_finite(value) => Ok(value),
+            Some(_) => Err(DecodeError::NotFinite { field }),
+            None => Err(DecodeError::Answer { found: 0, expected: register }),
+        };
+        let code = get(MODE, "the mode")?;
+        let mode = Mode::ALL.into_iter().find(|mode| f64::from(*mode as u8) == code);
+        let fault = get(FAULT, "the fault")?;
+        Ok(State {
+            mode: mode.ok_or(DecodeError::Field { field: "the mode", found: code as i32 as u32 })?,
+            position: get(POSITION, "the position")? * TAU,
+            velocity: get(VELOCITY, "the velocity")? * TAU,
+            torque: get(TORQUE, "the torque")?,
+            voltage: get(VOLTAGE, "the voltage")?,
+            temperature: get(TEMPERATURE, "the temperature")?,
+            fault: if (0.0..128.0).contains(&fault) && fault % 1.0 == 0.0 {
+                fault as u8
+            } else {
+                return Err(DecodeError::Field { field: "the fault", found: fault as i32 as u32 });
+            },
+        })
+    }
+}

@@ -1,0 +1,322 @@
+//! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
+//!
+//! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos share one line
+//! and answer when they are asked. Packets of both protocols may come on the same line: [`Reader`] reads either.
+
+use crate::frame::DecodeError;
+
+/// The number that all servos hear.
+pub const EVERYBODY: u8 = 0xfe;
+/// Bytes of the longest packet that is read or written.
+pub const LONGEST: usize = 256;
+
+/// The protocol of a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// Feetech, and Dynamixel 1.0: a checksum of eight bits, registers of 0 to 255.
+    One,
+    /// Dynamixel 2.0: a checksum of 16 bits, registers of 0 to 65535.
+    Two,
+}
+
+/// What is asked of servos.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instruction<'a> {
+    /// To answer.
+    Ping,
+    /// To tell `count` bytes from this register on.
+    Read {
+        /// The first register.
+        register: u16,
+        /// Number of bytes.
+        count: u8,
+    },
+    /// To take these bytes from this register on.
+    Write {
+        /// The first register.
+        register: u16,
+        /// The bytes.
+        data: &'a [u8],
+    },
+    /// To many servos at once, nobody answers: each takes its bytes from this register on.
+    WriteMany {
+        /// The first register.
+        register: u16,
+        /// Number of bytes of each servo.
+        each: u8,
+        /// The number of each servo, and its bytes.
+        data: &'a [u8],
+    },
+    /// To many servos at once, which answer one after the other: `count` bytes from this register on.
+    ReadMany {
+        /// The first register.
+        register: u16,
+        /// Number of bytes.
+        count: u8,
+        /// The numbers of the servos.
+        servos: &'a [u8],
+    },
+}
+
+const PING: u8 = 0x01;
+const READ: u8 = 0x02;
+const WRITE: u8 = 0x03;
+const STATUS: u8 = 0x55;
+const READ_MANY: u8 = 0x82;
+const WRITE_MANY: u8 = 0x83;
+
+/// A packet as it is written.
+struct Packet<'a> {
+    bytes: &'a mut [u8; LONGEST],
+    length: usize,
+}
+
+impl Packet<'_> {
+    fn put(&mut self, bytes: &[u8]) -> Option<()> {
+        let end = self.length + bytes.len();
+        self.bytes.get_mut(self.length..end)?.copy_from_slice(bytes);
+        self.length = end;
+        Some(())
+    }
+
+    fn word(&mut self, protocol: Protocol, number: u16) -> Option<()> {
+        match protocol {
+            Protocol::One => self.put(&[u8::try_from(number).ok()?]),
+            Protocol::Two => self.put(&number.to_le_bytes()),
+        }
+    }
+}
+
+/// Writes a packet for a servo; how many bytes it has, `None` if it does not fit into one.
+///
+/// ```
+/// use motorium_can::servo::{Instruction, LONGEST, Protocol, write};
+///
+/// let mut packet = [0; LONGEST];
+/// let length = write(Protocol::One, 1, &Instruction::Ping, &mut packet).ok_or("too long")?;
+/// assert_eq!(packet[..length], [0xff, 0xff, 1, 2, 1, 0xfb]);
+/// # Ok::<(), &str>(())
+/// ```
+pub fn write(
+    protocol: Protocol,
+    servo: u8,
+    instruction: &Instruction<'_>,
+    packet: &mut [u8; LONGEST],
+) -> Option<usize> {
+    let (code, many) = match instruction {
+        Instruction::Ping => (PING, false),
+        Instruction::Read { .. } => (READ, false),
+        Instruction::Write { .. } => (WRITE, false),
+        Instruction::ReadMany { .. } => (READ_MANY, true),
+        Instruction::WriteMany { .. } => (WRITE_MANY, true),
+    };
+    let servo = if many { EVERYBODY } else { servo };
+    if servo > EVERYBODY {
+        return None;
+    }
+    let mut out = begin(protocol, servo, packet);
+    out.put(&[code])?;
+    match *instruction {
+        Instruction::Ping => {}
+        Instruction::Read { register, count } => {
+            out.word(protocol, register)?;
+            out.word(protocol, count.into())?;
+        }
+        Instruction::Write { register, data } => {
+            out.word(protocol, register)?;
+            out.put(data)?;
+        }
+        Instruction::ReadMany { register, count, servos } => {
+            out.word(protocol, register)?;
+            out.word(protocol, count.into())?;
+            out.put(servos)?;
+        }
+        Instruction::WriteMany { register, each, data } => {
+            if data.is_empty() || data.len() % (usize::from(each) + 1) != 0 {
+                return None;
+            }
+            out.word(protocol, register)?;
+            out.word(protocol, each.into())?;
+            out.put(data)?;
+        }
+    }
+    end(protocol, out)
+}
+
+/// The servo's side: writes its answer.
+pub fn write_status(
+    protocol: Protocol,
+    servo: u8,
+    error: u8,
+    data: &[u8],
+    packet: &mut [u8; LONGEST],
+) -> Option<usize> {
+    let mut out = begin(protocol, servo, packet);
+    if protocol == Protocol::Two {
+        out.put(&[STATUS])?;
+    }
+    out.put(&[error])?;
+    out.put(data)?;
+    end(protocol, out)
+}
+
+fn begin(protocol: Protocol, servo: u8, bytes: &mut [u8; LONGEST]) -> Packet<'_> {
+    let head: &[u8] = match protocol {
+        Protocol::One => &[0xff, 0xff, servo, 0],
+        Protocol::Two => &[0xff, 0xff, 0xfd, 0, servo, 0, 0],
+    };
+    bytes[..head.len()].copy_from_slice(head);
+    Packet { bytes, length: head.len() }
+}
+
+/// Adds length and checksum.
+fn end(protocol: Protocol, mut out: Packet<'_>) -> Option<usize> {
+    match protocol {
+        Protocol::One => {
+            out.bytes[3] = u8::try_from(out.length - 3).ok()?;
+            let sum = checksum(&out.bytes[2..out.length]);
+            out.put(&[sum])?;
+        }
+        Protocol::Two => {
+            // what looks like the head of a packet gets a byte that keeps it apart
+            let mut at = 7;
+            while at + 3 <= out.length {
+                if out.bytes[at..at + 3] == [0xff, 0xff, 0xfd] {
+                    out.put(&[0])?;
+                    out.bytes.copy_within(at + 3..out.length - 1, at + 4);
+                    out.bytes[at + 3] = 0xfd;
+                }
+                at += 1;
+            }
+            let length = u16::try_from(out.length - 5).ok()?;
+            out.bytes[5..7].copy_from_slice(&length.to_le_bytes());
+            let sum = crc(&out.bytes[..out.length]);
+            out.put(&sum.to_le_bytes())?;
+        }
+    }
+    Some(out.length)
+}
+
+/// The inverse of the lowest eight bits of the sum.
+fn checksum(bytes: &[u8]) -> u8 {
+    !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
+}
+
+/// The checksum of 16 bits with the polynomial 0x8005, the highest bit first.
+fn crc(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0, |crc, byte| {
+        (0..8).fold(
+            crc ^ u16::from(*byte) << 8,
+            |crc, _| {
+                if crc & 0x8000 != 0 { crc << 1 ^ 0x8005 } else { crc << 1 }
+            },
+        )
+    })
+}
+
+/// A servo's answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status<'a> {
+    /// Its protocol.
+    pub protocol: Protocol,
+    /// Its number.
+    pub servo: u8,
+    /// Flags of its errors; 0 for none.
+    pub error: u8,
+    /// The bytes that were asked for.
+    pub data: &'a [u8],
+}
+
+/// A reader of answers, byte by byte. What is no answer is passed over.
+#[derive(Clone, Debug)]
+pub struct Reader {
+    bytes: [u8; LONGEST],
+    length: usize,
+}
+
+impl Default for Reader {
+    fn default() -> Self {
+        Self { bytes: [0; LONGEST], length: 0 }
+    }
+}
+
+impl Reader {
+    /// Takes a byte; the answer that it ends, if it ends one.
+    ///
+    /// # Errors
+    /// A packet ends with it whose checksum is wrong, or which is no answer.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
+        self.bytes[self.length] = byte;
+        self.length += 1;
+        // a head may begin at any byte
+        while !self.may_begin() {
+            self.bytes.copy_within(1..self.length, 0);
+            self.length -= 1;
+        }
+        let (protocol, whole) = self.whole()?;
+        if self.length < whole {
+            return None;
+        }
+        self.length = 0;
+        Some(match protocol {
+            Protocol::One => one(&self.bytes[..whole]),
+            Protocol::Two => two(&mut self.bytes[..whole]),
+        })
+    }
+
+    /// True if a packet may begin with what has come.
+    fn may_begin(&self) -> bool {
+        match &self.bytes[..self.length] {
+            [] | [0xff] | [0xff, 0xff] => true,
+            // a third 0xFF is no servo: the head begins a byte later
+            [0xff, 0xff, servo] => *servo != 0xff,
+            [0xff, 0xff, 0xfd, 0, ..] => {
+                self.length < 7 || self.whole().is_some_and(|(_, whole)| whole <= LONGEST)
+            }
+            [0xff, 0xff, _, length, ..] => (2..=250).contains(length),
+            _ => false,
+        }
+    }
+
+    /// The protocol of the packet that has begun, and its bytes in all, once they are known.
+    fn whole(&self) -> Option<(Protocol, usize)> {
+        match &self.bytes[..self.length] {
+            [0xff, 0xff, 0xfd, 0, _, low, high, ..] => {
+                let length = usize::from(u16::from_le_bytes([*low, *high]));
+                Some((Protocol::Two, if length < 4 { LONGEST + 1 } else { 7 + length }))
+            }
+            [0xff, 0xff, 0xfd, 0, ..] => None,
+            [0xff, 0xff, _, length, ..] => Some((Protocol::One, 4 + usize::from(*length))),
+            _ => None,
+        }
+    }
+}
+
+fn one(packet: &[u8]) -> Result<Status<'_>, DecodeError> {
+    let (sum, rest) = packet.split_last().unwrap_or((&0, &[]));
+    if checksum(&rest[2..]) != *sum {
+        return Err(DecodeError::Field { field: "the checksum", found: (*sum).into() });
+    }
+    Ok(Status { protocol: Protocol::One, servo: rest[2], error: rest[4], data: &rest[5..] })
+}
+
+fn two(packet: &mut [u8]) -> Result<Status<'_>, DecodeError> {
+    let end = packet.len() - 2;
+    let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
+    if crc(&packet[..end]) != sum {
+        return Err(DecodeError::Field { field: "the checksum", found: sum.into() });
+    }
+    if packet[7] != STATUS {
+        return Err(DecodeError::Field { field: "the instruction", found: packet[7].into() });
+    }
+    // the bytes that keep data and heads apart are taken out again
+    let (mut length, mut at) = (end, 7);
+    while at + 4 <= length {
+        if packet[at..at + 4] == [0xff, 0xff, 0xfd, 0xfd] {
+            packet.copy_within(at + 4..length, at + 3);
+            length -= 1;
+        }
+        at += 1;
+    }
+    Ok(Status { protocol: Protocol::Two, servo: packet[4], error: packet[8], data: &packet[9..length] })
+}

@@ -1,0 +1,155 @@
+//! Databases of messages, against cantools (`databases/golden.py`) and the codec of ODrives.
+
+use core::f64::consts::TAU;
+
+use motorium_can::odrive::{AxisState, ControlMode, InputMode, Instruction, Node, Report};
+use motorium_can::{Database, DatabaseError, Form, Frame, Id};
+use proptest::prelude::*;
+
+const ODRIVE: &str = include_str!("databases/odrive.dbc");
+const KINDS: &str = include_str!("databases/kinds.dbc");
+const GOLDEN: &str = include_str!("databases/golden.txt");
+
+fn frame(id: &str, data: &str) -> Frame {
+    let number = u32::from_str_radix(&id[1..], 16).unwrap();
+    let id = if id.starts_with('x') { Id::Extended(number) } else { Id::Standard(number as u16) };
+    let bytes: Vec<u8> =
+        (0..data.len() / 2).map(|i| u8::from_str_radix(&data[2 * i..2 * i + 2], 16).unwrap()).collect();
+    let form = if bytes.len() > 8 { Form::FdFast } else { Form::Classic };
+    Frame::new(id, form, &bytes).unwrap()
+}
+
+#[test]
+fn every_frame_has_the_values_that_cantools_finds_in_it() {
+    let (odrive, kinds) = (Database::parse(ODRIVE).unwrap(), Database::parse(KINDS).unwrap());
+    let mut compared = 0;
+    for line in GOLDEN.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let database = if words[0] == "odrive" { &odrive } else { &kinds };
+        let frame = frame(words[1], words[2]);
+        let decoded = database.decode(&frame).unwrap();
+        assert_eq!(decoded.name, words[3], "{line}");
+        assert_eq!(decoded.signals.len(), words.len() - 4, "{line}: {decoded:?}");
+        for word in &words[4..] {
+            let (name, value) = word.split_once('=').unwrap();
+            let expected: f64 = value.parse().unwrap();
+            let found = decoded.signals.iter().find(|signal| signal.name == name).unwrap().value;
+            let same = found == expected
+                || (found.is_nan() && expected.is_nan())
+                || (found - expected).abs() <= 1e-12 * expected.abs();
+            assert!(same, "{line}: {found}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 250, "{compared}");
+}
+
+fn odrive() -> Database {
+    Database::parse(ODRIVE).unwrap().with_mask(0x1f).unwrap()
+}
+
+fn values(frame: &Frame) -> Vec<(String, f64)> {
+    let database = odrive();
+    let decoded = database.decode(frame).unwrap();
+    decoded.signals.iter().map(|signal| (signal.name.to_string(), signal.value)).collect()
+}
+
+fn named(names: [&str; 2], numbers: [f64; 2]) -> Vec<(String, f64)> {
+    names.iter().zip(numbers).map(|(name, value)| (name.to_string(), value)).collect()
+}
+
+proptest! {
+    #[test]
+    fn what_the_codec_of_an_odrive_writes_the_database_reads(
+        node in 0_u8..64, a in -1000.0..1000.0_f64, b in -30.0..30.0_f64, c in -30.0..30.0_f64,
+    ) {
+        let node = Node::new(node).unwrap();
+        let single = |x: f64| f64::from(x as f32);
+        let estimates = node.report_frame(&Report::Encoder { position: a, velocity: b });
+        let expected = named(["Pos_Estimate", "Vel_Estimate"], [single(a / TAU), single(b / TAU)]);
+        prop_assert_eq!(values(&estimates), expected);
+        let velocity = node.frame(&Instruction::Velocity { velocity: a, torque: b });
+        prop_assert_eq!(values(&velocity), named(["Input_Vel", "Input_Torque_FF"], [single(a / TAU), single(b)]));
+        let position = node.frame(&Instruction::Position { position: a, velocity: b, torque: c });
+        let found = values(&position);
+        prop_assert_eq!(found[0].1, single(a / TAU));
+        prop_assert!((found[1].1 - b / TAU).abs() <= 0.5001e-3 && (found[2].1 - c).abs() <= 0.5001e-3);
+        let torque = node.frame(&Instruction::Torque(c));
+        prop_assert_eq!(values(&torque), vec![("Input_Torque".to_string(), single(c))]);
+    }
+}
+
+#[test]
+fn states_and_modes_have_the_numbers_of_the_database() {
+    let node = Node::new(5).unwrap();
+    let database = odrive();
+    let text = |frame: &Frame| database.decode(frame).unwrap().to_string();
+    let heartbeat = node.report_frame(&Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop });
+    assert_eq!(text(&heartbeat), "Heartbeat(Axis_Error: 64, Axis_State: CLOSED_LOOP_CONTROL)");
+    assert_eq!(
+        text(&node.frame(&Instruction::SetState(AxisState::Idle))),
+        "Set_Axis_State(Axis_Requested_State: IDLE)"
+    );
+    assert_eq!(
+        text(&node.frame(&Instruction::SetModes(ControlMode::Torque, InputMode::Passthrough))),
+        "Set_Controller_Mode(Control_Mode: TORQUE, Input_Mode: 1)"
+    );
+    let supply = node.report_frame(&Report::Supply { voltage: 23.5, current: 0.0 });
+    assert_eq!(text(&supply), "Get_Vbus_Voltage(Vbus_Voltage: 23.5 V)");
+}
+
+#[test]
+fn without_its_mask_a_database_knows_its_own_node_alone() {
+    let plain = Database::parse(ODRIVE).unwrap();
+    assert!(plain.decode(&frame("s9", "0000000000000000")).is_some());
+    assert!(plain.decode(&frame("s69", "0000000000000000")).is_none());
+    assert!(odrive().decode(&frame("s69", "0000000000000000")).is_some());
+    assert!(odrive().decode(&frame("x69", "0000000000000000")).is_none(), "29 bits are another identifier");
+    let error = Database::parse(KINDS).unwrap().with_mask(0xff).unwrap_err();
+    assert!(matches!(error, DatabaseError::Twice { mask: 0xff, .. }), "{error}");
+}
+
+#[test]
+fn a_frame_that_is_too_short_has_the_signals_that_fit() {
+    let database = Database::parse(KINDS).unwrap();
+    let decoded = database.decode(&frame("s100", "f0ff")).unwrap();
+    // -1 of 0.5 degrees, from -3
+    assert_eq!(decoded.to_string(), "Orders(Intel: -3.5 deg)");
+    assert_eq!(database.decode(&frame("s100", "")).unwrap().signals, []);
+}
+
+#[test]
+fn signals_of_other_pages_are_left_out() {
+    let database = Database::parse(KINDS).unwrap();
+    let names = |id, data| -> Vec<String> {
+        let decoded = database.decode(&frame(id, data)).unwrap();
+        decoded.signals.iter().map(|signal| signal.name.to_string()).collect()
+    };
+    assert_eq!(names("s200", "0000000000000000"), ["Page", "Current", "Always"]);
+    assert_eq!(names("s200", "0500000000000000"), ["Page", "Always"]);
+    assert_eq!(names("s400", "0700000000000000"), ["Page"]);
+    assert_eq!(names("s400", "0900000000000000"), ["Page", "High"]);
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_its_place() {
+    let refused = |text: &str| Database::parse(text).unwrap_err().to_string();
+    let broken = refused(&KINDS.replace("12@1-", "12@7-"));
+    assert!(broken.contains("it is no DBC file") && broken.contains("10:"), "{broken}");
+    assert_eq!(
+        refused(&KINDS.replace("63|1@1+", "60|8@1+")),
+        "the signal `Bit` of the message `Orders`: 8 bits from bit 60, beyond 8 bytes"
+    );
+    assert_eq!(
+        refused(&ODRIVE.replace("Input_Torque : 0|32@1+", "Input_Torque : 0|16@1+")),
+        "the signal `Input_Torque` of the message `Set_Input_Torque`: 16 bits, expected 32 to 32"
+    );
+    assert_eq!(
+        refused(&ODRIVE.replace("BO_ 23 ", "BO_ 14 ")),
+        "the messages `Set_Input_Torque` and `Get_Vbus_Voltage` have the same identifier"
+    );
+    assert_eq!(
+        refused(&KINDS.replace("Page M : 0|4", "Page : 0|4")),
+        "the signal `Current` of the message `Switched`: no signal switches it"
+    );
+}

@@ -1,0 +1,142 @@
+//! moteus, against the frames of its maker's own tests of the protocol.
+
+use core::f64::consts::TAU;
+
+use motorium_can::moteus::{Command, Instruction, Mode, Node, Resolution, State};
+use motorium_can::{DecodeError, Form, Frame, Id};
+use proptest::prelude::*;
+
+fn node() -> Node {
+    Node::new(1).unwrap()
+}
+
+fn data(frame: &Frame) -> String {
+    frame.data().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn frame(id: Id, hex: &str) -> Frame {
+    let mut bytes: Vec<u8> =
+        (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect();
+    while Frame::new(id, Form::FdFast, &bytes).is_none() {
+        bytes.push(0x50);
+    }
+    Frame::new(id, Form::FdFast, &bytes).unwrap()
+}
+
+#[test]
+fn frames_are_those_of_the_makers_own_tests() {
+    // asked for by default: mode, three numbers, then voltage, temperature and fault
+    assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f01130d5050"[..12]);
+    assert!(data(&node().frame(&Instruction::Stop, Resolution::Float)).starts_with("010000"));
+    assert!(data(&node().frame(&Instruction::Brake, Resolution::Float)).starts_with("01000f"));
+    let command = Command {
+        position: 0.25 * TAU,
+        velocity: 0.5 * TAU,
+        torque: 1.0,
+        kp_scale: 0.25,
+        kd_scale: 0.125,
+        max_torque: 8.0,
+        watchdog: 0.2,
+    };
+    // as theirs, with eight registers in place of eleven, and no position to stop at
+    assert!(
+        data(&node().frame(&Instruction::Position(command), Resolution::Int16))
+            .starts_with("01000a040820c409d0076400ff1fff0f20030080c800"),
+    );
+    let defaults = frame(node().id(), "01000a0e200000000000000000");
+    let expected = Command { position: 0.0, ..Command::default() };
+    let Ok(Instruction::Position(found)) = node().instruction(&defaults) else { panic!() };
+    assert_eq!((found.position, found.velocity, found.kp_scale), (expected.position, 0.0, 1.0));
+    assert!(found.watchdog.is_nan() && found.max_torque.is_nan());
+}
+
+#[test]
+fn answers_of_the_makers_own_tests_are_read() {
+    let minimal = frame(node().reply_id(), "2404000a00100200fe2000230d203040");
+    let state = node().reply(&minimal).unwrap();
+    assert_eq!((state.mode, state.fault), (Mode::Position, 64));
+    assert_eq!((state.voltage, state.temperature), (16.0, 48.0));
+    let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
+    near(state.position, 0.0528 * TAU);
+    near(state.velocity, -0.128 * TAU);
+    near(state.torque, 0.320);
+    // with registers that nobody here asked for
+    let maximal = frame(
+        node().reply_id(),
+        "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
+    );
+    assert_eq!(node().reply(&maximal), Ok(state));
+}
+
+#[test]
+fn a_drive_beyond_number_7_answers_with_29_bits() {
+    assert_eq!(Node::new(7).unwrap().reply_id(), Id::Standard(0x700));
+    assert_eq!(Node::new(8).unwrap().reply_id(), Id::Extended(0x800));
+    assert_eq!(Node::new(8).unwrap().id(), Id::Extended(0x8008));
+    assert_eq!((Node::new(0), Node::new(127)), (None, None));
+}
+
+#[test]
+fn what_is_cut_off_refused_or_lacking_is_no_state() {
+    let reply = |hex| node().reply(&frame(node().reply_id(), hex));
+    let whole = "2404000a00100200fe2000230d203040";
+    assert!(reply(whole).is_ok());
+    let lacking = reply("2404000a00100200fe2000");
+    assert_eq!(lacking, Err(DecodeError::Answer { found: 0, expected: 0x0f }));
+    assert_eq!(reply("310107"), Err(DecodeError::Refused { code: 0x107 }));
+    assert_eq!(
+        reply("2404001000100200fe2000230d203040"),
+        Err(DecodeError::Field { field: "the mode", found: 16 })
+    );
+    assert_eq!(
+        reply("2404000a00008000fe2000230d203040"),
+        Err(DecodeError::NotFinite { field: "the position" })
+    );
+    assert!(matches!(reply("24040000"), Err(DecodeError::Length { .. })));
+    assert!(matches!(reply("70"), Err(DecodeError::Field { .. })));
+    assert!(matches!(reply("01000a"), Err(DecodeError::Field { .. })), "a write is no answer");
+    let stranger = frame(Id::Standard(0x200), whole);
+    assert!(matches!(node().reply(&stranger), Err(DecodeError::Id { .. })));
+}
+
+fn resolution() -> impl Strategy<Value = Resolution> {
+    prop_oneof![Just(Resolution::Int16), Just(Resolution::Int32), Just(Resolution::Float)]
+}
+
+proptest! {
+    #[test]
+    fn commands_arrive_within_the_steps_of_their_resolution(
+        resolution in resolution(), position in -18.0..18.0_f64, velocity in -40.0..40.0_f64, torque in -30.0..30.0_f64,
+        kp in 0.0..1.0_f64, watchdog in 0.01..2.0_f64,
+    ) {
+        let sent = Command { position, velocity, torque, kp_scale: kp, kd_scale: kp, max_torque: 3.0, watchdog };
+        let frame = node().frame(&Instruction::Position(sent), resolution);
+        let Ok(Instruction::Position(found)) = node().instruction(&frame) else { panic!() };
+        for (found, sent, step) in [
+            (found.position, position, 1.01e-4 * TAU), (found.velocity, velocity, 2.51e-4 * TAU),
+            (found.torque, torque, 0.0101), (found.kp_scale, kp, 1.0 / 32767.0),
+            (found.max_torque, 3.0, 0.0101), (found.watchdog, watchdog, 0.00101),
+        ] {
+            prop_assert!((found - sent).abs() <= step, "{} {}", found, sent);
+        }
+    }
+
+    #[test]
+    fn states_arrive_within_the_steps_of_their_resolution(
+        resolution in resolution(), position in -18.0..18.0_f64, velocity in -40.0..40.0_f64, torque in -30.0..30.0_f64,
+    ) {
+        let sent = State { mode: Mode::Timeout, position, velocity, torque, voltage: 24.5, temperature: 31.0, fault: 0 };
+        let found = node().reply(&node().reply_frame(&sent, resolution)).unwrap();
+        prop_assert!((found.position - position).abs() <= 1.01e-4 * TAU);
+        prop_assert!((found.velocity - velocity).abs() <= 2.51e-4 * TAU);
+        prop_assert!((found.torque - torque).abs() <= 0.0101);
+        prop_assert_eq!((found.mode, found.voltage, found.temperature), (Mode::Timeout, 24.5, 31.0));
+    }
+
+    #[test]
+    fn a_position_that_is_none_stays_so_in_every_resolution(resolution in resolution()) {
+        let frame = node().frame(&Instruction::Position(Command::default()), resolution);
+        let Ok(Instruction::Position(found)) = node().instruction(&frame) else { panic!() };
+        prop_assert!(found.position.is_nan() && found.watchdog.is_nan());
+    }
+}

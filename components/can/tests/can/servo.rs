@@ -1,0 +1,112 @@
+//! Packets of serial servos, against those of the makers' manuals.
+
+use motorium_can::DecodeError;
+use motorium_can::servo::{Instruction, LONGEST, Protocol, Reader, write, write_status};
+use proptest::prelude::*;
+
+fn bytes(hex: &str) -> Vec<u8> {
+    hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
+fn written(protocol: Protocol, servo: u8, instruction: &Instruction<'_>) -> Vec<u8> {
+    let mut packet = [0; LONGEST];
+    let length = write(protocol, servo, instruction, &mut packet).unwrap();
+    packet[..length].to_vec()
+}
+
+/// An answer: servo, error and data.
+type Answer = (u8, u8, Vec<u8>);
+
+/// The answers in a stream of bytes.
+fn read(bytes: &[u8]) -> Vec<Result<Answer, DecodeError>> {
+    let mut reader = Reader::default();
+    let mut found = Vec::new();
+    for byte in bytes {
+        if let Some(status) = reader.push(*byte) {
+            found.push(status.map(|status| (status.servo, status.error, status.data.to_vec())));
+        }
+    }
+    found
+}
+
+#[test]
+fn packets_of_protocol_1_are_those_of_the_manual() {
+    let one = |servo, instruction| written(Protocol::One, servo, &instruction);
+    assert_eq!(one(1, Instruction::Ping), bytes("FF FF 01 02 01 FB"));
+    assert_eq!(one(1, Instruction::Read { register: 0x2b, count: 1 }), bytes("FF FF 01 04 02 2B 01 CC"));
+    let data = bytes("00 10 00 50 01 01 20 02 60 03 02 30 00 70 01 03 20 02 80 03");
+    assert_eq!(
+        one(9, Instruction::WriteMany { register: 0x1e, each: 4, data: &data }),
+        bytes("FF FF FE 18 83 1E 04 00 10 00 50 01 01 20 02 60 03 02 30 00 70 01 03 20 02 80 03 12")
+    );
+    assert_eq!(read(&bytes("FF FF 01 02 00 FC")), [Ok((1, 0, vec![]))]);
+    assert_eq!(read(&bytes("FF FF 01 03 00 20 DB")), [Ok((1, 0, vec![0x20]))]);
+}
+
+#[test]
+fn packets_of_protocol_2_are_those_of_the_manual() {
+    let two = |servo, instruction| written(Protocol::Two, servo, &instruction);
+    assert_eq!(two(1, Instruction::Ping), bytes("FF FF FD 00 01 03 00 01 19 4E"));
+    assert_eq!(
+        two(1, Instruction::Read { register: 132, count: 4 }),
+        bytes("FF FF FD 00 01 07 00 02 84 00 04 00 1D 15")
+    );
+    assert_eq!(
+        two(1, Instruction::Write { register: 116, data: &[0, 2, 0, 0] }),
+        bytes("FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89")
+    );
+    assert_eq!(read(&bytes("FF FF FD 00 01 07 00 55 00 06 04 26 65 5D")), [Ok((1, 0, vec![6, 4, 0x26]))]);
+    assert_eq!(
+        read(&bytes("FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0")),
+        [Ok((1, 0, vec![0xa6, 0, 0, 0]))]
+    );
+}
+
+#[test]
+fn both_protocols_are_read_from_one_line_with_noise_between_them() {
+    let stream = bytes(
+        "00 FF 12 FF FF FF 01 03 00 20 DB 55 FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0 FF FF 01 02 00 FC",
+    );
+    assert_eq!(read(&stream), [Ok((1, 0, vec![0x20])), Ok((1, 0, vec![0xa6, 0, 0, 0])), Ok((1, 0, vec![]))]);
+}
+
+#[test]
+fn what_does_not_fit_is_not_written() {
+    let mut packet = [0; LONGEST];
+    let mut refused =
+        |protocol, instruction: Instruction<'_>| write(protocol, 1, &instruction, &mut packet).is_none();
+    assert!(refused(Protocol::One, Instruction::Read { register: 256, count: 1 }));
+    assert!(refused(Protocol::One, Instruction::Write { register: 0, data: &[0; 300] }));
+    assert!(refused(Protocol::Two, Instruction::Write { register: 0, data: &[0; 250] }));
+    assert!(refused(Protocol::One, Instruction::WriteMany { register: 0, each: 2, data: &[1, 0, 0, 2] }));
+}
+
+proptest! {
+    #[test]
+    fn answers_arrive_as_they_were_written(
+        two: bool, servo in 0..0xfd_u8, error: u8, data in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), any::<u8>()], 0..80),
+    ) {
+        let protocol = if two { Protocol::Two } else { Protocol::One };
+        let mut packet = [0; LONGEST];
+        let length = write_status(protocol, servo, error, &data, &mut packet).unwrap();
+        prop_assert_eq!(read(&packet[..length]), vec![Ok((servo, error, data))]);
+    }
+
+    #[test]
+    fn an_answer_with_one_wrong_bit_is_never_read_as_it_was(
+        servo in 0..0xfd_u8, data in prop::collection::vec(any::<u8>(), 0..40), place: u16, bit in 0..8,
+    ) {
+        for protocol in [Protocol::One, Protocol::Two] {
+            let mut packet = [0; LONGEST];
+            let length = write_status(protocol, servo, 0, &data, &mut packet).unwrap();
+            packet[usize::from(place) % length] ^= 1_u8 << bit;
+            let whole = packet[..length].to_vec();
+            prop_assert!(read(&whole).iter().all(|found| found.as_ref() != Ok(&(servo, 0, data.clone()))));
+        }
+    }
+
+    #[test]
+    fn no_bytes_whatever_make_the_reader_panic(stream in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), Just(0), any::<u8>()], 0..600)) {
+        read(&stream);
+    }
+}

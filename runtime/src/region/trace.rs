@@ -1,0 +1,282 @@
+//! The trace of a run: for each component a ring of what its steps did, in the control block of a run that is traced.
+//!
+//! A ring has one writer, the worker of its component, and any number of readers; nobody waits for anybody. An event is four
+//! words, and `written` counts those that are whole. The next event goes into the slot of the oldest one: a reader takes an
+//! event only if, after it has read the words, `written` shows that its slot was not the next to be written.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicU64, fence};
+
+use super::Region;
+
+/// Most events that a ring keeps.
+pub(super) const MOST_EVENTS: usize = 1 << 20;
+/// Words of an event.
+const WORDS: usize = 4;
+/// Bits of the first word below the kind of the event.
+const KIND_AT: u32 = 56;
+
+/// The head of a ring. Written by the worker of its component.
+#[derive(Debug, Default)]
+#[repr(C, align(64))]
+pub(super) struct TraceHead {
+    /// Events written so far.
+    written: AtomicU64,
+}
+
+/// The place of one event.
+#[derive(Debug, Default)]
+#[repr(C)]
+pub(super) struct TraceSlot([AtomicU64; WORDS]);
+
+/// The ring of one component.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TraceRing<'a> {
+    pub(super) head: &'a TraceHead,
+    /// A power of two of them.
+    pub(super) slots: &'a [TraceSlot],
+}
+
+/// An event in the trace of a component. A step comes after all that was published and read in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TraceEvent {
+    /// A step has ended.
+    Step {
+        /// Number of the step, from 0, through restarts and episodes.
+        number: u64,
+        /// Its release, ns on the clock of stamps: simulated time in lockstep.
+        release_ns: u64,
+        /// Its beginning, `CLOCK_MONOTONIC` ns.
+        begin_ns: u64,
+        /// Its end, `CLOCK_MONOTONIC` ns.
+        end_ns: u64,
+    },
+    /// A sample was published.
+    Published {
+        /// Index of the topic in the plan.
+        topic: usize,
+        /// Number of the sample.
+        sequence: u64,
+        /// Publish time in its stamp, ns.
+        publish_ns: u64,
+        /// Time of the publication, `CLOCK_MONOTONIC` ns.
+        at_ns: u64,
+    },
+    /// A sample was read for the first time.
+    Read {
+        /// Index of the edge in [`Plan::edges`](crate::plan::Plan::edges).
+        edge: usize,
+        /// Number of the sample.
+        sequence: u64,
+        /// Publish time in its stamp, ns.
+        publish_ns: u64,
+    },
+}
+
+const STEP: u64 = 1;
+const PUBLISHED: u64 = 2;
+const READ: u64 = 3;
+
+impl TraceEvent {
+    #[inline(always)]
+    fn encode(self) -> [u64; WORDS] {
+        match self {
+            Self::Step { number, release_ns, begin_ns, end_ns } => {
+                [STEP << KIND_AT | number, release_ns, begin_ns, end_ns]
+            }
+            Self::Published { topic, sequence, publish_ns, at_ns } => {
+                [PUBLISHED << KIND_AT | topic as u64, sequence, publish_ns, at_ns]
+            }
+            Self::Read { edge, sequence, publish_ns } => {
+                [READ << KIND_AT | edge as u64, sequence, publish_ns, 0]
+            }
+        }
+    }
+
+    /// `None` if the words are no event: the ring is damaged.
+    fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
+        let number = first & ((1 << KIND_AT) - 1);
+        let index = number as usize;
+        match first >> KIND_AT {
+            STEP => Some(Self::Step { number, release_ns: a, begin_ns: b, end_ns: c }),
+            PUBLISHED => Some(Self::Published { topic: index, sequence: a, publish_ns: b, at_ns: c }),
+            READ => Some(Self::Read { edge: index, sequence: a, publish_ns: b }),
+            _ => None,
+        }
+    }
+}
+
+impl TraceRing<'_> {
+    /// Writes the event of this number, counted from 0, in place of the oldest one.
+    #[inline(always)]
+    fn write(self, number: u64, event: TraceEvent) {
+        // What readers see of the words to come, they see together with the number of the event before.
+        fence(Release);
+        let slot = &self.slots[number as usize & (self.slots.len() - 1)];
+        event.encode().into_iter().zip(&slot.0).for_each(|(word, cell)| cell.store(word, Relaxed));
+        self.head.written.store(number + 1, Release);
+    }
+
+    /// Reads the event of a number below `written`; `None` if it was overwritten.
+    fn read(self, number: u64) -> Option<[u64; WORDS]> {
+        let slot = &self.slots[number as usize & (self.slots.len() - 1)];
+        let words = core::array::from_fn(|word| slot.0[word].load(Relaxed));
+        fence(Acquire);
+        // The event that comes next may be in its slot by half.
+        let kept = self.head.written.load(Relaxed).saturating_sub(number) < self.slots.len() as u64;
+        kept.then_some(words)
+    }
+}
+
+/// The writing side of a component's ring.
+#[derive(Debug)]
+pub(crate) struct TraceWriter {
+    region: Rc<Region>,
+    component: usize,
+    written: Cell<u64>,
+}
+
+impl TraceWriter {
+    /// The writer of a component, behind what its predecessor has written; `None` if the run is not traced.
+    pub(crate) fn open(region: &Rc<Region>, component: usize) -> Option<Self> {
+        let ring = region.trace(component)?;
+        // The pages are there before the first step: a write that changes nothing maps them.
+        ring.slots.iter().for_each(|slot| {
+            slot.0[0].fetch_or(0, Relaxed);
+        });
+        let written = Cell::new(ring.head.written.load(Acquire));
+        Some(Self { region: region.clone(), component, written })
+    }
+
+    /// Writes an event.
+    #[inline]
+    pub(crate) fn write(&self, event: TraceEvent) {
+        let number = self.written.get();
+        self.written.set(number.wrapping_add(1));
+        if let Some(ring) = self.region.trace(self.component) {
+            ring.write(number, event);
+        }
+    }
+}
+
+/// A reader of the trace of one component, which remembers what it has read.
+///
+/// ```no_run
+/// use motorium::region::{Region, TraceReader};
+///
+/// let region = Region::open("/dev/shm/motorium-0/arm-0a1b2c3d/region".as_ref())?;
+/// let mut reader = TraceReader::new(0);
+/// for event in reader.read(&region) {
+///     println!("{event:?}");
+/// }
+/// println!("{} were overwritten before they were read", reader.lost());
+/// # Ok::<(), motorium::region::RegionError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct TraceReader {
+    component: usize,
+    /// Events read or lost so far.
+    read: u64,
+    lost: u64,
+}
+
+impl TraceReader {
+    /// A reader of the component of this index in the plan, from its first event on.
+    pub fn new(component: usize) -> Self {
+        Self { component, read: 0, lost: 0 }
+    }
+
+    /// The events since the last call, oldest first; none if the run is not traced.
+    pub fn read(&mut self, region: &Region) -> Vec<TraceEvent> {
+        let Some(ring) = region.trace(self.component) else { return Vec::new() };
+        let written = ring.head.written.load(Acquire);
+        // Numbers only rise, but in a damaged ring.
+        self.read = self.read.min(written);
+        // That of the event being written is the oldest one's.
+        let oldest = written.saturating_sub(ring.slots.len() as u64 - 1);
+        self.lost += oldest.saturating_sub(self.read);
+        self.read = self.read.max(oldest);
+        let numbers = self.read..written;
+        self.read = written;
+        let events: Vec<_> = numbers.clone().filter_map(|n| TraceEvent::decode(ring.read(n)?)).collect();
+        self.lost += (numbers.end - numbers.start) - events.len() as u64;
+        events
+    }
+
+    /// Number of events that were overwritten before this reader came to them.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+
+    fn step(number: u64) -> TraceEvent {
+        TraceEvent::Step {
+            number,
+            release_ns: 10 * number,
+            begin_ns: 10 * number + 1,
+            end_ns: 10 * number + 2,
+        }
+    }
+
+    fn memory(slots: usize) -> (TraceHead, Vec<TraceSlot>) {
+        (TraceHead::default(), core::iter::repeat_with(TraceSlot::default).take(slots).collect())
+    }
+
+    #[test]
+    fn every_event_is_read_as_it_was_written() {
+        for event in [
+            step(7),
+            TraceEvent::Published { topic: 3, sequence: 9, publish_ns: 11, at_ns: 12 },
+            TraceEvent::Read { edge: 65_000, sequence: u64::MAX, publish_ns: 1 },
+        ] {
+            assert_eq!(TraceEvent::decode(event.encode()), Some(event));
+        }
+        assert_eq!(TraceEvent::decode([0; WORDS]), None);
+        assert_eq!(TraceEvent::decode([u64::MAX; WORDS]), None);
+    }
+
+    #[test]
+    fn the_newest_events_are_there_and_the_slot_to_be_written_next_is_not_read() {
+        let (head, slots) = memory(4);
+        let ring = TraceRing { head: &head, slots: &slots };
+        (0..6).for_each(|number| ring.write(number, step(number)));
+        for number in [0, 1, 2] {
+            assert_eq!(ring.read(number), None, "{number}");
+        }
+        for number in [3, 4, 5] {
+            assert_eq!(ring.read(number).and_then(TraceEvent::decode), Some(step(number)));
+        }
+    }
+
+    #[test]
+    fn no_event_is_torn_while_it_is_overwritten() {
+        let (head, slots) = memory(8);
+        let ring = TraceRing { head: &head, slots: &slots };
+        let done = AtomicBool::new(false);
+        let (mut read, mut last) = (0u64, 0);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                (0..400_000).for_each(|number| ring.write(number, step(number)));
+                done.store(true, Release);
+            });
+            while !done.load(Acquire) {
+                let written = head.written.load(Acquire);
+                for number in written.saturating_sub(7)..written {
+                    let Some(words) = ring.read(number) else { continue };
+                    assert_eq!(TraceEvent::decode(words), Some(step(number)));
+                    (read, last) = (read + 1, number);
+                }
+            }
+        });
+        assert!(last < 400_000 && read < 400_000 * 8);
+        assert_eq!(ring.read(399_999).and_then(TraceEvent::decode), Some(step(399_999)));
+    }
+}

@@ -1,0 +1,42 @@
+//! `motorium trace`: every step and every hand-over of a run, for Perfetto.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::loading::GraphArgs;
+use super::run::{Clock, Run, Traced};
+
+/// Run a graph and write every step, wake-up, publication and hand-over as Chrome trace events.
+///
+/// The file opens in Perfetto (https://ui.perfetto.dev) and chrome://tracing: a row for each component, an arrow from each
+/// publication to the step that read it first. Arguments of a step are its release, its budget and the predicted response.
+/// Times are those of the machine, in lockstep too.
+///
+/// Example: motorium trace graphs/panda-reach.toml --for 2s --output out/trace.json
+#[derive(Debug, clap::Args)]
+pub(crate) struct Trace {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// Duration of the run, such as `2s`; as the graph says, or until Ctrl-C, if not given
+    #[arg(long = "for", value_name = "DURATION")]
+    duration: Option<String>,
+    /// The clock, `realtime` or `lockstep`: as the graph says if not given
+    #[arg(long, value_enum, hide_possible_values = true)]
+    clock: Option<Clock>,
+    /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
+    #[arg(long)]
+    force: bool,
+    /// Print the report of the run as JSON on standard output
+    #[arg(long)]
+    json: bool,
+    /// The file of the trace; one that is there is replaced
+    #[arg(long, short, value_name = "FILE.json", default_value = "trace.json")]
+    output: PathBuf,
+}
+
+impl Trace {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let Self { graph, duration, clock, force, json, output } = self;
+        Run::traced(Traced { graph, duration, clock, force, json, output }).run()
+    }
+}

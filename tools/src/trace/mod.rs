@@ -1,0 +1,131 @@
+//! The trace of a run, followed while it goes on and written when it is over.
+
+mod chrome;
+mod flows;
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Acquire;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use motorium::launcher::Report;
+use motorium::plan::Plan;
+use motorium::region::{Region, TraceEvent, TraceReader};
+use motorium::run_folder::RunFolder;
+use motorium::schedule::Admission;
+
+use crate::out::errln;
+use crate::style;
+use chrome::Trace;
+
+/// Events of a component that its ring keeps: some twenty times what a component at 8 kHz writes between two looks.
+const EVENTS: usize = 1 << 14;
+/// Time between two looks at the rings.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// The trace of a run that is to be launched.
+pub(crate) struct Tracing {
+    output: PathBuf,
+    file: File,
+    plan: Plan,
+    admission: Admission,
+    messages: Sender<Message>,
+    follower: JoinHandle<Followed>,
+}
+
+enum Message {
+    /// The run of this name has been made.
+    Created(String),
+    /// It is over.
+    Ended,
+}
+
+/// What was read of the rings.
+#[derive(Default)]
+struct Followed {
+    start_ns: u64,
+    /// Of each component, in the order of the plan.
+    components: Vec<Vec<TraceEvent>>,
+    lost: Vec<u64>,
+}
+
+impl Tracing {
+    /// Has the run of a plan traced; the file is made at once.
+    pub(crate) fn new(output: &Path, plan: &mut Plan, admission: &Admission) -> anyhow::Result<Self> {
+        plan.trace_events = EVENTS;
+        if let Some(folder) = output.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        let file = File::create(output).with_context(|| format!("making {}", output.display()))?;
+        let (messages, receiver) = channel();
+        // Made before the launcher takes its place among the cores, so that it does not share that of a run in lockstep.
+        let follower =
+            std::thread::Builder::new().name("trace".to_string()).spawn(move || follow(&receiver))?;
+        let (output, plan, admission) = (output.to_path_buf(), plan.clone(), admission.clone());
+        Ok(Self { output, file, plan, admission, messages, follower })
+    }
+
+    /// Follows the run of this name, which has been made and has not begun.
+    pub(crate) fn follow(&self, run: &str) {
+        // A follower that has ended has panicked, which `finish` tells.
+        let _ = self.messages.send(Message::Created(run.to_string()));
+    }
+
+    /// Writes the file of a run that is over.
+    pub(crate) fn finish(self, report: &Report) -> anyhow::Result<()> {
+        let _ = self.messages.send(Message::Ended);
+        let followed =
+            self.follower.join().map_err(|_| anyhow::anyhow!("the trace could not be followed"))?;
+        let trace = Trace {
+            plan: &self.plan,
+            admission: &self.admission,
+            start_ns: followed.start_ns,
+            duration_s: report.duration_s,
+            components: &followed.components,
+            lost: &followed.lost,
+        };
+        let mut writer = BufWriter::new(self.file);
+        let counts = trace.write(&mut writer).and_then(|counts| writer.flush().map(|()| counts));
+        let counts = counts.with_context(|| format!("writing {}", self.output.display()))?;
+        errln!("{}: {} steps, {} hand-overs", self.output.display(), counts.steps, counts.hand_overs);
+        for (component, lost) in
+            self.plan.components.iter().zip(&followed.lost).filter(|(_, lost)| **lost > 0)
+        {
+            errln!(
+                "{} {lost} events of `{}` were overwritten before they were read: they are not in the trace",
+                style::warning("warning:"),
+                component.name
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Reads the rings of a run until it is over.
+fn follow(messages: &Receiver<Message>) -> Followed {
+    let mut followed = Followed::default();
+    let Ok(Message::Created(run)) = messages.recv() else { return followed };
+    // Mapped while the run lives: the memory stays when its name is gone.
+    let Some(region) = RunFolder::find(&run).and_then(|folder| folder.region().ok()) else { return followed };
+    let mut readers: Vec<TraceReader> = (0..region.components().len()).map(TraceReader::new).collect();
+    followed.components = vec![Vec::new(); readers.len()];
+    loop {
+        let ended = !matches!(messages.recv_timeout(LOOK), Err(RecvTimeoutError::Timeout));
+        read(&region, &mut readers, &mut followed.components);
+        if ended {
+            followed.start_ns = region.header().start_ns.load(Acquire);
+            followed.lost = readers.iter().map(TraceReader::lost).collect();
+            return followed;
+        }
+    }
+}
+
+fn read(region: &Region, readers: &mut [TraceReader], components: &mut [Vec<TraceEvent>]) {
+    for (reader, events) in readers.iter_mut().zip(components) {
+        events.extend(reader.read(region));
+    }
+}
