@@ -8,7 +8,8 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use crate::table::{Scan, TableTop};
 use crate::{RANGE, TURNS, figures, share, turn};
 
-const INSTALL: &str = "pip install mujoco numpy in a virtual environment, and set MOTORIUM_PEERS_PYTHON to its python3";
+const INSTALL: &str =
+    "pip install mujoco numpy in a virtual environment, and set MOTORIUM_PEERS_PYTHON to its python3";
 
 /// Rays whose distances may differ by more than a micrometre: those that graze an edge.
 const GRAZING: f64 = 0.002;

@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use motorium_robots::{
-    Attachment, CollisionModel, CollisionOptions, ConvexShape, Ground, Kinematics, Object, ObjectShape, Ray, RayScene,
-    World, load,
+    Attachment, CollisionModel, CollisionOptions, ConvexShape, Ground, Kinematics, Object, ObjectShape, Ray,
+    RayScene, World, load,
 };
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
@@ -37,7 +37,8 @@ impl TableTop {
         let home = profile.home(&panda.model).expect("home is a pose");
         let mut kinematics = Kinematics::new(&panda.model);
         kinematics.update(&panda.model, home.as_slice());
-        let solids = CollisionModel::new(&panda.model, &CollisionOptions::default()).expect("its shapes can be used");
+        let solids =
+            CollisionModel::new(&panda.model, &CollisionOptions::default()).expect("its shapes can be used");
         let (mut scene, world) = (RayScene::default(), world());
         scene.add_solids(&solids);
         let mut mjcf = String::from("<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\"/>");
@@ -81,7 +82,8 @@ fn world() -> World {
         friction: 0.8,
         restitution: 0.0,
     };
-    let table = object("table".to_owned(), ObjectShape::Box { size: [1.2, 1.6, 0.04] }, [0.8, 0.0, 0.18], 0.0);
+    let table =
+        object("table".to_owned(), ObjectShape::Box { size: [1.2, 1.6, 0.04] }, [0.8, 0.0, 0.18], 0.0);
     let things = (0..OBJECTS).map(|index| {
         let (radius, angle) = (0.08 + 0.022 * index as f64, 2.4 * index as f64);
         let (x, y) = (0.75 + radius * angle.cos(), radius * angle.sin());

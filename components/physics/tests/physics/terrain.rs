@@ -1,7 +1,8 @@
 //! Contact with terrain: closed forms of rest, sliding and support, and the plane as the simplest terrain.
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, Terrain, World,
+    ArticulatedSimulator, BuildError, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator,
+    Terrain, World,
 };
 use motorium_robots::Ray;
 use nalgebra::{Point3, Vector3};
@@ -28,7 +29,10 @@ fn a_ball_rests_in_a_valley_where_it_touches_both_sides() {
     let mut simulation = ball(world, [0.013, 0.004, 0.2]);
     run(&mut simulation, 2.0);
     let centre = simulation.base_pose().translation.vector;
-    assert!((centre.z - 0.1 / (30.0_f64).to_radians().cos()).abs() < 1e-3 && centre.y.abs() < 1e-3, "{centre}");
+    assert!(
+        (centre.z - 0.1 / (30.0_f64).to_radians().cos()).abs() < 1e-3 && centre.y.abs() < 1e-3,
+        "{centre}"
+    );
     let (mut sides, mut sum) = ([0, 0], Vector3::zeros());
     simulation.visit_forces(&mut |contact| {
         sum += contact.force;
@@ -43,7 +47,10 @@ fn a_ball_rests_in_a_valley_where_it_touches_both_sides() {
 fn a_box_slides_down_a_slope_as_coulomb_says_and_rests_on_one_that_is_less_steep() {
     let side = 0.1;
     for (angle, friction) in [(0.4_f64, 0.2_f64), (0.2, 0.3)] {
-        let layers = format!("friction = {friction}\nlayers = [{{ equation = {{ height = 'x * {}' }} }}]", angle.tan());
+        let layers = format!(
+            "friction = {friction}\nlayers = [{{ equation = {{ height = 'x * {}' }} }}]",
+            angle.tan()
+        );
         let cube = Object {
             name: "cube".to_owned(),
             shape: ObjectShape::Box { size: [side; 3] },
@@ -55,7 +62,8 @@ fn a_box_slides_down_a_slope_as_coulomb_says_and_rests_on_one_that_is_less_steep
         };
         let world = World { objects: vec![cube], ..terrain(&layers) };
         let mut simulation =
-            ArticulatedSimulator::new(panda::loaded().model, world, &panda::home(), Options::default()).unwrap();
+            ArticulatedSimulator::new(panda::loaded().model, world, &panda::home(), Options::default())
+                .unwrap();
         panda::command_hold(&mut simulation, &panda::home());
         let cube = simulation.object("cube").unwrap();
         let start = simulation.object_pose(cube).translation.vector;
@@ -93,7 +101,9 @@ fn a_level_terrain_moves_a_rolling_ball_as_the_plane_does() {
 
 #[test]
 fn a_quadruped_stands_on_stones_with_its_weight_and_no_foot_in_them() {
-    let world = terrain("spacing = 0.02\nseed = 5\nlayers = [{ stones = { height = 0.03, size = 0.15, per_square_metre = 40.0 } }]");
+    let world = terrain(
+        "spacing = 0.02\nseed = 5\nlayers = [{ stones = { height = 0.03, size = 0.15, per_square_metre = 40.0 } }]",
+    );
     let field = world.height_field().unwrap().unwrap();
     let mut simulation = held_in("quadruped", world);
     simulation.place_on_ground();
@@ -106,7 +116,10 @@ fn a_quadruped_stands_on_stones_with_its_weight_and_no_foot_in_them() {
     });
     simulation.visit_forces(&mut |contact| sum += contact.force);
     let weight = 9.81 * simulation.model().mass();
-    assert!((sum.z - weight).abs() < 0.02 * weight && sum.xy().norm() < 0.05 * weight, "{sum}, weight {weight}");
+    assert!(
+        (sum.z - weight).abs() < 0.02 * weight && sum.xy().norm() < 0.05 * weight,
+        "{sum}, weight {weight}"
+    );
     assert!(simulation.base_pose().translation.z > 0.2);
     // the same from the same start, and from a saved state
     let state = simulation.save();
@@ -142,7 +155,12 @@ fn rays_of_a_simulator_meet_the_terrain_and_name_it() {
 
 #[test]
 fn rapier_refuses_a_terrain_and_names_the_kind_that_takes_it() {
-    let made = RapierSimulator::new(panda::loaded().model, terrain("layers = []"), &panda::home(), Options::default());
+    let made = RapierSimulator::new(
+        panda::loaded().model,
+        terrain("layers = []"),
+        &panda::home(),
+        Options::default(),
+    );
     let Err(error) = made else { panic!("it took the terrain") };
     assert!(matches!(error, BuildError::Terrain) && error.to_string().contains("physics.articulated"));
 }
